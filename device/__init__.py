@@ -1,4 +1,6 @@
-"""The software of the camera: a fast preview of a mosaic, and capture. README.md in this folder explains both."""
+"""The software of the camera: a fast preview of a mosaic, and capture. README.md in this folder
+explains both.
+"""
 
 from .preview.preview import Preview
 

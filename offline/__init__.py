@@ -1,4 +1,6 @@
-"""The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units; `render_bands` yields it in bands."""
+"""The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units;
+`render_bands` yields it in bands.
+"""
 
 from ..shared.processors import available_threads, threads, use_threads
 from .ahead import compile_kernel, kernels_to_compile

@@ -1,6 +1,8 @@
-"""A frame before it is a picture: its samples, noise and clipping, and its blocks: their sites, sums and surroundings.
+"""A frame before it is a picture: its samples, noise and clipping, and its blocks: their sites,
+sums and surroundings.
 
-Cleaning goes in two steps, because a burst compares its frames between them: first defects are mended, then highlights restored.
+Cleaning goes in two steps, because a burst compares its frames between them: first defects are
+mended, then highlights restored.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,13 +21,17 @@ from ..shared.pattern import CfaPattern
 from .numerics.pieces import BLOCK_ROWS, in_strips
 
 _TINY = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
-_WIDEST = 4  # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
+# pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
+_WIDEST = 4
 
 
 @dataclass(frozen=True)
 class Sites:
-    """The colour sites of the B = (rows, columns) blocks of a frame that lie wholly inside it, S sites in each.
+    """The colour sites of the B = (rows, columns) blocks of a frame that lie wholly inside it, S
+    sites in each.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline.frame import Sites
     >>> from panchroma.shared import CfaPattern
@@ -55,15 +61,22 @@ class Sites:
 
     @property
     def places(self) -> list[tuple[slice, slice]]:
-        """For each site the slices of the frame's rows and columns that hold it in all whole blocks."""
+        """For each site the slices of the frame's rows and columns that hold it in all whole
+        blocks.
+        """
         return self.at(slice(0, self.shape[0]))
 
     def at(self, rows: slice, first: int = 0) -> list[tuple[slice, slice]]:
-        """Places of these rows of blocks, 1 or more, in a plane whose first row is the frame's row `first`."""
+        """Places of these rows of blocks, 1 or more, in a plane whose first row is the frame's row
+        `first`.
+        """
         corner = int(self.grid.whole_rows[rows.start]) - first, int(self.grid.whole_columns[0])
         counts, period = (rows.stop - rows.start, self.shape[1]), self.grid.period
         down, across = (
-            [slice(start + site[axis], start + site[axis] + (count - 1) * period + 1, period) for site in self.pattern.sites]
+            [
+                slice(start + site[axis], start + site[axis] + (count - 1) * period + 1, period)
+                for site in self.pattern.sites
+            ]
             for axis, (start, count) in enumerate(zip(corner, counts, strict=True))
         )
         return list(zip(down, across, strict=True))
@@ -72,7 +85,10 @@ class Sites:
     def pixels(self) -> tuple[IndexArray, IndexArray]:
         """Row and column of every site in the frame, (*B, S) each."""
         sites = np.array(self.pattern.sites)
-        down, across = self.grid.whole_rows[:, None, None] + sites[:, 0], self.grid.whole_columns[None, :, None] + sites[:, 1]
+        down, across = (
+            self.grid.whole_rows[:, None, None] + sites[:, 0],
+            self.grid.whole_columns[None, :, None] + sites[:, 1],
+        )
         rows, columns = np.broadcast_arrays(down, across)
         return rows, columns
 
@@ -80,16 +96,29 @@ class Sites:
     def middle(self) -> tuple[float, float]:
         """Row and column of the middle of the first whole block."""
         down, across = self.pattern.block_shape
-        return float(self.grid.whole_rows[0]) + (down - 1) / 2, float(self.grid.whole_columns[0]) + (across - 1) / 2
+        return float(self.grid.whole_rows[0]) + (down - 1) / 2, float(
+            self.grid.whole_columns[0]
+        ) + (across - 1) / 2
 
     @cached_property
     def ring(self) -> IndexArray:
-        """Panchromatic pixels in and next to a block: row and column from the block's first pixel, (R, 2)."""
+        """Panchromatic pixels in and next to a block: row and column from the block's first pixel,
+        (R, 2).
+        """
         (top, left), (down, across) = self.pattern.block_origin, self.pattern.block_shape
-        return np.argwhere(self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1))) - 1
+        return (
+            np.argwhere(self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)))
+            - 1
+        )
 
     def of(self, plane: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
-        """The values of a plane, (H, W), at all sites, (*B, S). dtype: of the result; None = that of the plane."""
+        """The values of a plane, (H, W), at all sites, (*B, S).
+
+        Parameters
+        ----------
+        dtype : DTypeLike | None, optional
+            Of the result; None = that of the plane.
+        """
         values = np.empty((*self.shape, len(self.places)), dtype or plane.dtype)
 
         def work(rows: slice) -> None:
@@ -101,40 +130,70 @@ class Sites:
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
         """The means of values, (*B, S), over the sites of each channel, (*B, C)."""
         return np.stack(
-            [values[..., self.channels == channel].mean(axis=2) for channel in range(len(self.pattern.channels))], axis=2
+            [
+                values[..., self.channels == channel].mean(axis=2)
+                for channel in range(len(self.pattern.channels))
+            ],
+            axis=2,
         )
 
     def whole(self, blocks: FloatArray) -> FloatArray:
-        """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C); a view."""
+        """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C); a
+        view.
+        """
         return blocks[self.grid.whole]
 
     def surroundings(self, signal: FloatArray) -> "Surroundings":
-        """Interpolate luminance at the sites from the panchromatic samples of a plane, (H, W), in and next to each block.
+        """Interpolate luminance at the sites from the panchromatic samples of a plane, (H, W), in
+        and next to each block.
 
         At a site it is the mean of these samples, weighted by 1 / distance^2; 0 without samples.
         """
-        near = 1 / np.square(self.ring - np.array(self.pattern.sites)[:, None, :2]).sum(axis=2)  # (S, R)
-        light, lowest, highest = np.empty((*self.shape, len(near))), np.empty(self.shape), np.empty(self.shape)
+        # (S, R)
+        near = 1 / np.square(self.ring - np.array(self.pattern.sites)[:, None, :2]).sum(axis=2)
+        light, lowest, highest = (
+            np.empty((*self.shape, len(near))),
+            np.empty(self.shape),
+            np.empty(self.shape),
+        )
 
         def work(rows: slice) -> None:
             values = np.stack(list(self.beside(signal, rows, self.ring.tolist())))
             inside = ~np.isnan(values)
             lowest[rows], highest[rows] = np.fmin.reduce(values), np.fmax.reduce(values)
             weight = np.einsum("sr,rij->ijs", near, inside)
-            light[rows] = np.einsum("sr,rij->ijs", near, np.where(inside, values, 0)) / np.where(weight > 0, weight, 1)
+            light[rows] = np.einsum("sr,rij->ijs", near, np.where(inside, values, 0)) / np.where(
+                weight > 0, weight, 1
+            )
 
         in_strips(work, self.shape[0], BLOCK_ROWS)
         return Surroundings(light, lowest, highest)
 
-    def beside(self, plane: FloatArray, rows: slice, steps: Iterable[tuple[int, int]]) -> Iterator[FloatArray]:
-        """For each step, yield the values of a plane, (H, W), so far (down, right) of the first pixels of these rows of blocks.
+    def beside(
+        self, plane: FloatArray, rows: slice, steps: Iterable[tuple[int, int]]
+    ) -> Iterator[FloatArray]:
+        """For each step, yield the values of a plane, (H, W), so far (down, right) of the first
+        pixels of these rows of blocks.
 
-        steps: from -1 to the size of a block. The values outside the frame are NaN; views, (rows, columns of blocks).
+        Parameters
+        ----------
+        steps : Iterable[tuple[int, int]]
+            From -1 to the size of a block. The values outside the frame are NaN; views, (rows,
+            columns of blocks).
         """
-        (top, left), period = (int(self.grid.whole_rows[rows][0]), int(self.grid.whole_columns[0])), self.grid.period
-        down, across = ((count - 1) * period + 1 for count in (rows.stop - rows.start, self.shape[1]))
+        (top, left), period = (
+            (int(self.grid.whole_rows[rows][0]), int(self.grid.whole_columns[0])),
+            self.grid.period,
+        )
+        down, across = (
+            (count - 1) * period + 1 for count in (rows.stop - rows.start, self.shape[1])
+        )
         first = max(top - 1, 0)
-        near = np.pad(plane[first : top + down + period], ((top == 0, period), (left == 0, period)), constant_values=np.nan)
+        near = np.pad(
+            plane[first : top + down + period],
+            ((top == 0, period), (left == 0, period)),
+            constant_values=np.nan,
+        )
         for row, column in steps:
             y, x = row + top - first + (top == 0), column + left + (left == 0)
             yield near[y : y + down : period, x : x + across : period]
@@ -143,8 +202,12 @@ class Sites:
 class Surroundings(NamedTuple):
     """The panchromatic samples around blocks, float64, scene units.
 
-    light: luminance at the sites, interpolated from them, (*B, S).
-    lowest, highest: their range, B.
+    Attributes
+    ----------
+    light : DoubleArray
+        Luminance at the sites, interpolated from them, (*B, S).
+    lowest, highest : DoubleArray
+        Their range, B.
     """
 
     light: DoubleArray
@@ -154,9 +217,15 @@ class Surroundings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BlockSums:
-    """The sums of Eqs. 8-9 of each whole block for each channel, (rows, columns, C); those of several frames add up.
+    """The sums of Eqs. 8-9 of each whole block for each channel, (rows, columns, C); those of
+    several frames add up.
 
-    weight: sum l^2 over the sites of the channel. product: sum l m.
+    Attributes
+    ----------
+    weight : DoubleArray
+        Sum l^2 over the sites of the channel.
+    product : DoubleArray
+        Sum l m.
     """
 
     weight: DoubleArray
@@ -165,12 +234,20 @@ class BlockSums:
     def __add__(self, other: "BlockSums") -> "BlockSums":
         return BlockSums(self.weight + other.weight, self.product + other.product)
 
-    def solved(self, sigma: float, gamma: DoubleArray, expected: FloatArray | None = None) -> DoubleArray:
-        """Chromaticities, (rows, columns, C): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, by a multiplier.
+    def solved(
+        self, sigma: float, gamma: DoubleArray, expected: FloatArray | None = None
+    ) -> DoubleArray:
+        """Chromaticities, (rows, columns, C): the exact minimiser of Eqs. 8-9 under sum_i gamma_i
+        c_i = 1, by a multiplier.
 
-        sigma: sigma_z > 0, in the units of l.
-        gamma: (C,), the weights of Eq. 7.
-        expected: what they are pulled towards, as the result; None = grey, as in the paper.
+        Parameters
+        ----------
+        sigma : float
+            sigma_z > 0, in the units of l.
+        gamma : DoubleArray
+            (C,), the weights of Eq. 7.
+        expected : FloatArray | None, optional
+            What they are pulled towards, as the result; None = grey, as in the paper.
         """
         chromaticities = np.empty(self.weight.shape)
 
@@ -186,12 +263,20 @@ class BlockSums:
         return chromaticities
 
 
-def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: NoiseModel) -> DoubleArray:
-    """Standard deviation of the noise in what a block's channels add up to, less the luminance around it; float64 B, scene units.
+def sum_noise(
+    sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: NoiseModel
+) -> DoubleArray:
+    """Standard deviation of the noise in what a block's channels add up to, less the luminance
+    around it; float64 B, scene units.
 
-    That is sum_i gamma_i (mean of the samples of channel i), less the mean of the panchromatic samples around the block (Eq. 7).
-    Shot noise is that of a grey block. For a Bayer block with gamma = (1, 1, 1) it is 1.6 times the noise of one sample.
-    light: luminance at the sites, (*B, S).
+    That is sum_i gamma_i (mean of the samples of channel i), less the mean of the panchromatic
+    samples around the block (Eq. 7). Shot noise is that of a grey block. For a Bayer block with
+    gamma = (1, 1, 1) it is 1.6 times the noise of one sample.
+
+    Parameters
+    ----------
+    light : DoubleArray
+        Luminance at the sites, (*B, S).
     """
     shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
     squares = (gamma / np.bincount(sites.channels))[sites.channels] ** 2
@@ -201,10 +286,16 @@ def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: Noise
 
 
 def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid) -> FloatArray:
-    """Distance of luminance at a site from the mean of the pixels one block's size to either side; the larger of both axes.
+    """Distance of luminance at a site from the mean of the pixels one block's size to either side;
+    the larger of both axes.
 
-    The error of filled luminance grows with it. A block that is a whole tile counts as `_WIDEST` pixels wide at most.
-    site: slices of the rows and columns of `luminance`.
+    The error of filled luminance grows with it. A block that is a whole tile counts as `_WIDEST`
+    pixels wide at most.
+
+    Parameters
+    ----------
+    site : tuple[slice, slice]
+        Slices of the rows and columns of `luminance`.
     """
     is_tile = grid.block_shape == (grid.period, grid.period)
     block = (min(grid.period, _WIDEST),) * 2 if is_tile else grid.block_shape
@@ -212,7 +303,13 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
     bends = []
     for axis, step in enumerate(block):
         mirrored = np.pad(np.arange(luminance.shape[axis]), step, mode=BORDER)
-        pair = [[mirrored[along + end] if axis == other else along for other, along in enumerate(places)] for end in (0, 2 * step)]
+        pair = [
+            [
+                mirrored[along + end] if axis == other else along
+                for other, along in enumerate(places)
+            ]
+            for end in (0, 2 * step)
+        ]
         bends.append(np.abs(sum(luminance[np.ix_(*end)] for end in pair) / 2 - luminance[site]))
     return np.maximum(*bends)
 
@@ -221,15 +318,24 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
 class Cleaned:
     """The samples of a frame, and what is known of them.
 
-    mosaic: float32 samples in scene units; its calibration has no shading, and the noise model if one is known or estimated.
-    clipping: scene units from which on a sample was saturated.
-    confidence: how far the samples of each whole block add up to the luminance around it, 0 to 1, float64 (rows, columns); None = nobody
-        asks.
-    unclipped: bool (rows, columns), whole blocks without a saturated sample in them or next to them; None = not measured
-        yet, see `unclipped_blocks`.
-    lost: where a clipped shot does not tell how bright it was, nor of which colour: a picture to look at is white there. uint8
-        (H, W), 255 = nothing is known; None = all is known.
-    estimated: whether the noise model is an estimate from the samples.
+    Attributes
+    ----------
+    mosaic : Mosaic
+        float32 samples in scene units; its calibration has no shading, and the noise model if one
+        is known or estimated.
+    clipping : float
+        Scene units from which on a sample was saturated.
+    confidence : DoubleArray | None
+        How far the samples of each whole block add up to the luminance around it, 0 to 1, float64
+        (rows, columns); None = nobody asks.
+    unclipped : BoolArray | None
+        bool (rows, columns), whole blocks without a saturated sample in them or next to them; None
+        = not measured yet, see `unclipped_blocks`.
+    lost : ByteArray | None
+        Where a clipped shot does not tell how bright it was, nor of which colour: a picture to look
+        at is white there. uint8 (H, W), 255 = nothing is known; None = all is known.
+    estimated : bool
+        Whether the noise model is an estimate from the samples.
     """
 
     mosaic: Mosaic
@@ -261,10 +367,16 @@ class Cleaned:
 
     @cached_property
     def level(self) -> float:
-        """Mean of the panchromatic ones, more than 0: thresholds that are a share of it do not depend on the exposure."""
+        """Mean of the panchromatic ones, more than 0: thresholds that are a share of it do not
+        depend on the exposure.
+        """
         coloured = [self.signal[rows, columns] for _, rows, columns in self.mosaic.pattern.lattices]
-        total = self.signal.sum(dtype=np.float64) - sum(samples.sum(dtype=np.float64) for samples in coloured)
-        return max(float(total) / (self.signal.size - sum(samples.size for samples in coloured)), _TINY)
+        total = self.signal.sum(dtype=np.float64) - sum(
+            samples.sum(dtype=np.float64) for samples in coloured
+        )
+        return max(
+            float(total) / (self.signal.size - sum(samples.size for samples in coloured)), _TINY
+        )
 
     @property
     def noise(self) -> NoiseModel | None:
@@ -283,7 +395,9 @@ class Cleaned:
 
 
 def unclipped_blocks(frame: Cleaned) -> BoolArray:
-    """The whole blocks that have no sample of `frame.clipping` or more in or next to them, bool (rows, columns)."""
+    """The whole blocks that have no sample of `frame.clipping` or more in or next to them, bool
+    (rows, columns).
+    """
     if frame.unclipped is not None:
         return frame.unclipped
     unclipped = np.ones(frame.sites.shape, np.bool_)

@@ -15,17 +15,25 @@ from .frame import Sites
 from .parts import Part
 
 EVEN = 0.01 / 3
-"""Distance of colours from their line, a share of the light, that even surfaces have: less of it is not taken off.
+"""Distance of colours from their line, a share of the light, that even surfaces have: less of it is
+not taken off.
 
-Chosen: half or twice changes 0.1 dB."""
+Chosen: half or twice changes 0.1 dB.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ColourLines:
-    """Colour as a linear function of luminance, around each whole block (see `stages.colour_lines`).
+    """Colour as a linear function of luminance, around each whole block (see
+    `stages.colour_lines`).
 
-    offset, slope: of gamma_i times channel i, in units of luminance, float32 (C, rows, columns); they sum to 0 and to 1.
-    share: how far each line is believed, 0 to 1, float32 (rows, columns).
+    Attributes
+    ----------
+    offset, slope : FloatArray
+        Of gamma_i times channel i, in units of luminance, float32 (C, rows, columns); they sum to 0
+        and to 1.
+    share : FloatArray
+        How far each line is believed, 0 to 1, float32 (rows, columns).
     """
 
     offset: FloatArray
@@ -33,22 +41,35 @@ class ColourLines:
     share: FloatArray
 
     def at(self, light: FloatArray) -> FloatArray:
-        """The channels where luminance is `light`, (rows, columns), or (C, rows, columns) of places of each channel."""
+        """The channels where luminance is `light`, (rows, columns), or (C, rows, columns) of places
+        of each channel.
+        """
         return self.offset + self.slope * light
 
 
 @dataclass(frozen=True, eq=False)
 class BlockSamples:
-    """Samples of the B = (rows, columns) whole blocks of a frame at their S sites, and the confidence in them.
+    """Samples of the B = (rows, columns) whole blocks of a frame at their S sites, and the
+    confidence in them.
 
-    sites: where they are.
-    samples: float32 (*B, S), scene units, defects mended and highlights restored.
-    noise: of the samples; None = there is none, or it is unknown.
-    unclipped: bool B, blocks without a sample at the sensor's limit in them or next to them.
-    fill_error: standard deviation of the error of filled luminance, float32 B, scene units.
-    kept: share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1; None = all of them. A burst
-        corrects the rest itself, with the samples of all frames; `fill_error` says the same of luminance.
-    lines: colour as a function of luminance around the blocks; None = not asked for.
+    Attributes
+    ----------
+    sites : Sites
+        Where they are.
+    samples : FloatArray
+        float32 (*B, S), scene units, defects mended and highlights restored.
+    noise : NoiseModel | None
+        Of the samples; None = there is none, or it is unknown.
+    unclipped : BoolArray
+        bool B, blocks without a sample at the sensor's limit in them or next to them.
+    fill_error : FloatArray
+        Standard deviation of the error of filled luminance, float32 B, scene units.
+    kept : FloatArray | None
+        Share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1;
+        None = all of them. A burst corrects the rest itself, with the samples of all frames;
+        `fill_error` says the same of luminance.
+    lines : ColourLines | None
+        Colour as a function of luminance around the blocks; None = not asked for.
     """
 
     sites: Sites
@@ -67,14 +88,17 @@ class BlockSamples:
         return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, 0)
 
     def inside(self, part: Part, rows: slice) -> list[tuple[slice, slice]]:
-        """Coordinates of each site of these rows of blocks in a part of the picture: slices of its rows and columns."""
+        """Coordinates of each site of these rows of blocks in a part of the picture: slices of its
+        rows and columns.
+        """
         return self.sites.at(rows, part.first)
 
     def residual(self, part: Part, rows: slice) -> FloatArray:
         """Residual of the part at the sites of these rows of blocks, (rows, columns, S)."""
         if part.residual is None:
             raise InputError(
-                "no stage has measured the residual of the picture at the colour sites: the stage 'residual' has to come before, and "
+                "no stage has measured the residual of the picture at the colour sites: the "
+                "stage 'residual' has to come before, and "
                 "stages of one's own keep Part.residual, as dataclasses.replace does"
             )
         return np.stack([part.residual[place] for place in self.inside(part, rows)], axis=2)
@@ -83,20 +107,35 @@ class BlockSamples:
         """Variance of the noise in the residual, float32 (rows, columns, S); None = no noise."""
         if self.noise is None or not self.noise.of_colours:
             return None
-        return self.noise.variance(self.samples[rows], self.sites.channels) * gamma[self.sites.channels] ** 2
+        return (
+            self.noise.variance(self.samples[rows], self.sites.channels)
+            * gamma[self.sites.channels] ** 2
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
     """Measurements of the whole frame before colour is spread.
 
-    pattern: of the frame.
-    calibration: of the samples. With shading, light still falls off as of the panchromatic plane, equally for all filters.
-    luminance: of every pixel, float32 (H, W), scene units, as everything here.
-    blocks: chromaticity of every block, float32 (block rows, block columns, C).
-    samples: of the whole blocks; None where the settings do nothing with them.
-    lost: where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None = nowhere.
+    Attributes
+    ----------
+    pattern : CfaPattern
+        Of the frame.
+    calibration : SensorCalibration
+        Of the samples. With shading, light still falls off as of the panchromatic plane, equally
+        for all filters.
+    luminance : FloatArray
+        Of every pixel, float32 (H, W), scene units, as everything here.
+    blocks : FloatArray
+        Chromaticity of every block, float32 (block rows, block columns, C).
+    samples : BlockSamples | None
+        Of the whole blocks; None where the settings do nothing with them.
+    lost : ByteArray | None
+        Where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None =
+        nowhere.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import Measured
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -129,7 +168,9 @@ class Measured:
 
     @classmethod
     def outline(cls, mosaic: Mosaic) -> "Measured":
-        """A frame of this shape and pattern without a picture, in next to no memory: to ask stages what they need."""
+        """A frame of this shape and pattern without a picture, in next to no memory: to ask stages
+        what they need.
+        """
         sites, nothing = Sites.in_frame(mosaic), np.zeros((), np.float32)
         luminance = np.broadcast_to(nothing, mosaic.shape)
         blocks = np.broadcast_to(nothing, (*sites.grid.shape, len(mosaic.pattern.channels)))
@@ -138,5 +179,7 @@ class Measured:
             np.broadcast_to(nothing, sites.shape),
         )
         lines = ColourLines(values[..., 0], values[..., 0], constant)
-        samples = BlockSamples(sites, values, None, np.broadcast_to(np.True_, sites.shape), constant, lines=lines)
+        samples = BlockSamples(
+            sites, values, None, np.broadcast_to(np.True_, sites.shape), constant, lines=lines
+        )
         return cls(mosaic.pattern, mosaic.calibration, luminance, blocks, samples)

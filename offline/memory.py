@@ -5,24 +5,33 @@ from ..shared.networks import network_for
 from .settings import BEST, RenderSettings
 from .tiling import bands
 
-# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures again).
-_PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, what replaces them, and where light is lost
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures
+# again). per pixel of the frame: samples in scene units, luminance, what replaces them, and where
+# light is lost
+_PLANES = 9.0
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated
-_SITE = 10.0  # per colour site, kept until the picture is finished: samples and what is known of them
-# Bytes per pixel of a band, for luminance and for each channel, while it goes through the stages in rows, by what is used of them:
-# the paper's, the corrections at the sites, pinning, and the network for colour with the rows around that it sees.
+# per colour site, kept until the picture is finished: samples and what is known of them
+_SITE = 10.0
+# Bytes per pixel of a band, for luminance and for each channel, while it goes through the stages in
+# rows, by what is used of them: the paper's, the corrections at the sites, pinning, and the network
+# for colour with the rows around that it sees.
 _PAPER, _SITES, _PINNING, _LEARNED = 34.0, 14.0, 36.0, 37.0
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work
 
-# Of bursts, bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame (luminance, agreement, colour samples)
-# and besides (what compares one frame with the reference).
+# Of bursts, bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame
+# (luminance, agreement, colour samples) and besides (what compares one frame with the reference).
 _FRAME, _REST = 13.0, 97.0
-_SAMPLE = 130.0  # bytes, of each colour sample of a frame: where these are scattered they are many, otherwise those are in `_FRAME`
+# bytes, of each colour sample of a frame: where these are scattered they are many, otherwise those
+# are in `_FRAME`
+_SAMPLE = 130.0
 
 
 def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
-    """An upper estimate, in bytes, of what `render_bands` needs in addition to the program, the mosaic and the picture.
+    """An upper estimate, in bytes, of what `render_bands` needs in addition to the program, the
+    mosaic and the picture.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import rendering_memory
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -45,10 +54,18 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
 
 
 def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
-    """An upper estimate, in bytes, of what merging and rendering a burst needs in addition to the program and the mosaics.
+    """An upper estimate, in bytes, of what merging and rendering a burst needs in addition to the
+    program and the mosaics.
 
-    frames: their number. mosaic: one of them.
+    Parameters
+    ----------
+    frames : int
+        Their number.
+    mosaic : Mosaic
+        One of them.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline.burst import burst_memory
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -57,5 +74,7 @@ def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -
     True
     """
     pixels, pattern = mosaic.shape[0] * mosaic.shape[1], mosaic.pattern
-    frame = _FRAME + (_SAMPLE * len(pattern.sites) / pattern.period**2 if pattern.is_scattered else 0)
+    frame = _FRAME + (
+        _SAMPLE * len(pattern.sites) / pattern.period**2 if pattern.is_scattered else 0
+    )
     return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))

@@ -1,4 +1,5 @@
-"""A picture goes from stage to stage in parts, from top to bottom; every stage says how far it looks, and gets what it needs.
+"""A picture goes from stage to stage in parts, from top to bottom; every stage says how far it
+looks, and gets what it needs.
 
 Nothing is computed twice, and the picture does not depend on where parts begin.
 """
@@ -16,19 +17,30 @@ from .numerics.pieces import in_pieces
 
 _ROWS = STRIP // 4  # of a part between two stages
 DARK = 1e-6
-"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No photograph changes."""
+"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No
+photograph changes.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """Some rows of a picture.
 
-    first: the frame's row that is its first.
-    luminance: float32 (rows, W), scene units.
-    chromaticity: float32 (rows, W, C).
-    residual: sample minus picture at the colour sites, times gamma (so that all channels have the unit of luminance), before the
-        picture was corrected; 0 elsewhere and beside clipped samples, float32 (rows, W). None = not measured yet.
+    Attributes
+    ----------
+    first : int
+        The frame's row that is its first.
+    luminance : FloatArray
+        float32 (rows, W), scene units.
+    chromaticity : FloatArray
+        float32 (rows, W, C).
+    residual : FloatArray | None
+        Sample minus picture at the colour sites, times gamma (so that all channels have the unit of
+        luminance), before the picture was corrected; 0 elsewhere and beside clipped samples,
+        float32 (rows, W). None = not measured yet.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import Part
     >>> Part(10, np.ones((4, 6), np.float32), np.ones((4, 6, 3), np.float32)).rows(11, 13).end
@@ -51,8 +63,15 @@ class Part:
         if len(parts) == 1:
             return parts[0]
         first, end = parts[0].first, parts[-1].end
-        planes = {name: np.empty((end - first, *plane.shape[1:]), plane.dtype) for name, plane in parts[0]._planes()}
-        copies = [(planes[name][part.first - first : part.end - first], plane) for part in parts for name, plane in part._planes()]
+        planes = {
+            name: np.empty((end - first, *plane.shape[1:]), plane.dtype)
+            for name, plane in parts[0]._planes()
+        }
+        copies = [
+            (planes[name][part.first - first : part.end - first], plane)
+            for part in parts
+            for name, plane in part._planes()
+        ]
         in_pieces(lambda index, _: np.copyto(*copies[index]), len(copies))
         return cls(first, **planes)
 
@@ -69,9 +88,16 @@ class Part:
 class Halo(NamedTuple):
     """Rows of the picture that a stage needs around those that it computes.
 
-    radius: rows above and below that the result of a row depends on.
-    alignment, offset: requested rows end where (row - offset) is a multiple of `alignment`, or at the end of the picture.
+    Attributes
+    ----------
+    radius : int
+        Rows above and below that the result of a row depends on.
+    alignment, offset : int
+        Requested rows end where (row - offset) is a multiple of `alignment`, or at the end of the
+        picture.
 
+    Examples
+    --------
     >>> from panchroma.offline import Halo
     >>> Halo(radius=3)
     Halo(radius=3, alignment=1, offset=0)
@@ -83,10 +109,18 @@ class Halo(NamedTuple):
 
 
 class RowStage(Protocol):
-    """A stage that goes over the picture in rows. What is said here are defaults; a stage needs no more than `__call__`.
+    """A stage that goes over the picture in rows. What is said here are defaults; a stage needs no
+    more than `__call__`.
 
-    name: for progress. kernels: those that it calls, so that they can be compiled ahead.
+    Attributes
+    ----------
+    name : str
+        For progress.
+    kernels : tuple[str, ...]
+        Those that it calls, so that they can be compiled ahead.
 
+    Examples
+    --------
     >>> from panchroma.offline import RowStage
     >>> class Same(RowStage):
     ...     def __call__(self, part, rows):
@@ -104,20 +138,36 @@ class RowStage(Protocol):
         return Halo()
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        """The picture in these rows, first and end. part: `halo.radius` rows more on both sides, as far as the frame goes."""
+        """The picture in these rows, first and end.
+
+        Parameters
+        ----------
+        part : Part
+            `halo.radius` rows more on both sides, as far as the frame goes.
+        """
         ...
 
 
-def run_stages(parts: Iterable[Part], stages: Iterable[RowStage], height: int, progress: Progress = SILENT) -> Iterable[Part]:
-    """Lead a picture that arrives in parts, from top to bottom, through the stages. height: its rows.
+def run_stages(
+    parts: Iterable[Part], stages: Iterable[RowStage], height: int, progress: Progress = SILENT
+) -> Iterable[Part]:
+    """Lead a picture that arrives in parts, from top to bottom, through the stages.
 
+    Parameters
+    ----------
+    height : int
+        Its rows.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline.parts import Part, RowStage, run_stages
     >>> class Darker(RowStage):
     ...     def __call__(self, part, rows):
     ...         shown = part.rows(*rows)
     ...         return Part(shown.first, shown.luminance / 2, shown.chromaticity)
-    >>> parts = [Part(row, np.ones((1, 4), np.float32), np.ones((1, 4, 3), np.float32)) for row in range(2)]
+    >>> parts = [Part(row, np.ones((1, 4), np.float32), np.ones((1, 4, 3), np.float32)) for row in
+    range(2)]
     >>> [float(part.luminance.max()) for part in run_stages(parts, [Darker(), Darker()], 2)]
     [0.25, 0.25]
     """
@@ -133,8 +183,16 @@ def _short(parts: Iterable[Part]) -> Iterator[Part]:
             yield part.rows(first, min(first + _ROWS, part.end))
 
 
-def apply_stage(parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT) -> Iterator[Part]:
-    """The picture after one stage, part by part. Raises InputError for what a stage of one's own returns, if it is no such part."""
+def apply_stage(
+    parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT
+) -> Iterator[Part]:
+    """The picture after one stage, part by part.
+
+    Raises
+    ------
+    InputError
+        For what a stage of one's own returns, if it is no such part.
+    """
     ours = type(stage).__module__.startswith(f"{__package__}.")
     for part, rows in regroup(parts, height, stage.halo):
         progress.part(stage.name)
@@ -143,7 +201,9 @@ def apply_stage(parts: Iterable[Part], stage: RowStage, height: int, progress: P
 
 
 def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> Part:
-    """Output of a user's stage for these rows, with contiguous planes. Raises InputError, which begins with `returned`."""
+    """Output of a user's stage for these rows, with contiguous planes. Raises InputError, which
+    begins with `returned`.
+    """
     if not isinstance(made, Part):
         raise InputError(f"{returned} {type(made).__name__}, expected an offline.Part")
     width, channels = part.chromaticity.shape[1:]
@@ -153,22 +213,46 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
     for name, plane in planes.items():
         if plane is None and name == "residual":
             continue
-        if not isinstance(plane, np.ndarray) or plane.dtype != np.float32 or plane.shape != shapes[name]:
-            received = f"{plane.dtype} {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
-            raise InputError(f"{returned} a {name} that is {received}, expected float32 {shapes[name]}")
+        if (
+            not isinstance(plane, np.ndarray)
+            or plane.dtype != np.float32
+            or plane.shape != shapes[name]
+        ):
+            received = (
+                f"{plane.dtype} {plane.shape}"
+                if isinstance(plane, np.ndarray)
+                else type(plane).__name__
+            )
+            raise InputError(
+                f"{returned} a {name} that is {received}, expected float32 {shapes[name]}"
+            )
         if not np.isfinite(plane).all():
             row, column = np.argwhere(~np.isfinite(plane))[0, :2].tolist()
-            raise InputError(f"{returned} a {name} that is not finite, first in row {rows[0] + row}, column {column}")
+            raise InputError(
+                f"{returned} a {name} that is not finite, first in row {rows[0] + row}, column "
+                f"{column}"
+            )
         planes[name] = np.ascontiguousarray(plane)
     if made.first != rows[0]:
-        raise InputError(f"{returned} rows from {made.first} on, expected {rows[0]} to {rows[1]}: part.rows(*rows) cuts them out")
+        raise InputError(
+            f"{returned} rows from {made.first} on, expected {rows[0]} to {rows[1]}: "
+            "part.rows(*rows) cuts them out"
+        )
     return Part(made.first, **planes)
 
 
-def regroup(parts: Iterable[Part], height: int, halo: Halo) -> Iterator[tuple[Part, tuple[int, int]]]:
-    """Cut a picture into other parts: yield (part, rows), where the part holds `halo.radius` rows more around `rows`.
+def regroup(
+    parts: Iterable[Part], height: int, halo: Halo
+) -> Iterator[tuple[Part, tuple[int, int]]]:
+    """Cut a picture into other parts: yield (part, rows), where the part holds `halo.radius` rows
+    more around `rows`.
 
-    parts: from top to bottom. height: rows of the whole picture.
+    Parameters
+    ----------
+    parts : Iterable[Part]
+        From top to bottom.
+    height : int
+        Rows of the whole picture.
     """
     waiting, done = list[Part](), 0
     for part in parts:
@@ -176,7 +260,8 @@ def regroup(parts: Iterable[Part], height: int, halo: Halo) -> Iterator[tuple[Pa
         end = (
             height
             if part.end == height
-            else halo.offset + (part.end - halo.radius - halo.offset) // halo.alignment * halo.alignment
+            else halo.offset
+            + (part.end - halo.radius - halo.offset) // halo.alignment * halo.alignment
         )
         if end > done:
             held = Part.joined(waiting)

@@ -1,7 +1,9 @@
-"""The full-quality render on one page: mosaic -> cleaned -> luminance -> colour of blocks -> colour of pixels, row by row -> RGB.
+"""The full-quality render on one page: mosaic -> cleaned -> luminance -> colour of blocks -> colour
+of pixels, row by row -> RGB.
 
-The preset BEST uses stages that are not in the paper. Which stages in rows a frame needs is decided in `row_stages` alone; those
-that look at the whole frame return what they got where their settings do not use them.
+The preset BEST uses stages that are not in the paper. Which stages in rows a frame needs is decided
+in `row_stages` alone; those that look at the whole frame return what they got where their settings
+do not use them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -53,17 +55,28 @@ Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
 class Rendering:
     """A rendered mosaic, in scene units.
 
-    rgb: float32 (H, W, C), one plane per channel of the pattern, not clipped; rgb = chromaticity * luminance.
-    luminance: float32 (H, W), what a panchromatic pixel reads at every place.
-    chromaticity: float32 (H, W, C), sum_i gamma_i chromaticity_i = 1.
-    solvers: iterations and residual of each iterative solver, the worst of all parts of the frame:
-        "luminance" (Eqs. 3-5), residual: largest change of a sample in the last iteration, scene units;
-        "medians" (end of section 3.2), residual: share of the rows of blocks that the last iteration still changed, 0 to 1;
-        "affinity" (Eqs. 11-13), residual: norm of the residual relative to the right-hand side;
-        "pinning" (scattered colour sites) and "samples" (bursts), residual: the same, scaled by the diagonal.
-    lost: uint8 (H, W), where a clipped shot does not tell how bright it was, nor of which colour: a picture to look at is white
-        there. 255 = nothing is known; None = all is known.
+    Attributes
+    ----------
+    rgb : FloatArray
+        float32 (H, W, C), one plane per channel of the pattern, not clipped; rgb = chromaticity *
+        luminance.
+    luminance : FloatArray
+        float32 (H, W), what a panchromatic pixel reads at every place.
+    chromaticity : FloatArray
+        float32 (H, W, C), sum_i gamma_i chromaticity_i = 1.
+    solvers : Mapping[str, Solved]
+        Iterations and residual of each iterative solver, the worst of all parts of the frame:
+        "luminance" (Eqs. 3-5), residual: largest change of a sample in the last iteration, scene
+        units; "medians" (end of section 3.2), residual: share of the rows of blocks that the last
+        iteration still changed, 0 to 1; "affinity" (Eqs. 11-13), residual: norm of the residual
+        relative to the right-hand side; "pinning" (scattered colour sites) and "samples" (bursts),
+        residual: the same, scaled by the diagonal.
+    lost : ByteArray | None
+        uint8 (H, W), where a clipped shot does not tell how bright it was, nor of which colour: a
+        picture to look at is white there. 255 = nothing is known; None = all is known.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> from panchroma.offline import render
@@ -82,11 +95,19 @@ class Rendering:
     lost: ByteArray | None = None
 
 
-def row_stages(measured: Measured, settings: RenderSettings, progress: Progress = SILENT) -> list[RowStage]:
-    """The stages that make a picture of what was measured, in their order. Every choice among them is made here.
+def row_stages(
+    measured: Measured, settings: RenderSettings, progress: Progress = SILENT
+) -> list[RowStage]:
+    """The stages that make a picture of what was measured, in their order. Every choice among them
+    is made here.
 
-    progress: hears what their solvers did.
+    Parameters
+    ----------
+    progress : Progress, optional
+        Hears what their solvers did.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import BEST, measure, row_stages
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -97,12 +118,15 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage | None] = [
         Propagation(measured, settings.affinity, settings.propagation, progress),  # c, Eqs. 10-14
-        Refinement(measured, settings.refinement) if settings.refinement.used else None,  # c+, Eqs. 15-16
+        # c+, Eqs. 15-16
+        Refinement(measured, settings.refinement) if settings.refinement.used else None,
     ]
     if samples is not None:
         lines, pinned = samples.lines, measured.pattern.is_scattered and settings.pinning.used
         stages += [
-            LineProjection(samples.sites, lines, gamma) if lines is not None and settings.lines.used else None,
+            LineProjection(samples.sites, lines, gamma)
+            if lines is not None and settings.lines.used
+            else None,
             SiteResidual(samples, gamma),
             Pinning(measured, samples, progress) if pinned else None,
             Correction(samples, gamma) if settings.correction.used and not pinned else None,
@@ -123,11 +147,23 @@ def render(
 ) -> Rendering:
     """Reconstruct every channel at every pixel.
 
-    stages: makes the list of stages in rows; by default `row_stages`. One's own may add to that list, replace in it, or leave out.
+    Parameters
+    ----------
+    stages : Stages, optional
+        Makes the list of stages in rows; by default `row_stages`. One's own may add to that list,
+        replace in it, or leave out.
 
-    Raises InputError for samples that are not in scene units, ConvergenceError when a solver does not reach its tolerance, and
-    RangeError rather than return a value that is not finite.
+    Raises
+    ------
+    InputError
+        For samples that are not in scene units.
+    ConvergenceError
+        When a solver does not reach its tolerance.
+    RangeError
+        Rather than return a value that is not finite.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import PAPER, render, row_stages
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -138,7 +174,10 @@ def render(
     """
     log = SolverLog(progress)
     measured = measure(mosaic, settings, log)
-    luminance, chromaticity = np.empty(mosaic.shape, np.float32), np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
+    luminance, chromaticity = (
+        np.empty(mosaic.shape, np.float32),
+        np.empty((*mosaic.shape, len(measured.gamma)), np.float32),
+    )
     rgb = np.empty_like(chromaticity)
     for part, band in _render_rgb(measured, settings, log, stages):
         rows = slice(part.first, part.end)
@@ -147,17 +186,24 @@ def render(
     return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost)
 
 
-def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
-    """Yield the rows of `render(mosaic, settings).rgb` from top to bottom, identical to the bit, as bands float32 (rows, W, C).
+def render_bands(
+    mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT
+) -> Iterator[FloatArray]:
+    """Yield the rows of `render(mosaic, settings).rgb` from top to bottom, identical to the bit, as
+    bands float32 (rows, W, C).
 
-    Memory: about 11 bytes per pixel while luminance is measured, then 5 (luminance, block samples); all else exists for one
-    band at a time (see `rendering_memory`). Wrap `progress` in a `SolverLog` to learn what the solvers did. Call `measure` and
-    `colour_bands` instead of this to learn which light is lost (`Measured.lost`).
+    Memory: about 11 bytes per pixel while luminance is measured, then 5 (luminance, block samples);
+    all else exists for one band at a time (see `rendering_memory`). Wrap `progress` in a
+    `SolverLog` to learn what the solvers did. Call `measure` and `colour_bands` instead of this to
+    learn which light is lost (`Measured.lost`).
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import PAPER, render_bands
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-    >>> grey = Mosaic(np.full((300, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> grey = Mosaic(np.full((300, 40), 0.75, np.float32), CfaPattern.bayer(6),
+    SensorCalibration())
     >>> bands = list(render_bands(grey, PAPER))
     >>> len(bands), sum(len(band) for band in bands)
     (6, 300)
@@ -166,12 +212,20 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
 
 
 def colour_bands(
-    measured: Measured, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages
+    measured: Measured,
+    settings: RenderSettings = BEST,
+    progress: Progress = SILENT,
+    stages: Stages = row_stages,
 ) -> Iterator[FloatArray]:
     """Yield the picture of what was measured, as `render_bands` does.
 
-    stages: see `render`.
+    Parameters
+    ----------
+    stages : Stages, optional
+        See `render`.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import colour_bands, measure
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -185,10 +239,14 @@ def colour_bands(
 
 @cache
 def warm_up(settings: RenderSettings = BEST) -> None:
-    """Load what a render with these settings needs, kernels and network, by rendering a tiny frame; once per program.
+    """Load what a render with these settings needs, kernels and network, by rendering a tiny frame;
+    once per program.
 
-    A first render takes half a second longer than later ones. A program that has to wait for its shot can do that meanwhile.
+    A first render takes half a second longer than later ones. A program that has to wait for its
+    shot can do that meanwhile.
 
+    Examples
+    --------
     >>> from panchroma.offline import PAPER, warm_up
     >>> warm_up(PAPER)
     """
@@ -198,12 +256,18 @@ def warm_up(settings: RenderSettings = BEST) -> None:
     for channel, rows, columns in pattern.lattices:
         samples[rows, columns] = scene[rows, columns, channel]
     samples += np.random.default_rng(0).normal(0, 0.01, samples.shape).astype(np.float32)
-    render(Mosaic(samples, pattern, SensorCalibration(noise=NoiseModel.gaussian(0.01, 4))), settings)
+    render(
+        Mosaic(samples, pattern, SensorCalibration(noise=NoiseModel.gaussian(0.01, 4))), settings
+    )
 
 
-def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Measured:
+def measure(
+    mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT
+) -> Measured:
     """Everything that looks at a single frame as a whole.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import measure
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -217,16 +281,28 @@ def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
     measured = estimate_colour(frame, luminance, settings, progress)
     del frame, luminance  # for memory
-    return replace(with_updated_luminance(measured, settings), calibration=replace(measured.calibration, shading=shading))
+    return replace(
+        with_updated_luminance(measured, settings),
+        calibration=replace(measured.calibration, shading=shading),
+    )
 
 
-def clean_frame(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Cleaned:
+def clean_frame(
+    mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT
+) -> Cleaned:
     """The samples of a single frame without what is wrong with them: defects, clipping.
 
-    With shading the frame stays darker towards its corners, equally for all filters, so that noise and saturation are those of the
-    sensor everywhere; the stage `ShadingCorrection` makes the light even at the end.
-    Raises InputError for samples that are not in scene units (see `units`).
+    With shading the frame stays darker towards its corners, equally for all filters, so that noise
+    and saturation are those of the sensor everywhere; the stage `ShadingCorrection` makes the light
+    even at the end.
 
+    Raises
+    ------
+    InputError
+        For samples that are not in scene units (see `units`).
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import clean_frame
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -235,8 +311,13 @@ def clean_frame(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progr
     True
     """
     check_frames([mosaic])
-    # No name keeps the samples with their defects while highlights are restored, which needs the most memory.
-    return restore_frame(mend_defects(_prepare_samples(mosaic, settings, progress), settings.defects, progress), settings, progress)
+    # No name keeps the samples with their defects while highlights are restored, which needs the
+    # most memory.
+    return restore_frame(
+        mend_defects(_prepare_samples(mosaic, settings, progress), settings.defects, progress),
+        settings,
+        progress,
+    )
 
 
 def _prepare_samples(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
@@ -244,18 +325,31 @@ def _prepare_samples(mosaic: Mosaic, settings: RenderSettings, progress: Progres
     return Cleaned(samples, clipping_level(mosaic), estimated=mosaic.calibration.noise is None)
 
 
-def restore_frame(mended: Cleaned, settings: RenderSettings, progress: Progress = SILENT) -> Cleaned:
-    """A frame without defects with its highlights restored; what their restoration would hide is measured before."""
+def restore_frame(
+    mended: Cleaned, settings: RenderSettings, progress: Progress = SILENT
+) -> Cleaned:
+    """A frame without defects with its highlights restored; what their restoration would hide is
+    measured before.
+    """
     confidence = block_confidence(mended, settings.confidence)
     unclipped = unclipped_blocks(mended) if settings.highlights.used else None
-    return replace(restore_highlights(mended, settings.highlights, progress), confidence=confidence, unclipped=unclipped)
+    return replace(
+        restore_highlights(mended, settings.highlights, progress),
+        confidence=confidence,
+        unclipped=unclipped,
+    )
 
 
 class BurstEvidence(NamedTuple):
     """Evidence of the other frames of a burst about the whole blocks of one frame.
 
-    sums: what they add to the sums of Eqs. 8-9; None = there are no others.
-    alone: how far luminance at the sites is known from this frame alone, 0 to 1, float32 (rows, columns).
+    Attributes
+    ----------
+    sums : BlockSums | None
+        What they add to the sums of Eqs. 8-9; None = there are no others.
+    alone : FloatArray
+        How far luminance at the sites is known from this frame alone, 0 to 1, float32 (rows,
+        columns).
     """
 
     sums: BlockSums | None
@@ -269,11 +363,18 @@ def estimate_colour(
     progress: Progress = SILENT,
     others: BurstEvidence | None = None,
 ) -> Measured:
-    """The colour of every block of a frame. Its luminance is that which was given: `with_updated_luminance` changes it.
+    """The colour of every block of a frame. Its luminance is that which was given:
+    `with_updated_luminance` changes it.
 
-    luminance: (H, W), filled in and denoised, scene units.
-    others: what the other frames of a burst know.
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), filled in and denoised, scene units.
+    others : BurstEvidence | None, optional
+        What the other frames of a burst know.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import clean_frame, estimate_colour
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -282,10 +383,13 @@ def estimate_colour(
     3
     """
     sums, alone = others or (None, None)
-    blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)  # c_j, Eqs. 6-9
+    # c_j, Eqs. 6-9
+    blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)
     blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, sums)
     blocks = replace_doubtful_colour(blocks, frame)
-    measured = Measured(frame.mosaic.pattern, frame.mosaic.calibration, luminance, blocks, None, frame.lost)
+    measured = Measured(
+        frame.mosaic.pattern, frame.mosaic.calibration, luminance, blocks, None, frame.lost
+    )
     if not settings.asks_for_sites:
         return measured
     lines = colour_lines(frame, luminance, blocks, settings.lines)
@@ -293,24 +397,37 @@ def estimate_colour(
 
 
 def with_updated_luminance(measured: Measured, settings: RenderSettings) -> Measured:
-    """A frame with the luminance that its colour makes most probable; the frame's samples are not needed for it any more."""
+    """A frame with the luminance that its colour makes most probable; the frame's samples are not
+    needed for it any more.
+    """
     if (samples := measured.samples) is None:
         return measured
-    luminance = update_luminance(measured.luminance, measured.blocks, samples, measured.gamma, settings.posterior)
+    luminance = update_luminance(
+        measured.luminance, measured.blocks, samples, measured.gamma, settings.posterior
+    )
     return replace(measured, luminance=luminance)
 
 
 def render_parts(
-    measured: Measured, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages
+    measured: Measured,
+    settings: RenderSettings = BEST,
+    progress: Progress = SILENT,
+    stages: Stages = row_stages,
 ) -> Iterator[Part]:
     """The picture of what was measured, in parts, in scene units."""
     made = _make_stages(stages, measured, settings, progress)
     coloured = any(isinstance(stage, Propagation) for stage in made)
-    return iter(run_stages(_grey_parts(measured, progress, whole=not coloured), made, measured.shape[0], progress))
+    return iter(
+        run_stages(
+            _grey_parts(measured, progress, whole=not coloured), made, measured.shape[0], progress
+        )
+    )
 
 
 def _grey_parts(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Part]:
-    """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one value for all pixels."""
+    """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one
+    value for all pixels.
+    """
     steps, grey = bands(measured.grid), np.float32(measured.calibration.grey)
     progress.stage("colour", len(steps))
     for first, end in steps:
@@ -331,10 +448,17 @@ def _render_rgb(
         yield part, band
 
 
-def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
-    """The list that `stages` makes. Raises InputError if it is no function, or makes something else than stages."""
+def _make_stages(
+    stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress
+) -> list[RowStage]:
+    """The list that `stages` makes. Raises InputError if it is no function, or makes something else
+    than stages.
+    """
     if not callable(stages):
-        raise InputError(f"stages is {type(stages).__name__}, expected a function that makes a list, as offline.row_stages")
+        raise InputError(
+            f"stages is {type(stages).__name__}, expected a function that makes a list, as "
+            "offline.row_stages"
+        )
     made = stages(measured, settings, progress)
     if not isinstance(made, list | tuple):
         raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
@@ -342,8 +466,12 @@ def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings, p
         halo = getattr(stage, "halo", None)
         if isinstance(stage, type) or not callable(stage) or not isinstance(halo, Halo):
             raise InputError(
-                f"stages made a list with {stage!r}, expected objects of classes derived from panchroma.offline.RowStage"
+                f"stages made a list with {stage!r}, expected objects of classes derived from "
+                "panchroma.offline.RowStage"
             )
         if not (halo.radius >= 0 and halo.alignment >= 1):
-            raise InputError(f"the stage {stage.name!r} has {halo}, expected a radius of 0 or more, and an alignment of 1 or more")
+            raise InputError(
+                f"the stage {stage.name!r} has {halo}, expected a radius of 0 or more, and an "
+                "alignment of 1 or more"
+            )
     return list(made)

@@ -21,12 +21,16 @@ from .stages.refinement import RefinementSettings
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """All settings of a render, one part per stage, in order of execution. The presets are `PAPER` and `BEST`.
+    """All settings of a render, one part per stage, in order of execution. The presets are `PAPER`
+    and `BEST`.
 
-    Stages with a `Switch` are not in the paper: `BEST` has all of them, `PAPER` none.
-    correction distributes the residual of the picture at the colour sites (`stages.correction`), pinning where sites are scattered
-    (`stages.pinning`); learned corrects chromaticity by a network, where there is one for the pattern (`stages.colour_network`).
+    Stages with a `Switch` are not in the paper: `BEST` has all of them, `PAPER` none. correction
+    distributes the residual of the picture at the colour sites (`stages.correction`), pinning where
+    sites are scattered (`stages.pinning`); learned corrects chromaticity by a network, where there
+    is one for the pattern (`stages.colour_network`).
 
+    Examples
+    --------
     >>> from dataclasses import replace
     >>> from panchroma.offline import BEST, PAPER
     >>> sharp = replace(BEST, denoising=replace(BEST.denoising, strength=0.5))
@@ -53,17 +57,25 @@ class RenderSettings:
 
     @property
     def asks_for_codes(self) -> bool:
-        """True if the result depends on which samples are saturated; if not, `in_scene_units` renders the same."""
+        """True if the result depends on which samples are saturated; if not, `in_scene_units`
+        renders the same.
+        """
         return self.defects.used or self.highlights.used or self.asks_for_sites
 
     @property
     def asks_for_sites(self) -> bool:
-        """True if a switch is on: these stages use the samples of the colour sites, or the residual of the picture there."""
+        """True if a switch is on: these stages use the samples of the colour sites, or the residual
+        of the picture there.
+        """
         return any(part.used for part in vars(self).values() if isinstance(part, Switch))
 
     def switched(self, used: bool) -> "RenderSettings":
         """These settings with every `Switch` on or off."""
-        switches: dict[str, Any] = {name: replace(part, used=used) for name, part in vars(self).items() if isinstance(part, Switch)}
+        switches: dict[str, Any] = {
+            name: replace(part, used=used)
+            for name, part in vars(self).items()
+            if isinstance(part, Switch)
+        }
         return replace(self, **switches)
 
 
@@ -72,15 +84,22 @@ BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
     defects=DefectsSettings(listed=True, contrast=5.0),
     highlights=HighlightsSettings(restored=True),
-    # The first threshold is a sixth of the brightest sample, the last one 0.0015: before and after, no iteration gains anything.
+    # The first threshold is a sixth of the brightest sample, the last one 0.0015: before and after,
+    # no iteration gains anything.
     luminance=LuminanceSettings(threshold=1 / 6, relative=True, iterations=28, learned=True),
-    # Of 14 pictures to learn from, blocks of 8 pixels besides gain 0.04 dB at sigma 0.03, and 0.01 at 0.01.
+    # Of 14 pictures to learn from, blocks of 8 pixels besides gain 0.04 dB at sigma 0.03, and 0.01
+    # at 0.01.
     denoising=DenoisingSettings(strength=1.0, sizes=(4, 8, 12)),
-    chromaticity=ChromaticitySettings(detail=3.0),  # one photograph without noise gains half a decibel, the others 0.05
-    pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))),
-    propagation=PropagationSettings(softness=0.45, likeness=7.0),  # without likeness print loses 1.2 dB, photographs 0.05, one 0.3
+    # one photograph without noise gains half a decibel, the others 0.05
+    chromaticity=ChromaticitySettings(detail=3.0),
+    pooling=PoolingSettings(
+        passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))
+    ),
+    # without likeness print loses 1.2 dB, photographs 0.05, one 0.3
+    propagation=PropagationSettings(softness=0.45, likeness=7.0),
     affinity=AffinitySettings(tolerance=3e-3),  # with 1e-3 no photograph gains 0.02 dB
-    refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
+    # from chromaticities without noise it would only remove detail
+    refinement=RefinementSettings(repetitions=0),
 ).switched(True)
 UNLEARNED = replace(BEST, learned=PAPER.learned, luminance=replace(BEST.luminance, learned=False))
 PRESETS = {"best": BEST, "unlearned": UNLEARNED, "paper": PAPER}

@@ -24,22 +24,31 @@ CountOrNone = Annotated[int, Range(lambda value: value >= 0, "0 or more")]
 
 
 class StageSettings:
-    """Base of the settings of a stage: their ranges, whether it is used, and which kernels it then calls, to compile them ahead.
+    """Base of the settings of a stage: their ranges, whether it is used, and which kernels it then
+    calls, to compile them ahead.
 
-    asked_by: settings of which one has to be on (not False, 0 or empty), or the stage changes nothing.
-    kernels: names of those that it calls when it is used; stages in rows say so themselves.
+    Attributes
+    ----------
+    asked_by : tuple[str, ...]
+        Settings of which one has to be on (not False, 0 or empty), or the stage changes nothing.
+    kernels : tuple[str, ...]
+        Names of those that it calls when it is used; stages in rows say so themselves.
     """
 
     asked_by: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise InputError, which names a setting, its value and what is expected, for one outside its range."""
+        """Raise InputError, which names a setting, its value and what is expected, for one outside
+        its range.
+        """
         part = type(self).__name__.removesuffix("Settings").lower()
         for field in fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
             for allowed in getattr(field.type, "__metadata__", ()):
                 if not allowed.holds(value):
-                    raise InputError(f"settings: {part}.{field.name} is {value}, expected {allowed.expected}")
+                    raise InputError(
+                        f"settings: {part}.{field.name} is {value}, expected {allowed.expected}"
+                    )
 
     @property
     def used(self) -> bool:
@@ -54,6 +63,12 @@ class StageSettings:
 
 @dataclass(frozen=True)
 class Switch(StageSettings):
-    """A stage that is used or not. used: whether it is."""
+    """A stage that is used or not.
+
+    Attributes
+    ----------
+    used : bool
+        Whether it is.
+    """
 
     used: bool = False

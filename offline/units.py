@@ -1,7 +1,8 @@
-"""Frames have to measure luminance, in scene units, whose white is about 1, and every picture is checked to be finite.
+"""Frames have to measure luminance, in scene units, whose white is about 1, and every picture is
+checked to be finite.
 
-Stages have thresholds in scene units, such as the luminance below which a pixel has no colour: samples in another unit would give
-a wrong picture without a word.
+Stages have thresholds in scene units, such as the luminance below which a pixel has no colour:
+samples in another unit would give a wrong picture without a word.
 """
 
 from collections.abc import Sequence
@@ -18,35 +19,55 @@ _FARTHEST = 2.0**10
 
 
 def check_frames(mosaics: Sequence[Mosaic]) -> None:
-    """Raise InputError for frames without a panchromatic pixel, and for those of floating point that are not in scene units.
+    """Raise InputError for frames without a panchromatic pixel, and for those of floating point
+    that are not in scene units.
 
-    The message says by what to scale the latter. Codes always are: their calibration says what they mean, and a lens cap makes
-    frames as dark as can be. So a dark frame is taken if its brightest sample is half a code of its sensor, and a black one too.
+    The message says by what to scale the latter. Codes always are: their calibration says what they
+    mean, and a lens cap makes frames as dark as can be. So a dark frame is taken if its brightest
+    sample is half a code of its sensor, and a black one too.
     """
     for pattern, (height, width) in ((mosaic.pattern, mosaic.shape) for mosaic in mosaics):
-        if not pattern.panchromatic_mask((min(height, pattern.period), min(width, pattern.period))).any():
+        if not pattern.panchromatic_mask(
+            (min(height, pattern.period), min(width, pattern.period))
+        ).any():
             raise InputError(
-                f"a frame of {width} x {height} pixels without a panchromatic one does not measure luminance; use a larger one"
+                f"a frame of {width} x {height} pixels without a panchromatic one does not "
+                "measure luminance; use a larger one"
             )
-    white, step = mosaics[0].calibration.full_scale, 0.5 * float(mosaics[0].calibration.scale().min())
-    brightest = max(float(np.abs((mosaic.samples.min(), mosaic.samples.max())).max()) for mosaic in mosaics) / white
+    white, step = (
+        mosaics[0].calibration.full_scale,
+        0.5 * float(mosaics[0].calibration.scale().min()),
+    )
+    brightest = (
+        max(float(np.abs((mosaic.samples.min(), mosaic.samples.max())).max()) for mosaic in mosaics)
+        / white
+    )
     least = min(1 / _FARTHEST, step / white)
     codes = any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics)
     if brightest and not codes and not least <= brightest <= _FARTHEST:
         raise InputError(
-            f"the brightest sample is {brightest:.2g} times white, expected {least:.2g} to {_FARTHEST:g}: it is not in scene "
-            f"units, whose white is about 1; multiply the samples, and their noise, by {2.0 ** -frexp(brightest)[1]:.3g}"
+            f"the brightest sample is {brightest:.2g} times white, expected {least:.2g} to "
+            f"{_FARTHEST:g}: it is not in scene "
+            "units, whose white is about 1; multiply the samples, and their noise, by "
+            f"{2.0 ** -frexp(brightest)[1]:.3g}"
         )
 
 
 def check_finite(picture: FloatArray, first: int) -> None:
-    """Raise RangeError if a value of a band of a picture, (rows, W, C), is not finite. first: the frame's row that is its first."""
+    """Raise RangeError if a value of a band of a picture, (rows, W, C), is not finite.
+
+    Parameters
+    ----------
+    first : int
+        The frame's row that is its first.
+    """
     with np.errstate(over="ignore"):
         if np.isfinite(picture.sum()):
             return
     wrong = np.argwhere(~np.isfinite(picture).all(axis=2))
     if len(wrong):
         raise RangeError(
-            f"{len(wrong)} pixels of the picture are not finite (NaN or infinite), the first in row {first + wrong[0, 0]}, column "
+            f"{len(wrong)} pixels of the picture are not finite (NaN or infinite), the first in "
+            f"row {first + wrong[0, 0]}, column "
             f"{wrong[0, 1]}; this is a fault of the render: please report the shot and the settings"
         )

@@ -1,4 +1,6 @@
-"""The camera itself: filter pattern, calibration, mosaic and file format. README.md in this folder explains them."""
+"""The camera itself: filter pattern, calibration, mosaic and file format. README.md in this folder
+explains them.
+"""
 
 from .block_grid import BlockGrid
 from .calibration import NoiseModel, SensorCalibration

@@ -1,8 +1,9 @@
 """Array types, the order of axes, and the border convention.
 
-Axes are (row, column), for pictures (row, column, channel); row 0 is the top. Every stage that reads beyond the frame sees its
-mirror image without the edge pixel repeated (d c b | a b c d | c b a). NumPy's `pad` calls this "reflect" (``BORDER``), SciPy's
-ndimage "mirror", OpenCV ``BORDER_REFLECT_101``. (SciPy's "reflect" is a different convention.)
+Axes are (row, column), for pictures (row, column, channel); row 0 is the top. Every stage that
+reads beyond the frame sees its mirror image without the edge pixel repeated (d c b | a b c d | c b
+a). NumPy's `pad` calls this "reflect" (``BORDER``), SciPy's ndimage "mirror", OpenCV
+``BORDER_REFLECT_101``. (SciPy's "reflect" is a different convention.)
 """
 
 from collections.abc import Iterator
@@ -22,13 +23,17 @@ BORDER: Literal["reflect"] = "reflect"
 
 
 def mirrored(places: IndexArray, size: int) -> IndexArray:
-    """Indices inside an axis of `size` that `places`, inside or outside, show by the convention of ``BORDER``."""
+    """Indices inside an axis of `size` that `places`, inside or outside, show by the convention of
+    ``BORDER``.
+    """
     turn = max(2 * (size - 1), 1)
     return np.minimum(places % turn, -places % turn)
 
 
 STRIP = 256
-"""Rows of a picture that are processed at a time, so that temporary arrays stay small compared with the picture."""
+"""Rows of a picture that are processed at a time, so that temporary arrays stay small compared with
+the picture.
+"""
 
 
 def is_frozen(array: NDArray[Any]) -> bool:

@@ -1,4 +1,6 @@
-"""The coarse grid of blocks over a frame, and the K x K patches between them (section 3, Fig. 2)."""
+"""The coarse grid of blocks over a frame, and the K x K patches between them (section 3, Fig.
+2).
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,22 +15,35 @@ from .errors import InputError
 class BlockGrid:
     """The coarse grid of blocks, and the K x K patches between them, over one frame.
 
-    A patch begins in the middle of a block, so that its four corners lie in four blocks, or next to them if these are not 2 x 2
-    (Fig. 2). Patches cover the frame; the frame mirrored out to whole patches is the *domain*. Block [0, 0] is at the top left
-    corner of the first patch. Blocks that lie partly or wholly outside the frame measure nothing and take the values of the
-    nearest whole one.
+    A patch begins in the middle of a block, so that its four corners lie in four blocks, or next to
+    them if these are not 2 x 2 (Fig. 2). Patches cover the frame; the frame mirrored out to whole
+    patches is the *domain*. Block [0, 0] is at the top left corner of the first patch. Blocks that
+    lie partly or wholly outside the frame measure nothing and take the values of the nearest whole
+    one.
 
-    period: K.
-    block_origin: (row, column) of the top left pixel of a block in the frame, each 0 to K - 1.
-    block_shape: (rows, columns) of a block.
-    frame: (rows, columns) of the frame.
-    Raises InputError when no whole block lies inside the frame.
+    Attributes
+    ----------
+    period : int
+        K.
+    block_origin : tuple[int, int]
+        (row, column) of the top left pixel of a block in the frame, each 0 to K - 1.
+    block_shape : tuple[int, int]
+        (rows, columns) of a block.
+    frame : tuple[int, int]
+        (rows, columns) of the frame.
 
+    Raises
+    ------
+    InputError
+        When no whole block lies inside the frame.
+
+    Examples
+    --------
     >>> from panchroma.shared import CfaPattern
     >>> grid = CfaPattern.bayer(6).grid((13, 20))
     >>> grid.shape, grid.patches  # blocks and patches, (down, across)
     ((4, 6), (3, 5))
-    >>> grid.rows.tolist(), grid.whole_rows.tolist()  # the first and the last row of blocks do not fit into the frame
+    >>> grid.rows.tolist(), grid.whole_rows.tolist()  # the outermost rows do not fit
     ([-6, 0, 6, 12], [0, 6])
     """
 
@@ -40,22 +55,32 @@ class BlockGrid:
     def __post_init__(self) -> None:
         if not self.inside.any():
             raise InputError(
-                f"a frame of {self.frame[1]} x {self.frame[0]} pixels holds no whole colour block of this pattern "
+                f"a frame of {self.frame[1]} x {self.frame[0]} pixels holds no whole colour "
+                "block of this pattern "
                 f"(period {self.period}); {2 * self.period} x {2 * self.period} pixels always do"
             )
 
     @cached_property
     def padding(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Pixels ((above, below), (left, right)) by which the frame is mirrored out to whole patches."""
+        """Pixels ((above, below), (left, right)) by which the frame is mirrored out to whole
+        patches.
+        """
         above, left = (
-            -(origin + size // 2) % self.period for origin, size in zip(self.block_origin, self.block_shape, strict=True)
+            -(origin + size // 2) % self.period
+            for origin, size in zip(self.block_origin, self.block_shape, strict=True)
         )
-        return (above, -(above + self.frame[0]) % self.period), (left, -(left + self.frame[1]) % self.period)
+        return (above, -(above + self.frame[0]) % self.period), (
+            left,
+            -(left + self.frame[1]) % self.period,
+        )
 
     @cached_property
     def patches(self) -> tuple[int, int]:
         """Number of patches (down, across); the domain has K times as many rows and columns."""
-        rows, columns = ((size + sum(pad)) // self.period for size, pad in zip(self.frame, self.padding, strict=True))
+        rows, columns = (
+            (size + sum(pad)) // self.period
+            for size, pad in zip(self.frame, self.padding, strict=True)
+        )
         return rows, columns
 
     @property
@@ -78,7 +103,9 @@ class BlockGrid:
         """Mask of the blocks that lie wholly inside the frame; bool `shape`."""
         down, across = (
             (origins >= 0) & (origins + block <= size)
-            for origins, block, size in zip((self.rows, self.columns), self.block_shape, self.frame, strict=True)
+            for origins, block, size in zip(
+                (self.rows, self.columns), self.block_shape, self.frame, strict=True
+            )
         )
         return down[:, None] & across[None, :]
 
@@ -90,18 +117,29 @@ class BlockGrid:
 
     @property
     def whole_rows(self) -> IndexArray:
-        """The `rows` of whole blocks: frame row of the first pixel of each block row that lies inside the frame."""
+        """The `rows` of whole blocks: frame row of the first pixel of each block row that lies
+        inside the frame.
+        """
         return self.rows[self.whole[0]]
 
     @property
     def whole_columns(self) -> IndexArray:
-        """The `columns` of whole blocks: frame column of the first pixel of each block column that lies inside the frame."""
+        """The `columns` of whole blocks: frame column of the first pixel of each block column that
+        lies inside the frame.
+        """
         return self.columns[self.whole[1]]
 
     def extend(self, measured: FloatArray) -> FloatArray:
-        """Extend values of the whole blocks, (whole rows, whole columns, ...), to all blocks: the others copy the nearest one."""
-        outside = [(whole.start, size - whole.stop) for whole, size in zip(self.whole, self.shape, strict=True)]
-        return np.ascontiguousarray(np.pad(measured, (*outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge"))
+        """Extend values of the whole blocks, (whole rows, whole columns, ...), to all blocks: the
+        others copy the nearest one.
+        """
+        outside = [
+            (whole.start, size - whole.stop)
+            for whole, size in zip(self.whole, self.shape, strict=True)
+        ]
+        return np.ascontiguousarray(
+            np.pad(measured, (*outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge")
+        )
 
     def _origins(self, axis: int) -> IndexArray:
         first = -self.padding[axis][0] - self.block_shape[axis] // 2

@@ -1,7 +1,9 @@
-"""The calibration of one sensor: the weights of Eq. 7, noise, black and white level, colour, defects.
+"""The calibration of one sensor: the weights of Eq. 7, noise, black and white level, colour,
+defects.
 
-Scene units: linear camera RGB in which 1.0 is the scene's white (the white level of its source, black subtracted). A panchromatic
-pixel reads sum_i gamma_i channel_i (Eq. 7), so the full scale of every pixel of the sensor is sum_i gamma_i scene units.
+Scene units: linear camera RGB in which 1.0 is the scene's white (the white level of its source,
+black subtracted). A panchromatic pixel reads sum_i gamma_i channel_i (Eq. 7), so the full scale of
+every pixel of the sensor is sum_i gamma_i scene units.
 """
 
 import hashlib
@@ -18,7 +20,14 @@ import numpy as np
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
 from .figures import built, numbers, shown, whole
-from .lights import COLOUR_RANGE, CalibratedLight, Lights, checked_lights, checked_matrix, colours_under
+from .lights import (
+    COLOUR_RANGE,
+    CalibratedLight,
+    Lights,
+    checked_lights,
+    checked_matrix,
+    colours_under,
+)
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
 from .shading import Shading
@@ -30,8 +39,8 @@ BITS = range(8, 17)
 _ANY = (-math.inf, math.inf)
 _KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bool}
 
-# What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
-# beyond the limits a render would overflow, without an error.
+# What a camera can have, with orders of magnitude to spare. Single precision computes with squares
+# and quotients of these figures: beyond the limits a render would overflow, without an error.
 _GAMMA = (1e-3, 1e3)
 NOISE_RANGE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
 _LEAST_RANGE = 16  # codes from black to white
@@ -42,12 +51,24 @@ _LETTERS = re.compile("[A-Z]{2,}")
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Poisson-Gaussian noise per plane (the channels, then panchromatic): variance = shot * signal + read**2, in scene units.
+    """Poisson-Gaussian noise per plane (the channels, then panchromatic): variance = shot * signal
+    + read**2, in scene units.
 
-    shot: variance per scene unit of signal, 0 or more, one value per plane: the scene units that one electron adds.
-    read: standard deviation of the read noise in scene units, 0 or more, one value per plane.
-    Raises InputError when a value is negative or not finite, and when the two have different lengths.
+    Attributes
+    ----------
+    shot : tuple[float, ...]
+        Variance per scene unit of signal, 0 or more, one value per plane: the scene units that one
+        electron adds.
+    read : tuple[float, ...]
+        Standard deviation of the read noise in scene units, 0 or more, one value per plane.
 
+    Raises
+    ------
+    InputError
+        When a value is negative or not finite, and when the two have different lengths.
+
+    Examples
+    --------
     >>> from panchroma.shared import NoiseModel
     >>> noise = NoiseModel(shot=(2e-4, 2e-4, 2e-4, 2e-4), read=(6e-4, 6e-4, 6e-4, 6e-4))
     >>> round(noise.sigma(3.0), 4)  # of a panchromatic sample at full scale
@@ -66,20 +87,33 @@ class NoiseModel:
                 raise InputError(f"calibration: noise.{name} has a negative figure: {values}")
             object.__setattr__(self, name, values)
         if len(self.shot) != len(self.read):
-            raise InputError(f"calibration: noise.shot has {len(self.shot)} planes, noise.read {len(self.read)}")
+            raise InputError(
+                f"calibration: noise.shot has {len(self.shot)} planes, noise.read {len(self.read)}"
+            )
 
     @classmethod
     def gaussian(cls, sigma: float, planes: int) -> "NoiseModel":
-        """Noise as in the paper: additive Gaussian with one standard deviation (scene units) on all planes."""
+        """Noise as in the paper: additive Gaussian with one standard deviation (scene units) on all
+        planes.
+        """
         return cls((0.0,) * planes, (sigma,) * planes)
 
     def sigma(self, signal: float, plane: int = -1) -> float:
-        """Standard deviation sigma_z of a sample of one plane (by default panchromatic) at a signal level; both in scene units."""
+        """Standard deviation sigma_z of a sample of one plane (by default panchromatic) at a signal
+        level; both in scene units.
+        """
         return math.sqrt(self.shot[plane] * max(signal, 0.0) + self.read[plane] ** 2)
 
     def variance(self, signal: FloatArray, plane: int | IndexArray = -1) -> FloatArray:
-        """Variance of samples, float32 like `signal`, scene units squared. plane: of all samples, or of each along the last axis.
+        """Variance of samples, float32 like `signal`, scene units squared.
 
+        Parameters
+        ----------
+        plane : int | IndexArray, optional
+            Of all samples, or of each along the last axis.
+
+        Examples
+        --------
         >>> import numpy as np
         >>> from panchroma.shared import NoiseModel
         >>> noise = NoiseModel(shot=(0.25, 0.5), read=(0.0, 1.0))
@@ -91,12 +125,19 @@ class NoiseModel:
 
     def in_units_of(self, unit: float) -> "NoiseModel":
         """Return the noise of samples in units of `unit` scene units, > 0."""
-        return NoiseModel(tuple(each / unit for each in self.shot), tuple(each / unit for each in self.read))
+        return NoiseModel(
+            tuple(each / unit for each in self.shot), tuple(each / unit for each in self.read)
+        )
 
     def possible(self) -> "NoiseModel":
-        """The model with figures that a calibration may have: less than that is nothing, and more is as good as the most."""
+        """The model with figures that a calibration may have: less than that is nothing, and more
+        is as good as the most.
+        """
         least, most = NOISE_RANGE
-        clamped = ((0.0 if each < least else min(each, most) for each in figures) for figures in (self.shot, self.read))
+        clamped = (
+            (0.0 if each < least else min(each, most) for each in figures)
+            for figures in (self.shot, self.read)
+        )
         return NoiseModel(*map(tuple, clamped))
 
     @property
@@ -107,23 +148,49 @@ class NoiseModel:
 
 @dataclass(frozen=True)
 class SensorCalibration:
-    """The calibration of one sensor with any number C of channels; every field is checked (InputError names the field).
+    """The calibration of one sensor with any number C of channels; every field is checked
+    (InputError names the field).
 
-    channels: the letters of the channels, in the order of all per-channel fields and of `CfaPattern.channels`.
-    gamma: the C weights of Eq. 7, positive. By default all 1.
-    noise: per plane (channels, then panchromatic), scene units; None = unknown.
-    black_level: sensor codes, per plane. By default those of `of_bits(16)`.
-    white_level: the code that reads `full_scale` scene units. By default that of `of_bits(16)`.
-    camera_to_xyz: 3 x C, scene units -> CIE XYZ (D50 white), under the light in which `neutral` was seen; None = uncalibrated.
-    neutral: reading of a white surface in each channel under the light of the shot, up to scale; None = unknown.
-    neutral_estimated: the neutral is an estimate from the picture, not a measurement or the setting of a camera.
-    defects: sensor (row, column) of the pixels that do not measure light, in reading order.
-    sensor: a name for people.
-    camera: id of the camera file that the calibration came from ("" = none); it stays when fields are replaced.
-    shading: of lens and sensor; None = unknown, treated as none. Noise and levels are those before its gain.
-    aberration: JSON text of the lateral chromatic aberration that a file names; "" = none. It is kept in files, and not used.
-    lights: the colours under two lights; None = one. `camera_to_xyz` follows from them and from `neutral`, see `colours_under`.
+    Attributes
+    ----------
+    channels : str
+        The letters of the channels, in the order of all per-channel fields and of
+        `CfaPattern.channels`.
+    gamma : tuple[float, ...]
+        The C weights of Eq. 7, positive. By default all 1.
+    noise : NoiseModel | None
+        Per plane (channels, then panchromatic), scene units; None = unknown.
+    black_level : tuple[float, ...]
+        Sensor codes, per plane. By default those of `of_bits(16)`.
+    white_level : int
+        The code that reads `full_scale` scene units. By default that of `of_bits(16)`.
+    camera_to_xyz : tuple[tuple[float, ...], ...] | None
+        3 x C, scene units -> CIE XYZ (D50 white), under the light in which `neutral` was seen; None
+        = uncalibrated.
+    neutral : tuple[float, ...] | None
+        Reading of a white surface in each channel under the light of the shot, up to scale; None =
+        unknown.
+    neutral_estimated : bool
+        The neutral is an estimate from the picture, not a measurement or the setting of a camera.
+    defects : tuple[tuple[int, int], ...]
+        Sensor (row, column) of the pixels that do not measure light, in reading order.
+    sensor : str
+        A name for people.
+    camera : str
+        Id of the camera file that the calibration came from ("" = none); it stays when fields are
+        replaced.
+    shading : Shading | None
+        Of lens and sensor; None = unknown, treated as none. Noise and levels are those before its
+        gain.
+    aberration : str
+        JSON text of the lateral chromatic aberration that a file names; "" = none. It is kept in
+        files, and not used.
+    lights : Lights | None
+        The colours under two lights; None = one. `camera_to_xyz` follows from them and from
+        `neutral`, see `colours_under`.
 
+    Examples
+    --------
     >>> from panchroma.shared import SensorCalibration
     >>> calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
     >>> calibration.black_level, calibration.white_level
@@ -153,7 +220,8 @@ class SensorCalibration:
         letters, count, planes = self.channels, len(self.channels), len(self.channels) + 1
         if not _LETTERS.fullmatch(letters) or len(set(letters)) != count or PANCHROMATIC in letters:
             raise InputError(
-                f"calibration: channels is {letters!r}, expected two or more different letters A to Z; {PANCHROMATIC} stands for "
+                f"calibration: channels is {letters!r}, expected two or more different letters A "
+                f"to Z; {PANCHROMATIC} stands for "
                 "panchromatic"
             )
         self._set("gamma", count, _GAMMA, default=1.0)
@@ -162,15 +230,23 @@ class SensorCalibration:
         black, white = self.black_level, self.white_level
         if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:
             raise InputError(
-                f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= black, at least {_LEAST_RANGE} "
+                f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= "
+                f"black, at least {_LEAST_RANGE} "
                 "codes below white, which is 65535 at most"
             )
-        held = {"noise": self.noise.shot if self.noise else None, "shading": self.shading.gain if self.shading else None}
+        held = {
+            "noise": self.noise.shot if self.noise else None,
+            "shading": self.shading.gain if self.shading else None,
+        }
         for part, values in held.items():
             if values is not None and len(values) != planes:
-                raise InputError(f"calibration: {part} has {len(values)} planes, expected {planes} ({letters}W)")
+                raise InputError(
+                    f"calibration: {part} has {len(values)} planes, expected {planes} ({letters}W)"
+                )
         for name in ("shot", "read") if self.noise else ():
-            _check_range(f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or ")
+            _check_range(
+                f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or "
+            )
         if self.neutral is not None:
             self._set("neutral", count, COLOUR_RANGE)
         elif self.neutral_estimated:
@@ -184,12 +260,22 @@ class SensorCalibration:
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
-        """A calibration for samples of `bits` bits (8 to 16), with the black level at a sixteenth of the range of codes.
+        """A calibration for samples of `bits` bits (8 to 16), with the black level at a sixteenth
+        of the range of codes.
 
-        headroom: True puts the white level below the highest code, by as much as the black level is above 0, so that additive noise
-            is clipped at neither end. False puts it at the highest code, where a real sensor clips.
-        fields: any other fields by name; levels given here replace those of `bits`.
-        Raises InputError for any other number of bits, and for invalid fields.
+        Parameters
+        ----------
+        headroom : bool, optional
+            True puts the white level below the highest code, by as much as the black level is above
+            0, so that additive noise is clipped at neither end. False puts it at the highest code,
+            where a real sensor clips.
+        fields : Any
+            Any other fields by name; levels given here replace those of `bits`.
+
+        Raises
+        ------
+        InputError
+            For any other number of bits, and for invalid fields.
         """
         if bits not in BITS:
             raise InputError(f"samples of {bits} bits: expected {BITS[0]} to {BITS[-1]}")
@@ -201,15 +287,22 @@ class SensorCalibration:
         return cls(**{**levels, **fields})
 
     def lens_remarks(self, focal_length: float | None) -> tuple[str, ...]:
-        """Remarks on a shot at this focal length, millimetres: shading from another one, and an aberration that is ignored."""
+        """Remarks on a shot at this focal length, millimetres: shading from another one, and an
+        aberration that is ignored.
+        """
         remarks = [self.shading.zoomed(focal_length)] if self.shading else []
         if self.aberration:
-            remarks.append("its calibration names a lateral chromatic aberration, which is ignored: the sensor hardly sees it")
+            remarks.append(
+                "its calibration names a lateral chromatic aberration, which is ignored: the "
+                "sensor hardly sees it"
+            )
         return tuple(filter(None, remarks))
 
     @property
     def knows_white(self) -> bool:
-        """True if it states what white reads: by the neutral, or by the matrix of the one light that it knows."""
+        """True if it states what white reads: by the neutral, or by the matrix of the one light
+        that it knows.
+        """
         return self.neutral is not None or (self.camera_to_xyz is not None and self.lights is None)
 
     @property
@@ -239,7 +332,9 @@ class SensorCalibration:
 
     def without_estimates(self) -> "SensorCalibration":
         """Return the calibration without a neutral that is only an estimate from one picture."""
-        return replace(self, neutral=None, neutral_estimated=False) if self.neutral_estimated else self
+        return (
+            replace(self, neutral=None, neutral_estimated=False) if self.neutral_estimated else self
+        )
 
     def scale(self) -> DoubleArray:
         """Scene units per sensor code of each plane; float64 (C + 1,)."""
@@ -249,7 +344,8 @@ class SensorCalibration:
         """Raise InputError unless the pattern has the channels of this calibration."""
         if pattern.channels != self.channels:
             raise InputError(
-                f"the pattern has channels {pattern.channels}, the calibration {self.channels}: they belong to different sensors"
+                f"the pattern has channels {pattern.channels}, the calibration {self.channels}: "
+                "they belong to different sensors"
             )
 
     def to_json(self) -> dict[str, Any]:
@@ -266,9 +362,17 @@ class SensorCalibration:
 
     @classmethod
     def from_json(cls, document: Any) -> "SensorCalibration":
-        """The calibration in a JSON object made by `to_json`. Raises InputError that names the field."""
+        """The calibration in a JSON object made by `to_json`.
+
+        Raises
+        ------
+        InputError
+            That names the field.
+        """
         if not isinstance(document, dict):
-            raise InputError(f"calibration: expected a JSON object, found {type(document).__name__}")
+            raise InputError(
+                f"calibration: expected a JSON object, found {type(document).__name__}"
+            )
         given = dict(document)
         if (schema := given.pop("schema", None)) != SCHEMA or schema is True:
             raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
@@ -276,7 +380,9 @@ class SensorCalibration:
             raise InputError(f"calibration: unknown field {unknown[0]!r}")
         for name, kind in _KINDS.items():
             if not isinstance(given.get(name, kind()), kind):
-                raise InputError(f"calibration: {name} is {shown(given[name])}, expected {kind.__name__}")
+                raise InputError(
+                    f"calibration: {name} is {shown(given[name])}, expected {kind.__name__}"
+                )
         if given.get("noise") is not None:
             given["noise"] = built(NoiseModel, given["noise"], "calibration: noise")
         if "shading" in given:
@@ -285,13 +391,26 @@ class SensorCalibration:
             given["aberration"] = json.dumps(given["aberration"])
         if (lights := given.get("lights")) is not None:
             if given.get("camera_to_xyz") is not None:
-                raise InputError("calibration: has lights and camera_to_xyz, which follows from them: leave one of them out")
+                raise InputError(
+                    "calibration: has lights and camera_to_xyz, which follows from them: leave "
+                    "one of them out"
+                )
             lights = lights if isinstance(lights, list | tuple) else [lights]
-            given["lights"] = tuple(built(CalibratedLight, light, "calibration: lights") for light in lights)
+            given["lights"] = tuple(
+                built(CalibratedLight, light, "calibration: lights") for light in lights
+            )
         return cls(**given)
 
-    def _set(self, name: str, count: int, limits: tuple[float, float] = _ANY, default: float | None = None) -> None:
-        """Check a list of numbers. default: of all of them, for the empty tuple: null, 0 or [] in a document are mistakes."""
+    def _set(
+        self,
+        name: str,
+        count: int,
+        limits: tuple[float, float] = _ANY,
+        default: float | None = None,
+    ) -> None:
+        """Check a list of numbers. default: of all of them, for the empty tuple: null, 0 or [] in a
+        document are mistakes.
+        """
         values = getattr(self, name)
         if default is not None and isinstance(values, tuple) and not values:
             values = (default,) * count
@@ -299,22 +418,32 @@ class SensorCalibration:
         _check_range(name, getattr(self, name), limits)
 
 
-def _check_range(name: str, values: Iterable[float], limits: tuple[float, float], also: str = "") -> None:
-    """Raise InputError that names the field unless all values lie in `limits`; also: what else is expected, for the message."""
+def _check_range(
+    name: str, values: Iterable[float], limits: tuple[float, float], also: str = ""
+) -> None:
+    """Raise InputError that names the field unless all values lie in `limits`; also: what else is
+    expected, for the message.
+    """
     low, high = limits
     for value in values:
         if not low <= value <= high:
-            raise InputError(f"calibration: {name} holds {value:g}, expected {also}{low:g} to {high:g}")
+            raise InputError(
+                f"calibration: {name} holds {value:g}, expected {also}{low:g} to {high:g}"
+            )
 
 
 def _places(values: Any) -> tuple[tuple[int, int], ...]:
     """Check a list of pixel places and return it sorted, without duplicates; raises InputError."""
     try:
-        places = sorted({(whole("a row", row), whole("a column", column)) for row, column in values})
+        places = sorted(
+            {(whole("a row", row), whole("a column", column)) for row, column in values}
+        )
         if not all(0 <= min(place) <= max(place) < MAX_PIXELS for place in places):
             raise ValueError
     except (TypeError, ValueError, InputError):
-        raise InputError("calibration: defects is not a list of [row, column] that a sensor has") from None
+        raise InputError(
+            "calibration: defects is not a list of [row, column] that a sensor has"
+        ) from None
     if len(places) > _MOST_DEFECTS:
         most = f"{_MOST_DEFECTS} at most; measure the sensor anew"
         raise InputError(f"calibration: defects holds {len(places)} pixels, expected {most}")

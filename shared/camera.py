@@ -1,7 +1,7 @@
 """camera.json: the calibration of one camera, its filter pattern, and how each part was measured.
 
-The file is the JSON object of a calibration with three more fields, "pattern", "size" and "measured". All are optional, so a bare
-calibration is a valid camera file.
+The file is the JSON object of a calibration with three more fields, "pattern", "size" and
+"measured". All are optional, so a bare calibration is a valid camera file.
 """
 
 from collections.abc import Mapping
@@ -20,25 +20,39 @@ from .reading import MAX_DOCUMENT, read_text
 from .white_balance import balanced, estimate_neutral
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading", "aberration")
-"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral, or lights. Nothing measures
-"aberration" any more."""
+"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral,
+or lights. Nothing measures "aberration" any more.
+"""
 
 
 @dataclass(frozen=True)
 class Camera:
     """The content of a camera file.
 
-    calibration: the calibration; its field `camera` is set to its own id.
-    pattern: the filter pattern that the camera was measured with; None = unknown.
-    measured: part (one of MEASURABLE) -> how it was measured, a JSON object for people and reports.
-    size: (rows, columns) of the frames that it was measured on; None = unknown.
-    Raises InputError when pattern and calibration have different channels, when `measured` names an unknown part, and for a `size`
-    that no frame has.
+    Attributes
+    ----------
+    calibration : SensorCalibration
+        The calibration; its field `camera` is set to its own id.
+    pattern : CfaPattern | None
+        The filter pattern that the camera was measured with; None = unknown.
+    measured : Mapping[str, Mapping[str, Any]]
+        Part (one of MEASURABLE) -> how it was measured, a JSON object for people and reports.
+    size : tuple[int, int] | None
+        (rows, columns) of the frames that it was measured on; None = unknown.
 
+    Raises
+    ------
+    InputError
+        When pattern and calibration have different channels, when `measured` names an unknown part,
+        and for a `size` that no frame has.
+
+    Examples
+    --------
     >>> import json
     >>> from pathlib import Path
     >>> from panchroma.shared import Camera, CfaPattern, SensorCalibration, read_camera
-    >>> camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8), sensor="bench"), CfaPattern.bayer(6))
+    >>> camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8), sensor="bench"),
+    CfaPattern.bayer(6))
     >>> Path("camera.json").write_text(json.dumps(camera.to_json())) > 0
     True
     >>> read_camera("camera.json") == camera
@@ -51,23 +65,34 @@ class Camera:
     size: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "calibration", replace(self.calibration, camera=self.calibration.id))
+        object.__setattr__(
+            self, "calibration", replace(self.calibration, camera=self.calibration.id)
+        )
         if self.pattern is not None:
             self.calibration.check_pattern(self.pattern)
         for part, how in self.measured.items():
             if part not in MEASURABLE:
-                raise InputError(f"camera: measured has an unknown part {part!r}; one of {', '.join(MEASURABLE)}")
+                raise InputError(
+                    f"camera: measured has an unknown part {part!r}; one of {', '.join(MEASURABLE)}"
+                )
             if not isinstance(how, Mapping):
                 raise InputError(f"camera: measured.{part} is {shown(how)}, expected an object")
         if self.size is not None:
             object.__setattr__(self, "size", size("camera: size", self.size))
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
-        """The shot with this camera's calibration; what it does not know of colours, noise, defects and lens stays the shot's.
+        """The shot with this camera's calibration; what it does not know of colours, noise, defects
+        and lens stays the shot's.
 
-        A camera with two lights knows no white: that of the shot counts, or, where nobody has measured it, an estimate.
-        Raises InputError when the shot has another sensor, pattern, or number of bits, and when it has another size and the camera
-        lists defects, which would be elsewhere in it; the message names both.
+        A camera with two lights knows no white: that of the shot counts, or, where nobody has
+        measured it, an estimate.
+
+        Raises
+        ------
+        InputError
+            When the shot has another sensor, pattern, or number of bits, and when it has another
+            size and the camera lists defects, which would be elsewhere in it; the message names
+            both.
         """
         self.check(mosaic.pattern, mosaic.calibration)
         if self.calibration.defects:
@@ -78,7 +103,8 @@ class Camera:
         # A shot of a picture says 1, 1, 1, for pictures are balanced; sensors are not.
         of_picture = known.lights and white.neutral and len(set(white.neutral)) == 1
         measured = None if of_picture else white.neutral
-        # What this camera's file does not state stays that of the shot; what was measured to be absent does not.
+        # What this camera's file does not state stays that of the shot; what was measured to be
+        # absent does not.
         unknown = {"noise", "defects", "sensor", "shading", "aberration"} - self.measured.keys()
         kept = {name: getattr(known, name) or getattr(own, name) for name in unknown}
         calibration = replace(
@@ -95,27 +121,41 @@ class Camera:
         return replace(result, calibration=balanced(calibration, np.array(seen), estimated=True))
 
     def check(self, pattern: CfaPattern, calibration: SensorCalibration) -> None:
-        """Raise InputError unless a shot with this pattern and calibration can come from this camera; the message names both."""
+        """Raise InputError unless a shot with this pattern and calibration can come from this
+        camera; the message names both.
+        """
         sensor, other = self.calibration.sensor, calibration.sensor
         if sensor and other and sensor != other:
-            raise InputError(f"the shot is from sensor {other!r}, the camera file of sensor {sensor!r}")
+            raise InputError(
+                f"the shot is from sensor {other!r}, the camera file of sensor {sensor!r}"
+            )
         self.check_pattern(pattern)
         if calibration.bits != self.calibration.bits:
-            raise InputError(f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}")
+            raise InputError(
+                f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}"
+            )
 
     def check_pattern(self, pattern: CfaPattern) -> None:
-        """Raise InputError unless this camera was measured with this pattern; the message names both."""
+        """Raise InputError unless this camera was measured with this pattern; the message names
+        both.
+        """
         self.calibration.check_pattern(pattern)
         if self.pattern is not None and self.pattern.letters_from() != pattern.letters_from():
             raise InputError(
-                f"the pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: they belong to different sensors"
+                f"the pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: "
+                "they belong to different sensors"
             )
 
     def check_size(self, shape: tuple[int, int]) -> None:
-        """Raise InputError unless this camera was measured on frames of this shape, or does not say; the message names both."""
+        """Raise InputError unless this camera was measured on frames of this shape, or does not
+        say; the message names both.
+        """
         if self.size and self.size != shape:
             (rows, columns), (height, width) = shape, self.size
-            raise InputError(f"the frames have {columns} x {rows} pixels, those of the camera file {width} x {height}")
+            raise InputError(
+                f"the frames have {columns} x {rows} pixels, those of the camera file {width} x "
+                f"{height}"
+            )
 
     def to_json(self) -> dict[str, Any]:
         """The camera as a JSON object, the content of camera.json; `from_json` turns it back."""
@@ -126,12 +166,20 @@ class Camera:
         if self.size is not None:
             document["size"] = list(self.size)
         if self.measured:
-            document["measured"] = {part: dict(self.measured[part]) for part in MEASURABLE if part in self.measured}
+            document["measured"] = {
+                part: dict(self.measured[part]) for part in MEASURABLE if part in self.measured
+            }
         return document
 
     @classmethod
     def from_json(cls, document: Any) -> "Camera":
-        """The camera in a JSON object made by `to_json`. Raises InputError that names the field."""
+        """The camera in a JSON object made by `to_json`.
+
+        Raises
+        ------
+        InputError
+            That names the field.
+        """
         if not isinstance(document, dict):
             raise InputError(f"camera: expected a JSON object, found {type(document).__name__}")
         given = dict(document)
@@ -144,11 +192,19 @@ class Camera:
 
 
 def read_camera(path: Path | str) -> Camera:
-    """The camera in a camera file. Raises InputError that names the file and what is wrong with it.
+    """The camera in a camera file.
 
+    Raises
+    ------
+    InputError
+        That names the file and what is wrong with it.
+
+    Examples
+    --------
     >>> from pathlib import Path
     >>> from panchroma.shared import read_camera
-    >>> Path("camera.json").write_text('{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000}') > 0
+    >>> Path("camera.json").write_text('{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level":
+    60000}') > 0
     True
     >>> read_camera("camera.json").calibration.gamma
     (0.9, 1.1, 0.8)

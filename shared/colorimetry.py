@@ -12,7 +12,9 @@ Matrix = tuple[tuple[float, ...], ...]  # a tuple per row, as frozen dataclasses
 D50 = np.array([0.9642, 1.0, 0.8249])  # CIE XYZ of the profile connection space, ICC.1:2022, 7.2.16
 D65_XY = (0.3127, 0.3290)  # ITU-R BT.709, also of IEC 61966-2-1
 # Bradford's cone responses: ICC.1:2022, annex E
-BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+BRADFORD = np.array(
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
 
 SRGB_PRIMARIES = ((0.640, 0.330), (0.300, 0.600), (0.150, 0.060))  # IEC 61966-2-1, table 1
 
@@ -23,17 +25,27 @@ def xyz(x: float, y: float) -> DoubleArray:
 
 
 def adaptation(source: DoubleArray, destination: DoubleArray = D50) -> DoubleArray:
-    """Matrix of the linear Bradford adaptation of XYZ from one white to another (ICC.1:2022, annex E); float64 (3, 3)."""
+    """Matrix of the linear Bradford adaptation of XYZ from one white to another (ICC.1:2022, annex
+    E); float64 (3, 3).
+    """
     gain: DoubleArray = (BRADFORD @ destination) / (BRADFORD @ source)
     return np.linalg.solve(BRADFORD, gain[:, None] * BRADFORD)
 
 
-def primaries_to_xyz(primaries: Sequence[tuple[float, float]], white: tuple[float, float] = D65_XY) -> DoubleArray:
-    """Matrix from linear RGB to XYZ relative to D50 (SMPTE RP 177, then Bradford); float64 (3, 3). RGB (1, 1, 1) becomes D50.
+def primaries_to_xyz(
+    primaries: Sequence[tuple[float, float]], white: tuple[float, float] = D65_XY
+) -> DoubleArray:
+    """Matrix from linear RGB to XYZ relative to D50 (SMPTE RP 177, then Bradford); float64 (3, 3).
+    RGB (1, 1, 1) becomes D50.
 
-    primaries: chromaticities (x, y) of red, green and blue.
-    white: chromaticity (x, y) of RGB (1, 1, 1).
     Raises numpy.linalg.LinAlgError when the primaries lie on a line.
+
+    Parameters
+    ----------
+    primaries : Sequence[tuple[float, float]]
+        Chromaticities (x, y) of red, green and blue.
+    white : tuple[float, float], optional
+        Chromaticity (x, y) of RGB (1, 1, 1).
     """
     columns = np.stack([xyz(*primary) for primary in primaries], axis=1)
     source = xyz(*white)
@@ -49,10 +61,13 @@ SRGB_TO_XYZ = as_rows(primaries_to_xyz(SRGB_PRIMARIES))
 
 
 def among(matrix: ArrayLike, channels: str) -> DoubleArray:
-    """A matrix (3, 3) of red, green and blue for channels that have these three among them; float64 (3, C).
+    """A matrix (3, 3) of red, green and blue for channels that have these three among them; float64
+    (3, C).
 
     The other channels have no colour.
 
+    Examples
+    --------
     >>> from panchroma.shared.colorimetry import among
     >>> among([[1, 2, 3]] * 3, "GNRB")[0].tolist()
     [2.0, 0.0, 1.0, 3.0]
@@ -63,9 +78,14 @@ def among(matrix: ArrayLike, channels: str) -> DoubleArray:
 
 
 def nominal_to_xyz(channels: str, neutral: Sequence[float] | None) -> DoubleArray:
-    """The matrix from channels, R, G and B among them, to XYZ (D50) if those three have the primaries of sRGB; float64 (3, C).
+    """The matrix from channels, R, G and B among them, to XYZ (D50) if those three have the
+    primaries of sRGB; float64 (3, C).
 
-    neutral: what white reads in each channel; None = the same. The primaries belong to balanced channels, where white reads 1.
+    Parameters
+    ----------
+    neutral : Sequence[float] | None
+        What white reads in each channel; None = the same. The primaries belong to balanced
+        channels, where white reads 1.
     """
     balance = 1.0 if neutral is None else max(neutral) / np.array(neutral)
     return np.asarray(among(SRGB_TO_XYZ, channels) * balance)

@@ -1,4 +1,6 @@
-"""The control groups of this process (Linux): where a container, a batch system or systemd states the limits that it sets."""
+"""The control groups of this process (Linux): where a container, a batch system or systemd states
+the limits that it sets.
+"""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -9,17 +11,23 @@ _USUAL = Path("/sys/fs/cgroup")
 
 
 def control_groups(controller: str) -> Iterator[Path]:
-    """Yield the folders of the groups whose limits may hold for this process: its own and all above it, of versions 1 and 2.
+    """Yield the folders of the groups whose limits may hold for this process: its own and all above
+    it, of versions 1 and 2.
 
-    controller: its name in version 1: memory, cpu.
+    Source: Linux, admin-guide/cgroup-v1/cgroups.rst, admin-guide/cgroup-v2.rst; proc(5),
+    /proc/PID/mountinfo.
 
-    Source: Linux, admin-guide/cgroup-v1/cgroups.rst, admin-guide/cgroup-v2.rst; proc(5), /proc/PID/mountinfo.
+    Parameters
+    ----------
+    controller : str
+        Its name in version 1: memory, cpu.
     """
     yield _USUAL  # of containers, which may hide the rest
     yield _USUAL / controller
     try:
         memberships = [line.split(":", 2) for line in _lines("cgroup")]
-        own = {name: path for _, names, path in memberships for name in names.split(",")}  # version 2 has the name ""
+        # version 2 has the name ""
+        own = {name: path for _, names, path in memberships for name in names.split(",")}
         mounts = [line.partition(" - ") for line in _lines("mountinfo")]
         for mount, _, file_system in mounts:
             (root, point), (kind, *_, options) = mount.split(" ")[3:5], file_system.split(" ")
@@ -46,7 +54,9 @@ def _unescaped(path: str) -> str:
 
 
 def _line_of_groups(point: Path, root: str, path: str) -> Iterator[Path]:
-    """Yield the mount point, and all groups from there to the one at `path`. root: the group that is mounted there."""
+    """Yield the mount point, and all groups from there to the one at `path`. root: the group that
+    is mounted there.
+    """
     yield point
     with suppress(ValueError):  # in a namespace the mount may show another part of the tree
         below = PurePosixPath(path).relative_to(root)

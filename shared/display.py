@@ -1,12 +1,17 @@
 """Display white of a camera, and the matrix from its scene units to linear RGB.
 
-**White.** A white surface reads k * neutral, for some k. Display white is the brightest such reading that every channel can still
-measure: its largest channel is 1.0 scene unit, the white level. (Raw developers state the inverse: white-balance multipliers,
+**White.** A white surface reads k * neutral, for some k. Display white is the brightest such
+reading that every channel can still
+measure: its largest channel is 1.0 scene unit, the white level. (Raw developers state the inverse:
+white-balance multipliers,
 scaled so that the smallest is 1.)
 
-**Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the neutral. A fitted matrix maps the
-neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral becomes grey, R = G = B. Without a
-matrix, channels named R, G and B are assumed to have the primaries of sRGB, whatever others there are, which do not count then;
+**Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the
+neutral. A fitted matrix maps the
+neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral
+becomes grey, R = G = B. Without a
+matrix, channels named R, G and B are assumed to have the primaries of sRGB, whatever others there
+are, which do not count then;
 without these three there is no such guess.
 """
 
@@ -18,31 +23,53 @@ from .colorimetry import BRADFORD, D50, SRGB_TO_XYZ, adaptation, nominal_to_xyz
 from .errors import InputError
 
 SATURATED = 0.90, 0.99
-"""Fractions of what panchromatic samples can measure between which a place turns white: saturated ones are even, but for noise."""
+"""Fractions of what panchromatic samples can measure between which a place turns white: saturated
+ones are even, but for noise.
+"""
 
 
-def display_white(calibration: SensorCalibration, to_xyz: DoubleArray | None = None) -> tuple[DoubleArray, DoubleArray]:
-    """Return the reading of display white in each channel, (C,), and the matrix from scene units to linear RGB, (3, C); float64.
+def display_white(
+    calibration: SensorCalibration, to_xyz: DoubleArray | None = None
+) -> tuple[DoubleArray, DoubleArray]:
+    """Return the reading of display white in each channel, (C,), and the matrix from scene units to
+    linear RGB, (3, C); float64.
 
-    to_xyz: matrix from the RGB to XYZ (D50), (3, 3); None = that of sRGB.
-    The largest reading is 1.0; the matrix maps the readings to (1, 1, 1). A missing neutral is taken to be the reading that the
-    camera's matrix maps to D50, without a matrix (1, 1, 1).
-    Raises InputError for channels of unknown colours, and when the camera's matrix maps the neutral to no possible white.
+    The largest reading is 1.0; the matrix maps the readings to (1, 1, 1). A missing neutral is
+    taken to be the reading that the camera's matrix maps to D50, without a matrix (1, 1, 1).
 
+    Parameters
+    ----------
+    to_xyz : DoubleArray | None, optional
+        Matrix from the RGB to XYZ (D50), (3, 3); None = that of sRGB.
+
+    Raises
+    ------
+    InputError
+        For channels of unknown colours, and when the camera's matrix maps the neutral to no
+        possible white.
+
+    Examples
+    --------
     >>> from panchroma.shared import SensorCalibration
     >>> from panchroma.shared.display import display_white
     >>> display_white(SensorCalibration(neutral=(0.5, 2.0, 1.0)))[0].tolist()
     [0.25, 1.0, 0.5]
     """
     camera_to_xyz = _camera_to_xyz(calibration)
-    neutral = np.linalg.lstsq(camera_to_xyz, D50)[0] if calibration.neutral is None else np.array(calibration.neutral)
+    neutral = (
+        np.linalg.lstsq(camera_to_xyz, D50)[0]
+        if calibration.neutral is None
+        else np.array(calibration.neutral)
+    )
     coloured = camera_to_xyz.any(axis=0)
-    neutral = np.where(coloured, neutral, neutral[coloured].max())  # channels without a colour do not count
+    # channels without a colour do not count
+    neutral = np.where(coloured, neutral, neutral[coloured].max())
     white = neutral / neutral.max()
     xyz = camera_to_xyz @ white
     if min(white) <= 0 or min(BRADFORD @ xyz) <= 0:
         raise InputError(
-            f"calibration: camera_to_xyz maps the white reading {_figures(white)} to XYZ {_figures(xyz)}, which is no colour "
+            f"calibration: camera_to_xyz maps the white reading {_figures(white)} to XYZ "
+            f"{_figures(xyz)}, which is no colour "
             'of light; calibrate again, or use `space="camera"`'
         )
     rgb_to_xyz = np.array(SRGB_TO_XYZ) if to_xyz is None else to_xyz
@@ -50,13 +77,16 @@ def display_white(calibration: SensorCalibration, to_xyz: DoubleArray | None = N
 
 
 def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
-    """Return the matrix from scene units to XYZ (D50): the measured one, or that of sRGB primaries; float64 (3, C)."""
+    """Return the matrix from scene units to XYZ (D50): the measured one, or that of sRGB primaries;
+    float64 (3, C).
+    """
     channels = calibration.channels
     if calibration.camera_to_xyz is not None:
         return np.array(calibration.camera_to_xyz)
     if not set("RGB") <= set(channels):
         raise InputError(
-            f"no colour matrix for the channels {channels}: calibrate the camera (panchroma calibrate), "
+            f"no colour matrix for the channels {channels}: calibrate the camera (panchroma "
+            "calibrate), "
             'or render with `space="camera"`, as tif, exr or npy'
         )
     return nominal_to_xyz(channels, calibration.neutral)

@@ -1,13 +1,19 @@
 """The exceptions of Panchroma, and when to raise which.
 
-``InputError``        an input cannot be used: a file, an array, a setting. Say what came, what was expected, and the remedy.
-                      (``ForeignFileError``: an intact file of another kind.)
-``OutputError``       an output cannot be written: it exists, the folder is missing, the disk is full.
-``ConvergenceError``  an iterative solver did not reach its tolerance: the result would be wrong, so there is none.
-``RangeError``        a result has values that are not finite (NaN or infinite): it would be wrong, so there is none.
-``DurabilityWarning`` a result is whole, but may not survive a power cut: no error, but a warning of Python, once per folder.
+``InputError``
+    An input cannot be used: a file, an array, a setting. The message says what came, what was
+    expected, and the remedy (``ForeignFileError``: an intact file of another kind).
+``OutputError``
+    An output cannot be written: it exists, the folder is missing, the disk is full.
+``ConvergenceError``
+    An iterative solver did not reach its tolerance: the result would be wrong, so there is none.
+``RangeError``
+    A result has values that are not finite (NaN or infinite): it would be wrong, so there is none.
+``DurabilityWarning``
+    A result is complete, but may not survive a power cut: a warning of Python, once per folder.
 
-Library code names a file in a message only if it was given one; the commands print one line per error.
+Library code names a file in a message only if it was given one; the commands print one line per
+error.
 """
 
 
@@ -20,7 +26,9 @@ class InputError(PanchromaError):
 
 
 class ForeignFileError(InputError):
-    """An intact file of another kind than the one that is wanted; commands that search folders leave it out."""
+    """An intact file of another kind than the one that is wanted; commands that search folders
+    leave it out.
+    """
 
 
 class OutputError(PanchromaError):

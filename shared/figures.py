@@ -1,7 +1,9 @@
-"""The one strict reading of numbers: of JSON documents, and of what they and their callers say of a camera.
+"""The one strict reading of numbers: of JSON documents, and of what they and their callers say of a
+camera.
 
-Text and truth values are no numbers, though `float` and NumPy take both; nor is what is not finite. Python reads whole numbers of
-any length, and computing with those of hundreds of digits overflows. So documents that hold one are refused as a whole.
+Text and truth values are no numbers, though `float` and NumPy take both; nor is what is not finite.
+Python reads whole numbers of any length, and computing with those of hundreds of digits overflows.
+So documents that hold one are refused as a whole.
 """
 
 import inspect
@@ -21,24 +23,40 @@ _SHOWN = 200  # characters of a wrong value in a message
 
 
 def parsed_json(text: str | bytes) -> Any:
-    """The value in a JSON document, all of whose numbers are finite. Raises InputError that does not name the file.
+    """The value in a JSON document, all of whose numbers are finite.
 
+    Raises
+    ------
+    InputError
+        That does not name the file.
+
+    Examples
+    --------
     >>> from panchroma.shared.figures import parsed_json
     >>> parsed_json('{"gamma": [0.9, 1.1, 0.8]}')
     {'gamma': [0.9, 1.1, 0.8]}
     """
     try:
-        return json.loads(text, parse_int=_whole_number, parse_float=_finite_number, parse_constant=_finite_number)
+        return json.loads(
+            text, parse_int=_whole_number, parse_float=_finite_number, parse_constant=_finite_number
+        )
     except (ValueError, RecursionError) as error:  # ValueError: neither UTF-8 nor JSON
         raise InputError(f"is not JSON ({error})") from None
 
 
 def numbers(name: str, values: Any, count: int | None = None, *, depth: int = 1) -> Any:
-    """Return a list of finite numbers as a tuple of floats; InputError names the field, also for text and for truth values.
+    """Return a list of finite numbers as a tuple of floats; InputError names the field, also for
+    text and for truth values.
 
-    count: how many there have to be; None = any number.
-    depth: 2 for a list of such lists, 3 for a list of those.
+    Parameters
+    ----------
+    count : int | None, optional
+        How many there have to be; None = any number.
+    depth : int, optional
+        2 for a list of such lists, 3 for a list of those.
 
+    Examples
+    --------
     >>> from panchroma.shared.figures import numbers
     >>> numbers("gamma", [1, 2.5, 3], 3), numbers("camera_to_xyz", [[1, 0], [0, 1]], depth=2)
     ((1.0, 2.5, 3.0), ((1.0, 0.0), (0.0, 1.0)))
@@ -62,6 +80,8 @@ def numbers(name: str, values: Any, count: int | None = None, *, depth: int = 1)
 def size(name: str, value: Any) -> tuple[int, int]:
     """Return the (rows, columns) of a frame; InputError names the field.
 
+    Examples
+    --------
     >>> from panchroma.shared.figures import size
     >>> size("size", [480, 640])
     (480, 640)
@@ -73,7 +93,9 @@ def size(name: str, value: Any) -> tuple[int, int]:
 
 
 def built(kind: Callable[..., Built], document: Any, name: str) -> Built:
-    """Return the dataclass that a JSON object with its fields describes; InputError names the object and its fields."""
+    """Return the dataclass that a JSON object with its fields describes; InputError names the
+    object and its fields.
+    """
     try:
         return kind(**document)
     except TypeError:
@@ -84,6 +106,8 @@ def built(kind: Callable[..., Built], document: Any, name: str) -> Built:
 def whole(name: str, value: Any) -> int:
     """A whole number, also one of NumPy's, as an int; InputError names the field otherwise.
 
+    Examples
+    --------
     >>> from panchroma.shared.figures import whole
     >>> whole("white_level", 4095)
     4095
@@ -99,6 +123,8 @@ def whole(name: str, value: Any) -> int:
 def shown(value: Any) -> str:
     """A value for a message, cut off where it is long.
 
+    Examples
+    --------
     >>> from panchroma.shared.figures import shown
     >>> shown("x" * 1000)[-20:]
     'xxxxxxxxxxxxxxxxx...'
@@ -112,7 +138,10 @@ def shown(value: Any) -> str:
 
 def _whole_number(text: str) -> int:
     if len(text.lstrip("-")) > _MOST_DIGITS:
-        raise InputError(f"holds a number of {len(text.lstrip('-'))} digits, {text[:12]}...: no figure of a camera has so many")
+        raise InputError(
+            f"holds a number of {len(text.lstrip('-'))} digits, {text[:12]}...: no figure of a "
+            "camera has so many"
+        )
     return int(text)
 
 

@@ -1,7 +1,7 @@
 """Headers of untrusted JPEGs (ITU T.81, annex B), read before a library decodes them.
 
-A decoder allocates and fills whatever size a JPEG declares, goes through all of its pixels once for each scan, and reads segments
-and filling bytes one at a time.
+A decoder allocates and fills whatever size a JPEG declares, goes through all of its pixels once for
+each scan, and reads segments and filling bytes one at a time.
 """
 
 import re
@@ -17,7 +17,8 @@ _PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _SCAN, _END = 0xDA, 0xD9
 _APPLICATIONS = range(0xE0, 0xF0)
-# Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start, TEM.
+# Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start,
+# TEM.
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]", re.DOTALL)
 _LONG_RUN = b"\xff" * (limit("filling bytes") + 1)
 
@@ -26,12 +27,20 @@ _LONG_RUN = b"\xff" * (limit("filling bytes") + 1)
 class JpegHeader:
     """The declarations of a JPEG.
 
-    kind: marker of the frame, 0xC0 to 0xCF.
-    rows, columns, components: the size.
-    scans: how many there are.
-    bits: of a sample.
-    complete: the end of the picture is marked.
-    applications: what the segments for applications hold, APP0 to APP15, in their order.
+    Attributes
+    ----------
+    kind : int
+        Marker of the frame, 0xC0 to 0xCF.
+    rows, columns, components : int
+        The size.
+    scans : int
+        How many there are.
+    bits : int
+        Of a sample.
+    complete : bool
+        The end of the picture is marked.
+    applications : tuple[bytes, ...]
+        What the segments for applications hold, APP0 to APP15, in their order.
     """
 
     kind: int
@@ -45,7 +54,11 @@ class JpegHeader:
 
     def held(self, prefix: bytes) -> list[bytes]:
         """Return the contents of the segments that begin with `prefix`, without it."""
-        return [segment.removeprefix(prefix) for segment in self.applications if segment.startswith(prefix)]
+        return [
+            segment.removeprefix(prefix)
+            for segment in self.applications
+            if segment.startswith(prefix)
+        ]
 
     @property
     def exif(self) -> bytes:
@@ -55,16 +68,25 @@ class JpegHeader:
     def check(self, most_pixels: int) -> None:
         """Raise InputError for more pixels or scans than a decoder should be given."""
         if not 0 < self.rows * self.columns <= most_pixels:
-            raise InputError(f"a JPEG declares more pixels than it can have, or none: {self.columns} x {self.rows}; it is damaged")
+            raise InputError(
+                f"a JPEG declares more pixels than it can have, or none: {self.columns} x "
+                f"{self.rows}; it is damaged"
+            )
         check_count(self.scans, "scans")
         if self.kind not in _PROGRESSIVE and self.scans > self.components:
-            raise InputError(f"a JPEG has {self.scans} scans for {self.components} components: it is damaged or malicious")
+            raise InputError(
+                f"a JPEG has {self.scans} scans for {self.components} components: it is damaged "
+                "or malicious"
+            )
 
 
 def read_header(jpeg: bytes) -> JpegHeader:
     """The header of a JPEG; its markers are found as libjpeg finds them.
 
-    Raises InputError when it declares no size, and for more segments or filling than any JPEG has.
+    Raises
+    ------
+    InputError
+        When it declares no size, and for more segments or filling than any JPEG has.
     """
     place, frame, applications = 2, None, list[bytes]()
     scans = segments = filling = marker = 0
@@ -88,4 +110,6 @@ def read_header(jpeg: bytes) -> JpegHeader:
     if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
         check_count(len(_LONG_RUN), "filling bytes")
     bits, rows, columns, components = struct.unpack(">BHHB", frame[1])
-    return JpegHeader(frame[0], rows, columns, components, scans, bits, marker == _END, tuple(applications))
+    return JpegHeader(
+        frame[0], rows, columns, components, scans, bits, marker == _END, tuple(applications)
+    )

@@ -1,8 +1,9 @@
 """The colours of a camera under two lights, and under any light in between: DNG 1.7.1, chapter 6.
 
-A ColorMatrix maps CIE XYZ under one light to channels. Between two lights it is linear in the inverse of the correlated colour
-temperature, which is the one at which the matrix takes what white reads to a white of just this temperature. There is no
-ForwardMatrix: with it, colours of a Sigma SD Merrill at 4000 K, calibrated under A and D65, would be 1.2 to 1.5 times as far off.
+A ColorMatrix maps CIE XYZ under one light to channels. Between two lights it is linear in the
+inverse of the correlated colour temperature, which is the one at which the matrix takes what white
+reads to a white of just this temperature. There is no ForwardMatrix: with it, colours of a Sigma SD
+Merrill at 4000 K, calibrated under A and D65, would be 1.2 to 1.5 times as far off.
 """
 
 from collections.abc import Sequence
@@ -29,16 +30,25 @@ ILLUMINANTS: dict[str, Chromaticity] = {  # CIE 15:2018, table T.3
 COLOUR_RANGE = (1e-6, 1e6)  # of a column's largest figure, and of a neutral
 _TEMPERATURES = (2000.0, 10000.0)  # K; McCamy's formula is off by 1.2 % at most there
 _DAYLIGHT = 5000.0  # K, from here on: as CIE 13.3 chooses its reference illuminants
-_LEAST_RATIO = 1.1  # of two temperatures: nearer lights hardly differ, and the line through their matrices is noise
-_WORST_MATRIX = 1e4  # condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of the others
+# of two temperatures: nearer lights hardly differ, and the line through their matrices is noise
+_LEAST_RATIO = 1.1
+# condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of
+# the others
+_WORST_MATRIX = 1e4
 _HALVINGS = 32  # of the interval in which the mixing ratio lies
 
 
 def illuminant_xy(name: str) -> Chromaticity:
-    """Chromaticity of a key of `ILLUMINANTS`, or of 2000 to 10000 kelvin: a black body below 5000 K, daylight from there on.
+    """Chromaticity of a key of `ILLUMINANTS`, or of 2000 to 10000 kelvin: a black body below 5000
+    K, daylight from there on.
 
-    Raises InputError for anything else.
+    Raises
+    ------
+    InputError
+        For anything else.
 
+    Examples
+    --------
     >>> from panchroma.shared.lights import illuminant_xy
     >>> [round(each, 3) for each in illuminant_xy("4000")]
     [0.38, 0.377]
@@ -48,26 +58,42 @@ def illuminant_xy(name: str) -> Chromaticity:
     low, high = _TEMPERATURES
     kelvin = float(name) if isinstance(name, str) and name.isascii() and name.isdigit() else 0.0
     if not low <= kelvin <= high:
-        raise InputError(f"the light is {shown(name)}, expected {', '.join(ILLUMINANTS)}, or {low:g} to {high:g} kelvin")
+        raise InputError(
+            f"the light is {shown(name)}, expected {', '.join(ILLUMINANTS)}, or {low:g} to "
+            f"{high:g} kelvin"
+        )
     if kelvin >= _DAYLIGHT:  # CIE 15:2018, 4.1.2
-        cubic = (-4.607e9, 2.9678e6, 99.11, 0.244063) if kelvin <= 7000 else (-2.0064e9, 1.9018e6, 247.48, 0.237040)
+        cubic = (
+            (-4.607e9, 2.9678e6, 99.11, 0.244063)
+            if kelvin <= 7000
+            else (-2.0064e9, 1.9018e6, 247.48, 0.237040)
+        )
         x = float(np.polyval(cubic, 1 / kelvin))
         return x, -3 * x * x + 2.87 * x - 0.275
-    # M. Krystek, "An algorithm to calculate correlated colour temperature", Color Research & Application 10 (1985)
-    u = np.polyval((1.28641212e-7, 1.54118254e-4, 0.860117757), kelvin) / np.polyval((7.08145163e-7, 8.42420235e-4, 1), kelvin)
-    v = np.polyval((4.20481691e-8, 4.22806245e-5, 0.317398726), kelvin) / np.polyval((1.61456053e-7, -2.89741816e-5, 1), kelvin)
+    # M. Krystek, "An algorithm to calculate correlated colour temperature", Color Research &
+    # Application 10 (1985)
+    u = np.polyval((1.28641212e-7, 1.54118254e-4, 0.860117757), kelvin) / np.polyval(
+        (7.08145163e-7, 8.42420235e-4, 1), kelvin
+    )
+    v = np.polyval((4.20481691e-8, 4.22806245e-5, 0.317398726), kelvin) / np.polyval(
+        (1.61456053e-7, -2.89741816e-5, 1), kelvin
+    )
     return float(3 * u / (2 * u - 8 * v + 4)), float(2 * v / (2 * u - 8 * v + 4))
 
 
 def temperature(white: Chromaticity) -> float:
-    """Correlated colour temperature in kelvin (C. S. McCamy, Color Research & Application 17, 1992).
+    """Correlated colour temperature in kelvin (C. S. McCamy, Color Research & Application 17,
+    1992).
 
+    Examples
+    --------
     >>> from panchroma.shared.lights import ILLUMINANTS, temperature
     >>> [round(temperature(ILLUMINANTS[name])) for name in ("A", "D50", "D65")]
     [2857, 5002, 6505]
     """
     x, y = white
-    # Redder light than of 1620 K counts as such, and deep blue as very hot: beyond, the polynomial would turn.
+    # Redder light than of 1620 K counts as such, and deep blue as very hot: beyond, the polynomial
+    # would turn.
     slope = max((0.3320 - x) / max(y - 0.1858, 1e-3), -1.28)
     return float(np.polyval((449.0, 3525.0, 6823.3, 5520.33), slope))
 
@@ -76,9 +102,14 @@ def temperature(white: Chromaticity) -> float:
 class CalibratedLight:
     """The colours of a camera under one light; every field is checked (InputError names the field).
 
-    illuminant: a key of `ILLUMINANTS`, or a temperature in kelvin as text: see `illuminant_xy`.
-    camera_to_xyz: 3 x C, scene units -> CIE XYZ (D50 white).
-    neutral: (C,), what a white surface reads, up to scale.
+    Attributes
+    ----------
+    illuminant : str
+        A key of `ILLUMINANTS`, or a temperature in kelvin as text: see `illuminant_xy`.
+    camera_to_xyz : Matrix
+        3 x C, scene units -> CIE XYZ (D50 white).
+    neutral : tuple[float, ...]
+        (C,), what a white surface reads, up to scale.
     """
 
     illuminant: str
@@ -89,7 +120,10 @@ class CalibratedLight:
         illuminant_xy(self.illuminant)
         neutral = numbers("calibration: lights.neutral", self.neutral)
         if not all(COLOUR_RANGE[0] <= each <= COLOUR_RANGE[1] for each in neutral):
-            raise InputError(f"calibration: lights.neutral is {neutral}, expected {COLOUR_RANGE[0]:g} to {COLOUR_RANGE[1]:g}")
+            raise InputError(
+                f"calibration: lights.neutral is {neutral}, expected {COLOUR_RANGE[0]:g} to "
+                f"{COLOUR_RANGE[1]:g}"
+            )
         object.__setattr__(self, "neutral", neutral)
         object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, len(neutral)))
 
@@ -100,18 +134,28 @@ class CalibratedLight:
 
     @property
     def xyz_to_camera(self) -> DoubleArray:
-        """DNG's ColorMatrix: CIE XYZ under this light -> channels, (C, 3), which read 1 at most where XYZ is D50.
+        """DNG's ColorMatrix: CIE XYZ under this light -> channels, (C, 3), which read 1 at most
+        where XYZ is D50.
 
-        With more channels than three it is the one with the least figures, of which `camera_to_xyz` is the inverse.
+        With more channels than three it is the one with the least figures, of which `camera_to_xyz`
+        is the inverse.
         """
-        return to_one(np.linalg.pinv(adaptation(D50, xyz(*self.white)) @ np.array(self.camera_to_xyz)))
+        return to_one(
+            np.linalg.pinv(adaptation(D50, xyz(*self.white)) @ np.array(self.camera_to_xyz))
+        )
 
 
 Lights = tuple[CalibratedLight, CalibratedLight]
 
 
 def checked_lights(values: Any, channels: str) -> Lights:
-    """Two lights for a camera with these channels, the lower temperature first. Raises InputError unless they differ."""
+    """Two lights for a camera with these channels, the lower temperature first.
+
+    Raises
+    ------
+    InputError
+        Unless they differ.
+    """
     if len(values) != 2 or not all(isinstance(each, CalibratedLight) for each in values):
         raise InputError(f"calibration: lights is {shown(values)}, expected two lights")
     warm, cold = sorted(values, key=lambda each: temperature(each.white))
@@ -126,20 +170,35 @@ def check_apart(first: str, second: str) -> None:
     warm, cold = sorted(temperature(illuminant_xy(name)) for name in (first, second))
     if cold < _LEAST_RATIO * warm:
         raise InputError(
-            f"the lights {first} and {second} are alike: take two whose temperatures are 10 % apart, such as A and D65"
+            f"the lights {first} and {second} are alike: take two whose temperatures are 10 % "
+            "apart, such as A and D65"
         )
 
 
 def to_one(xyz_to_camera: DoubleArray) -> DoubleArray:
-    """A ColorMatrix scaled so that its largest reading of D50 is 1: DNG leaves the scale open, and Adobe's SDK does so."""
+    """A ColorMatrix scaled so that its largest reading of D50 is 1: DNG leaves the scale open, and
+    Adobe's SDK does so.
+    """
     return np.asarray(xyz_to_camera / np.abs(xyz_to_camera @ D50).max())
 
 
-def between(lights: Sequence[tuple[Chromaticity, DoubleArray]], neutral: ArrayLike) -> Matrix | None:
-    """camera_to_xyz, 3 x C, under the light in which white reads `neutral`, up to scale; it takes `neutral` to D50.
+def between(
+    lights: Sequence[tuple[Chromaticity, DoubleArray]], neutral: ArrayLike
+) -> Matrix | None:
+    """camera_to_xyz, 3 x C, under the light in which white reads `neutral`, up to scale; it takes
+    `neutral` to D50.
 
-    lights: of two different ones the chromaticity, and the ColorMatrix (C, 3) for it.
-    Beyond the two lights the nearer matrix holds. Returns None if the neutral is no colour of light.
+    Beyond the two lights the nearer matrix holds.
+
+    Parameters
+    ----------
+    lights : Sequence[tuple[Chromaticity, DoubleArray]]
+        Of two different ones the chromaticity, and the ColorMatrix (C, 3) for it.
+
+    Returns
+    -------
+    Matrix | None
+        None if the neutral is no colour of light.
     """
     inverse = [1 / temperature(white) for white, _ in lights]
     matrices, seen = [to_one(matrix) for _, matrix in lights], np.asarray(neutral, np.float64)
@@ -147,7 +206,9 @@ def between(lights: Sequence[tuple[Chromaticity, DoubleArray]], neutral: ArrayLi
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         share = (low + high) / 2
-        to_xyz = np.asarray(np.linalg.pinv((1 - share) * matrices[0] + share * matrices[1]), np.float64)
+        to_xyz = np.asarray(
+            np.linalg.pinv((1 - share) * matrices[0] + share * matrices[1]), np.float64
+        )
         white = to_xyz @ seen
         if min(BRADFORD @ white) <= 0:
             return None
@@ -161,14 +222,17 @@ def between(lights: Sequence[tuple[Chromaticity, DoubleArray]], neutral: ArrayLi
 
 
 def colours_under(lights: Lights, neutral: Sequence[float] | None) -> Matrix:
-    """camera_to_xyz, 3 x C, under the light in which white reads `neutral`, up to scale; None: under D50.
+    """camera_to_xyz, 3 x C, under the light in which white reads `neutral`, up to scale; None:
+    under D50.
 
-    Where the neutral is no colour of light, such as an estimate from a wall of leaves, the channels of the light whose neutral is
-    nearest are scaled (von Kries).
+    Where the neutral is no colour of light, such as an estimate from a wall of leaves, the channels
+    of the light whose neutral is nearest are scaled (von Kries).
     """
     pairs = [(each.white, each.xyz_to_camera) for each in lights]
     if neutral is None:
-        inverse = [1 / temperature(white) for white in (*(white for white, _ in pairs), ILLUMINANTS["D50"])]
+        inverse = [
+            1 / temperature(white) for white in (*(white for white, _ in pairs), ILLUMINANTS["D50"])
+        ]
         share = float(np.clip((inverse[2] - inverse[0]) / (inverse[1] - inverse[0]), 0, 1))
         neutral = ((1 - share) * pairs[0][1] + share * pairs[1][1]) @ D50
     found = between(pairs, np.array(neutral) / np.max(neutral))
@@ -184,11 +248,16 @@ def checked_matrix(values: Any, channels: int) -> Matrix:
     """Check a matrix from channels to XYZ and return its rows; raises InputError."""
     rows: Matrix = numbers("calibration: camera_to_xyz", values, depth=2)
     if len(rows) != 3 or any(len(row) != channels for row in rows):
-        raise InputError(f"calibration: camera_to_xyz is {shown(values)}, expected 3 rows of {channels} figures")
+        raise InputError(
+            f"calibration: camera_to_xyz is {shown(values)}, expected 3 rows of {channels} figures"
+        )
     matrix = np.array(rows)
     largest, (least, most) = np.abs(matrix).max(axis=0), COLOUR_RANGE
     if not all(least <= figure <= most for figure in largest[largest > 0]):
-        raise InputError(f"calibration: camera_to_xyz has a column whose largest figure is not {least:g} to {most:g}: {rows}")
+        raise InputError(
+            f"calibration: camera_to_xyz has a column whose largest figure is not {least:g} to "
+            f"{most:g}: {rows}"
+        )
     lengths = np.sqrt((matrix**2).sum(axis=0))
     if not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
         raise InputError(f"calibration: camera_to_xyz has not full rank: {rows}")

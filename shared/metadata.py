@@ -13,16 +13,37 @@ _ZONE = re.compile(r"[+-]\d\d:\d\d")
 class CaptureMetadata:
     """Capture data as Exif 2.3 defines them; None or "" = unknown.
 
-    make, model, lens, artist, copyright, description: text.
-    taken: local time; zone: its offset from UTC, as "+05:30".
-    exposure_time: seconds.
-    f_number: N of f/N.
-    iso: ISO speed.
-    focal_length: millimetres.
-    orientation: TIFF orientation of the samples, 1 to 8 (1 = row 0 is the top). Displays apply it; the samples are never rotated.
-    place: latitude (north positive) and longitude (east positive), degrees; altitude: metres above the sea.
-    Raises InputError for another orientation, zone or place, and for a number that is not positive.
+    Attributes
+    ----------
+    make, model, lens, artist, copyright, description : str
+        Text.
+    taken : datetime | None
+        Local time;
+    zone : str
+        Its offset from UTC, as "+05:30".
+    exposure_time : float | None
+        Seconds.
+    f_number : float | None
+        N of f/N.
+    iso : int | None
+        ISO speed.
+    focal_length : float | None
+        Millimetres.
+    orientation : int
+        TIFF orientation of the samples, 1 to 8 (1 = row 0 is the top). Displays apply it; the
+        samples are never rotated.
+    place : tuple[float, float] | None
+        Latitude (north positive) and longitude (east positive), degrees;
+    altitude : float | None
+        Metres above the sea.
 
+    Raises
+    ------
+    InputError
+        For another orientation, zone or place, and for a number that is not positive.
+
+    Examples
+    --------
     >>> from panchroma.shared import CaptureMetadata
     >>> metadata = CaptureMetadata(make="Panchroma", exposure_time=1 / 250, f_number=2.8, iso=100)
     >>> metadata.orientation, metadata.lens
@@ -53,8 +74,12 @@ class CaptureMetadata:
             raise InputError(f"metadata: orientation is {self.orientation}, expected 1 to 8")
         if self.zone and not _ZONE.fullmatch(self.zone):
             raise InputError(f"metadata: zone is {self.zone!r}, expected an offset like +05:30")
-        if self.place and not all(abs(angle) <= most for angle, most in zip(self.place, (90, 180), strict=True)):
-            raise InputError(f"metadata: place is {self.place}, expected latitude and longitude in degrees")
+        if self.place and not all(
+            abs(angle) <= most for angle, most in zip(self.place, (90, 180), strict=True)
+        ):
+            raise InputError(
+                f"metadata: place is {self.place}, expected latitude and longitude in degrees"
+            )
         if self.altitude is not None and not abs(self.altitude) < 2**31:
             raise InputError(f"metadata: altitude is {self.altitude}, expected metres")
         for name in ("exposure_time", "f_number", "iso", "focal_length"):

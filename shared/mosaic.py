@@ -17,13 +17,23 @@ from .pattern import CfaPattern
 class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
 
-    samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted, shading undone; noise may make it
-        negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is float32, read-only and owns its
-        memory, or uint16 in whole rows and nobody can write to it (`is_frozen`): a camera has no time for a copy.
-    Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
-    the calibration's bits, when pattern and calibration name different channels, and when shading was measured on frames of
-    another shape.
+    Attributes
+    ----------
+    samples : NDArray[np.uint16] | NDArray[np.float32]
+        uint16 sensor codes, or floating point in scene units (linear, black subtracted, shading
+        undone; noise may make it negative, and 1.0 is the scene's white). Kept read-only: as a
+        copy, unless the array is float32, read-only and owns its memory, or uint16 in whole rows
+        and nobody can write to it (`is_frozen`): a camera has no time for a copy.
 
+    Raises
+    ------
+    InputError
+        When the samples are not a finite (H, W) array of those types, hold no whole colour block,
+        use codes beyond the calibration's bits, when pattern and calibration name different
+        channels, and when shading was measured on frames of another shape.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> codes = np.full((12, 18), 3839, np.uint16)  # every pixel at the white level of 12 bits
@@ -40,24 +50,36 @@ class Mosaic:
     def __post_init__(self) -> None:
         samples = np.asarray(self.samples)
         if samples.ndim != 2:
-            raise InputError(f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}")
+            raise InputError(
+                f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}"
+            )
         self.pattern.grid((samples.shape[0], samples.shape[1]))
         self._check_calibration((samples.shape[0], samples.shape[1]))
         if samples.dtype == np.uint16:
             frozen = is_frozen(samples) and samples.strides[1] == samples.itemsize
             kept = samples if frozen else np.array(samples, order="C")
             if int(kept.max()) >> self.calibration.bits:
-                raise InputError(f"a sample is {kept.max()}, more than the calibration's {self.calibration.bits} bits hold")
+                raise InputError(
+                    f"a sample is {kept.max()}, more than the calibration's "
+                    f"{self.calibration.bits} bits hold"
+                )
         elif np.issubdtype(samples.dtype, np.floating):
             flags = samples.flags
-            frozen = flags.owndata and flags.c_contiguous and not flags.writeable and samples.dtype == np.float32
+            frozen = (
+                flags.owndata
+                and flags.c_contiguous
+                and not flags.writeable
+                and samples.dtype == np.float32
+            )
             kept = samples if frozen else np.array(samples, np.float32, order="C")
             # A NaN is the largest and the smallest of all.
             if not np.isfinite([kept.min(), kept.max()]).all():
                 bad = int((~np.isfinite(kept)).sum())
                 raise InputError(f"{bad} of {kept.size} samples are not finite (NaN or infinite)")
         else:
-            raise InputError(f"samples are {samples.dtype}, expected uint16 codes or floating-point scene units")
+            raise InputError(
+                f"samples are {samples.dtype}, expected uint16 codes or floating-point scene units"
+            )
         kept.flags.writeable = False
         object.__setattr__(self, "samples", kept)
 
@@ -68,13 +90,15 @@ class Mosaic:
 
     @property
     def signal(self) -> FloatArray:
-        """m[n] in scene units, float32 (H, W): black subtracted, `calibration.full_scale` at the white level, shading undone.
+        """m[n] in scene units, float32 (H, W): black subtracted, `calibration.full_scale` at the
+        white level, shading undone.
 
         Computed from sensor codes on every access: keep it in a variable, or use `in_scene_units`.
         """
         if self.samples.dtype == np.float32:
             return self.samples  # type: ignore[return-value]
-        # There are few codes: look their values up. Double precision then costs nothing, and white reads exactly full scale.
+        # There are few codes: look their values up. Double precision then costs nothing, and white
+        # reads exactly full scale.
         every = np.arange(1 << self.calibration.bits)[:, None]
         levels = (every - self.calibration.black_level) * self.calibration.scale()
         values = levels.astype(np.float32)
@@ -95,7 +119,8 @@ class Mosaic:
 
     @property
     def codes(self) -> CodeArray:
-        """Sensor codes, uint16 (H, W): the samples themselves, or scene units quantised and clipped to the code range.
+        """Sensor codes, uint16 (H, W): the samples themselves, or scene units quantised and clipped
+        to the code range.
 
         Computed from scene units on every access: keep it in a variable.
         """
@@ -110,7 +135,11 @@ class Mosaic:
         return codes
 
     def calibrated(self, calibration: SensorCalibration) -> "Mosaic":
-        """Return these samples with another calibration; of as many bits they need not be checked again. Raises InputError."""
+        """Return these samples with another calibration; of as many bits they need not be checked
+        again.
+
+        Raises InputError.
+        """
         if calibration.bits != self.calibration.bits:
             return replace(self, calibration=calibration)
         result = copy(self)
@@ -119,18 +148,25 @@ class Mosaic:
         return result
 
     def in_scene_units(self) -> "Mosaic":
-        """Return the mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
+        """Return the mosaic with float32 samples in scene units; the mosaic itself if it has them
+        already.
+        """
         return self if self.samples.dtype == np.float32 else replace(self, samples=self.signal)
 
     def evenly_shaded(self) -> "Mosaic":
-        """The mosaic in scene units as if all planes had the shading of the panchromatic one; without shading `in_scene_units`.
+        """The mosaic in scene units as if all planes had the shading of the panchromatic one;
+        without shading `in_scene_units`.
 
-        Such a frame is an ordinary one of a darker scene: Eq. 7 holds, panchromatic samples have the calibration's noise and reach
-        full scale where they saturate. Its calibration has no shading. Light times the panchromatic gain is that of the scene.
+        Such a frame is an ordinary one of a darker scene: Eq. 7 holds, panchromatic samples have
+        the calibration's noise and reach full scale where they saturate. Its calibration has no
+        shading. Light times the panchromatic gain is that of the scene.
 
+        Examples
+        --------
         >>> import numpy as np
         >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-        >>> mosaic = Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+        >>> mosaic = Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6),
+        SensorCalibration.of_bits(12))
         >>> float(mosaic.evenly_shaded().signal[5, 5])
         3.0
         """
@@ -144,19 +180,25 @@ class Mosaic:
                 signal[rows] /= shading.of_plane(self.shape, -1, rows)
         else:
             for channel, *lattice in self.pattern.lattices:
-                ours, panchromatic = (shading.of_plane(self.shape, plane, *lattice) for plane in (channel, -1))
+                ours, panchromatic = (
+                    shading.of_plane(self.shape, plane, *lattice) for plane in (channel, -1)
+                )
                 signal[*lattice] *= ours / panchromatic
         signal.flags.writeable = False
         return replace(bare, samples=signal)
 
     def _check_calibration(self, shape: tuple[int, int]) -> None:
-        """Raise InputError unless the calibration is for this pattern and for frames of this shape."""
+        """Raise InputError unless the calibration is for this pattern and for frames of this
+        shape.
+        """
         self.calibration.check_pattern(self.pattern)
         if self.calibration.shading is not None:
             self.calibration.shading.check(shape)
 
     def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> FloatArray:
-        """Samples of one plane in scene units -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""
+        """Samples of one plane in scene units -> whole codes. Single precision is off by less than
+        a hundredth of a 16-bit code.
+        """
         calibration = self.calibration
         per_unit = np.float32(1 / calibration.scale()[plane])
         with np.errstate(over="ignore"):  # what overflows is clipped to the highest code anyway

@@ -1,4 +1,6 @@
-"""The network that corrects the colour of a pattern. It is named here so that nobody loads the renderer to ask."""
+"""The network that corrects the colour of a pattern. It is named here so that nobody loads the
+renderer to ask.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -12,13 +14,22 @@ NETWORKS = Path(__file__).parents[1] / "offline" / "models"
 
 
 class Block(NamedTuple):
-    """The block of a pattern, mirrored so that all its mirror images become one: a network is for that.
+    """The block of a pattern, mirrored so that all its mirror images become one: a network is for
+    that.
 
-    letters: of its pixels, row by row. steps: 1, or -1 along an axis (down, across) that is mirrored.
+    Attributes
+    ----------
+    letters : tuple[str, ...]
+        Of its pixels, row by row.
+    steps : tuple[int, int]
+        1, or -1 along an axis (down, across) that is mirrored.
 
+    Examples
+    --------
     >>> from panchroma.shared.networks import Block
     >>> from panchroma.shared.pattern import CfaPattern
-    >>> Block.of(CfaPattern.bayer(6, "BGGR")), Block.of(CfaPattern.of_letters("GRWW/WBWW/WWWW/WWWW"))
+    >>> Block.of(CfaPattern.bayer(6, "BGGR")),
+    Block.of(CfaPattern.of_letters("GRWW/WBWW/WWWW/WWWW"))
     (Block(letters=('RG', 'GB'), steps=(-1, -1)), Block(letters=('RG', 'BW'), steps=(1, -1)))
     """
 
@@ -27,21 +38,30 @@ class Block(NamedTuple):
 
     @classmethod
     def of(cls, pattern: CfaPattern) -> "Block":
-        """The block of a pattern: of its four mirror images the one whose letters are last in the alphabet, if W is first."""
+        """The block of a pattern: of its four mirror images the one whose letters are last in the
+        alphabet, if W is first.
+        """
         height, width = pattern.block_shape
         rows = [row[:width] for row in pattern.letters_from(pattern.block_origin)[:height]]
         sides = (1, 1), (1, -1), (-1, 1), (-1, -1)
-        images = [cls(tuple(row[::across] for row in rows[::down]), (down, across)) for down, across in sides]
+        images = [
+            cls(tuple(row[::across] for row in rows[::down]), (down, across))
+            for down, across in sides
+        ]
         return max(images, key=lambda image: "".join(image.letters).replace(PANCHROMATIC, " "))
 
 
 def network_file(pattern: CfaPattern) -> str:
-    """Name of the file with the network for a pattern: "rggb-k6.onnx" for any order of a Bayer block at K = 6."""
+    """Name of the file with the network for a pattern: "rggb-k6.onnx" for any order of a Bayer
+    block at K = 6.
+    """
     return f"{''.join(Block.of(pattern).letters).lower()}-k{pattern.period}.onnx"
 
 
 def network_for(pattern: CfaPattern) -> Path | None:
-    """The network for a pattern; None if there is none, because of its block, which has to be square, or its period."""
+    """The network for a pattern; None if there is none, because of its block, which has to be
+    square, or its period.
+    """
     path = NETWORKS / network_file(pattern)
     height, width = pattern.block_shape
     return path if height == width and path.exists() else None
@@ -49,7 +69,13 @@ def network_for(pattern: CfaPattern) -> Path | None:
 
 @cache
 def load_network(path: Path) -> Any:
-    """The network in a file of ours, as `runtime.session` returns it, read once. Raises InputError with the remedy."""
+    """The network in a file of ours, as `runtime.session` returns it, read once.
+
+    Raises
+    ------
+    InputError
+        With the remedy.
+    """
     from .runtime import session
 
     try:

@@ -1,8 +1,9 @@
-"""The colour filter pattern: a K x K tile of filter letters, repeated over the sensor (section 3, Fig. 1).
+"""The colour filter pattern: a K x K tile of filter letters, repeated over the sensor (section 3,
+Fig. 1).
 
-The paper's tile has one small block of colour filters, and all other pixels are panchromatic. Other tiles scatter their colour
-sites among panchromatic ones (Kodak, Sony, Honda): there the whole tile is the block. The letters name the channels, of which there
-may be any number.
+The paper's tile has one small block of colour filters, and all other pixels are panchromatic. Other
+tiles scatter their colour sites among panchromatic ones (Kodak, Sony, Honda): there the whole tile
+is the block. The letters name the channels, of which there may be any number.
 """
 
 import re
@@ -31,12 +32,25 @@ _FARTHEST = 2  # pixels, each way, from a colour site to the nearest panchromati
 class CfaPattern:
     """A K x K tile (K = 3..16) of colour filters and panchromatic pixels, laid over the sensor.
 
-    tile: K strings of K letters; "W" is panchromatic, any other capital letter names a colour channel. If the colour
-        sites do not form one small block, each needs a panchromatic pixel at most two rows and columns away.
-    origin: sensor (row, column) at which a tile begins; only its remainder modulo K matters.
-    channels: the order of the channels in every array; by default "RGB" for those three, otherwise their order in the tile.
-    Raises InputError for any other tile, and for channels that are not the tile's letters.
+    Attributes
+    ----------
+    tile : tuple[str, ...]
+        K strings of K letters; "W" is panchromatic, any other capital letter names a colour
+        channel. If the colour sites do not form one small block, each needs a panchromatic pixel at
+        most two rows and columns away.
+    origin : tuple[int, int]
+        Sensor (row, column) at which a tile begins; only its remainder modulo K matters.
+    channels : str
+        The order of the channels in every array; by default "RGB" for those three, otherwise their
+        order in the tile.
 
+    Raises
+    ------
+    InputError
+        For any other tile, and for channels that are not the tile's letters.
+
+    Examples
+    --------
     >>> from panchroma.shared import CfaPattern
     >>> pattern = CfaPattern.bayer(period=4, order="RGGB")
     >>> pattern.tile
@@ -45,7 +59,7 @@ class CfaPattern:
     [[0, 1, 3, 3, 0, 1], [1, 2, 3, 3, 1, 2]]
     >>> CfaPattern.with_block(("CM", "YC"), period=6).channels
     'CMY'
-    >>> CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW").is_scattered  # Kodak's (Compton and Hamilton, US patent 8330839)
+    >>> CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW").is_scattered  # Kodak's (US patent 8330839)
     True
     """
 
@@ -57,48 +71,88 @@ class CfaPattern:
         object.__setattr__(self, "tile", tuple(self.tile))
         period = len(self.tile)
         if period not in PERIODS:
-            raise InputError(f"pattern: the tile has {period} rows; the period must be {PERIODS[0]} to {PERIODS[-1]}")
+            raise InputError(
+                f"pattern: the tile has {period} rows; the period must be {PERIODS[0]} to "
+                f"{PERIODS[-1]}"
+            )
         for row in self.tile:
             if len(row) != period or not _LETTERS.fullmatch(row):
                 raise InputError(
-                    f"pattern: tile row {row!r} has {len(row)} letters, expected {period} of the letters A to Z: tiles are square"
+                    f"pattern: tile row {row!r} has {len(row)} letters, expected {period} of the "
+                    "letters A to Z: tiles are square"
                 )
         letters = "".join(self.tile).replace(PANCHROMATIC, "")
         found = "".join(dict.fromkeys(letters))
         if PANCHROMATIC not in "".join(self.tile):
-            raise InputError("pattern: the tile has no panchromatic pixel (W), which is where luminance is measured")
+            raise InputError(
+                "pattern: the tile has no panchromatic pixel (W), which is where luminance is "
+                "measured"
+            )
         if len(found) < 2:
-            raise InputError(f"pattern: the tile has {len(found)} colour channels; at least two are needed")
+            raise InputError(
+                f"pattern: the tile has {len(found)} colour channels; at least two are needed"
+            )
         if not self.channels:
             object.__setattr__(self, "channels", "RGB" if set(found) == set("RGB") else found)
         if sorted(self.channels) != sorted(found):
-            raise InputError(f"pattern: channels {self.channels!r} do not name the tile's letters {found!r}, each once")
+            raise InputError(
+                f"pattern: channels {self.channels!r} do not name the tile's letters {found!r}, "
+                "each once"
+            )
         row_origin, column_origin = (int(value) % period for value in self.origin)
         object.__setattr__(self, "origin", (row_origin, column_origin))
         self._check_sites()
 
     @classmethod
-    def bayer(cls, period: int = 6, order: str = "RGGB", origin: tuple[int, int] = (0, 0)) -> "CfaPattern":
-        """The pattern of the paper: one 2 x 2 Bayer block in the top left corner of each K x K tile."""
+    def bayer(
+        cls, period: int = 6, order: str = "RGGB", origin: tuple[int, int] = (0, 0)
+    ) -> "CfaPattern":
+        """The pattern of the paper: one 2 x 2 Bayer block in the top left corner of each K x K
+        tile.
+        """
         if order not in BAYER_ORDERS:
-            raise InputError(f"pattern: unknown Bayer order {order!r}; one of {', '.join(BAYER_ORDERS)}")
+            raise InputError(
+                f"pattern: unknown Bayer order {order!r}; one of {', '.join(BAYER_ORDERS)}"
+            )
         return cls.with_block((order[:2], order[2:]), period, origin)
 
     @classmethod
-    def with_block(cls, block: tuple[str, ...], period: int, origin: tuple[int, int] = (0, 0), channels: str = "") -> "CfaPattern":
-        """A pattern with `block` (rows of letters) in the top left corner of its tile, panchromatic elsewhere."""
+    def with_block(
+        cls,
+        block: tuple[str, ...],
+        period: int,
+        origin: tuple[int, int] = (0, 0),
+        channels: str = "",
+    ) -> "CfaPattern":
+        """A pattern with `block` (rows of letters) in the top left corner of its tile, panchromatic
+        elsewhere.
+        """
         if period not in PERIODS:
-            raise InputError(f"pattern: the period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
+            raise InputError(
+                f"pattern: the period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}"
+            )
         rows = [row + PANCHROMATIC * (period - len(row)) for row in block]
         return cls((*rows, *[PANCHROMATIC * period] * (period - len(block))), origin, channels)
 
     @classmethod
-    def of_letters(cls, letters: str, origin: tuple[int, int] = (0, 0), channels: str = "") -> "CfaPattern":
+    def of_letters(
+        cls, letters: str, origin: tuple[int, int] = (0, 0), channels: str = ""
+    ) -> "CfaPattern":
         """The pattern of a tile written row by row, or that of a name in `shared.tiles`.
 
-        letters: rows separated by "/", blanks or lines. A tile that is not square, or too small, is repeated.
-        Raises InputError that lists the names for a text that is neither.
+        Parameters
+        ----------
+        letters : str
+            Rows separated by "/", blanks or lines. A tile that is not square, or too small, is
+            repeated.
 
+        Raises
+        ------
+        InputError
+            That lists the names for a text that is neither.
+
+        Examples
+        --------
         >>> from panchroma.shared import CfaPattern
         >>> CfaPattern.of_letters("RG/BW").tile
         ('RGRG', 'BWBW', 'RGRG', 'BWBW')
@@ -112,20 +166,33 @@ class CfaPattern:
         width = len(rows[0])
         if any(len(row) != width for row in rows) or not width:
             raise InputError(
-                f"pattern: the rows of {letters!r} differ in length; a tile is written row by row, such as RGWW/GBWW/WWWW/WWWW"
+                f"pattern: the rows of {letters!r} differ in length; a tile is written row by "
+                "row, such as RGWW/GBWW/WWWW/WWWW"
             )
         side = lcm(len(rows), width)
         side *= -(-PERIODS[0] // side)
         if side not in PERIODS:
             raise InputError(
-                f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; at most {PERIODS[-1]} is possible"
+                f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; "
+                f"at most {PERIODS[-1]} is possible"
             )
-        return cls(tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)), origin, channels)
+        return cls(
+            tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)),
+            origin,
+            channels,
+        )
 
     @classmethod
     def from_json(cls, document: Any) -> "CfaPattern":
-        """Return the pattern in a JSON object with "tile", "origin" and "channels". Raises InputError for anything else.
+        """Return the pattern in a JSON object with "tile", "origin" and "channels".
 
+        Raises
+        ------
+        InputError
+            For anything else.
+
+        Examples
+        --------
         >>> from panchroma.shared import CfaPattern
         >>> CfaPattern.from_json({"tile": ["RGW", "GBW", "WWW"]}) == CfaPattern.bayer(3)
         True
@@ -138,7 +205,9 @@ class CfaPattern:
             if fields.keys() != {"tile", "origin", "channels"} or not are_texts:
                 raise TypeError
         except (TypeError, ValueError, KeyError):
-            raise InputError(f"pattern: {shown(document)} is not an object with tile, origin and channels") from None
+            raise InputError(
+                f"pattern: {shown(document)} is not an object with tile, origin and channels"
+            ) from None
         return cls(tuple(fields["tile"]), (row, column), fields["channels"])
 
     @property
@@ -158,7 +227,9 @@ class CfaPattern:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """True if the tile is the block: its colour sites do not form a small one, with panchromatic rows and columns around it."""
+        """True if the tile is the block: its colour sites do not form a small one, with
+        panchromatic rows and columns around it.
+        """
         return any(self._occupied(axis).all() for axis in (0, 1)) or not self._is_connected
 
     @cached_property
@@ -169,40 +240,62 @@ class CfaPattern:
 
     @cached_property
     def block_shape(self) -> tuple[int, int]:
-        """Size (rows, columns) of the rectangle around the colour sites of a block; (2, 2) for a Bayer block."""
+        """Size (rows, columns) of the rectangle around the colour sites of a block; (2, 2) for a
+        Bayer block.
+        """
         (_, rows), (_, columns) = self._spans
         return rows, columns
 
     @cached_property
     def sites(self) -> tuple[tuple[int, int, int], ...]:
-        """(row, column, channel index) of each colour site of a block, counted from the block's origin."""
+        """(row, column, channel index) of each colour site of a block, counted from the block's
+        origin.
+        """
         block = self.filter_map(self.block_shape, first=self.block_origin)
-        return tuple((row, column, int(block[row, column])) for row, column in np.argwhere(block < len(self.channels)).tolist())
+        return tuple(
+            (row, column, int(block[row, column]))
+            for row, column in np.argwhere(block < len(self.channels)).tolist()
+        )
 
     @property
     def light_efficiency(self) -> float:
-        """Light collected, relative to a Bayer sensor, if a panchromatic pixel collects as much as three colour pixels together."""
+        """Light collected, relative to a Bayer sensor, if a panchromatic pixel collects as much as
+        three colour pixels together.
+        """
         colour = len(self.sites)
         return (3 * (self.period**2 - colour) + colour) / self.period**2
 
     def filter_map(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> ByteArray:
-        """Plane index of every pixel, uint8 `shape`: i for channel i, C for panchromatic. `first`: the sensor pixel at [0, 0]."""
+        """Plane index of every pixel, uint8 `shape`: i for channel i, C for panchromatic. `first`:
+        the sensor pixel at [0, 0].
+        """
         rows, columns = (
-            (np.arange(size) + start - origin) % self.period for size, start, origin in zip(shape, first, self.origin, strict=True)
+            (np.arange(size) + start - origin) % self.period
+            for size, start, origin in zip(shape, first, self.origin, strict=True)
         )
         return self._tile_planes[np.ix_(rows, columns)]
 
     @cached_property
     def lattices(self) -> tuple[tuple[int, slice, slice], ...]:
-        """(channel index, rows, columns) per colour site of a block: slices that select all its repetitions in any frame."""
+        """(channel index, rows, columns) per colour site of a block: slices that select all its
+        repetitions in any frame.
+        """
         period, (down, across) = self.period, self.block_origin
         return tuple(
-            (channel, slice((down + row) % period, None, period), slice((across + column) % period, None, period))
+            (
+                channel,
+                slice((down + row) % period, None, period),
+                slice((across + column) % period, None, period),
+            )
             for row, column, channel in self.sites
         )
 
-    def panchromatic_mask(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> BoolArray:
-        """Omega_L, the pixels where luminance is measured directly: bool `shape`. `first`: the sensor pixel at [0, 0]."""
+    def panchromatic_mask(
+        self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)
+    ) -> BoolArray:
+        """Omega_L, the pixels where luminance is measured directly: bool `shape`. `first`: the
+        sensor pixel at [0, 0].
+        """
         return self.filter_map(shape, first) == len(self.channels)
 
     def letters_from(self, first: tuple[int, int] = (0, 0)) -> tuple[str, ...]:
@@ -215,12 +308,20 @@ class CfaPattern:
         return CfaPattern(self.tile, (self.origin[0] - top, self.origin[1] - left), self.channels)
 
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """The blocks and K x K patches of a frame of `shape`. Raises InputError when no whole block lies inside."""
+        """The blocks and K x K patches of a frame of `shape`.
+
+        Raises
+        ------
+        InputError
+            When no whole block lies inside.
+        """
         return BlockGrid(self.period, self.block_origin, self.block_shape, shape)
 
     @cached_property
     def _tile_planes(self) -> ByteArray:
-        return np.array([[self.planes.index(letter) for letter in row] for row in self.tile], np.uint8)
+        return np.array(
+            [[self.planes.index(letter) for letter in row] for row in self.tile], np.uint8
+        )
 
     @cached_property
     def _colour(self) -> BoolArray:
@@ -229,7 +330,10 @@ class CfaPattern:
     @cached_property
     def _spans(self) -> tuple[tuple[int, int], ...]:
         """(first, number) of the rows, and of the columns, of a block in the tile."""
-        return tuple((0, self.period) if self.is_scattered else _span(self._occupied(axis)) for axis in (1, 0))
+        return tuple(
+            (0, self.period) if self.is_scattered else _span(self._occupied(axis))
+            for axis in (1, 0)
+        )
 
     def _occupied(self, axis: int) -> BoolArray:
         """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""
@@ -237,7 +341,9 @@ class CfaPattern:
 
     @property
     def _is_connected(self) -> bool:
-        """True if the colour sites of a tile are connected, also diagonally and across the edge of the tile."""
+        """True if the colour sites of a tile are connected, also diagonally and across the edge of
+        the tile.
+        """
         reached = np.zeros_like(self._colour)
         reached[tuple(np.argwhere(self._colour)[0])] = True
         for _ in range(int(self._colour.sum())):  # each step reaches the neighbours
@@ -250,12 +356,16 @@ class CfaPattern:
             repeats = all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1))
             if period % part == 0 and repeats:
                 smallest = "/".join(row[:part] for row in self.tile[:part])
-                raise InputError(f"pattern: the tile repeats every {part} pixels; give the smallest tile that repeats: {smallest}")
+                raise InputError(
+                    f"pattern: the tile repeats every {part} pixels; give the smallest tile that "
+                    f"repeats: {smallest}"
+                )
         far = self._colour & ~_spread(~self._colour, _FARTHEST)
         if self.is_scattered and far.any():
             row, column = np.argwhere(far)[0].tolist()
             raise InputError(
-                f"pattern: no panchromatic pixel (W) within {_FARTHEST} pixels of the colour site in row {row + 1}, column "
+                f"pattern: no panchromatic pixel (W) within {_FARTHEST} pixels of the colour "
+                f"site in row {row + 1}, column "
                 f"{column + 1} of the tile: luminance there would be a guess"
             )
 
@@ -269,6 +379,10 @@ def _span(occupied: BoolArray) -> tuple[int, int]:
 
 
 def _spread(mask: BoolArray, reach: int) -> BoolArray:
-    """The True places of a repeating tile, and all places at most `reach` rows and columns from them."""
+    """The True places of a repeating tile, and all places at most `reach` rows and columns from
+    them.
+    """
     steps = range(-reach, reach + 1)
-    return np.logical_or.reduce([np.roll(mask, (down, right), (0, 1)) for down in steps for right in steps])
+    return np.logical_or.reduce(
+        [np.roll(mask, (down, right), (0, 1)) for down in steps for right in steps]
+    )

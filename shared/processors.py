@@ -1,4 +1,6 @@
-"""Number of processors that this process may use, and of threads that renders and previews are to use."""
+"""Number of processors that this process may use, and of threads that renders and previews are
+to use.
+"""
 
 import math
 import os
@@ -9,23 +11,36 @@ from functools import cache
 from .control_groups import control_groups, number_in
 
 THREADS = "PANCHROMA_THREADS"
-"""Environment variable: the number of threads of renders and previews for which the program sets none."""
+"""Environment variable: the number of threads of renders and previews for which the program sets
+none.
+"""
 
 
 def processors() -> int:
-    """Number of processors that this process may use: by its affinity, and by the time that its control groups get."""
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Number of processors that this process may use: by its affinity, and by the time that its
+    control groups get.
+    """
+    usable = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     return min(usable, _quota() or usable)
 
 
 @cache
 def _quota() -> int | None:
-    """Processors that the least quota of the control groups is enough for, rounded up; None without a quota."""
+    """Processors that the least quota of the control groups is enough for, rounded up; None without
+    a quota.
+    """
     quotas = []
     for group in control_groups("cpu"):
-        quota, period = number_in(group / "cpu.cfs_quota_us"), number_in(group / "cpu.cfs_period_us")  # version 1
+        # version 1
+        quota, period = (
+            number_in(group / "cpu.cfs_quota_us"),
+            number_in(group / "cpu.cfs_period_us"),
+        )
         with suppress(OSError, ValueError):
-            quota, period = map(int, (group / "cpu.max").read_text(encoding="ascii").split())  # version 2
+            # version 2
+            quota, period = map(int, (group / "cpu.max").read_text(encoding="ascii").split())
         if quota and period and min(quota, period) > 0:
             quotas.append(math.ceil(quota / period))
     return min(quotas, default=None)
@@ -40,8 +55,11 @@ chosen = _Chosen()
 
 
 def available_threads() -> int:
-    """The number of threads that are used where `use_threads` was not called: PANCHROMA_THREADS, or one per processor.
+    """The number of threads that are used where `use_threads` was not called: PANCHROMA_THREADS, or
+    one per processor.
 
+    Examples
+    --------
     >>> from panchroma.shared.processors import available_threads
     >>> available_threads() >= 1
     True
@@ -53,6 +71,8 @@ def available_threads() -> int:
 def threads() -> int:
     """The number of threads that stages and previews called from this thread use.
 
+    Examples
+    --------
     >>> from panchroma.shared.processors import threads
     >>> threads() >= 1
     True
@@ -61,10 +81,18 @@ def threads() -> int:
 
 
 def use_threads(count: int) -> None:
-    """Set the number of threads for stages and previews called from this thread, 1 or more. The result is the same for any.
+    """Set the number of threads for stages and previews called from this thread, 1 or more. The
+    result is the same for any.
 
-    For programs: libraries should leave this choice to them. Raises ValueError for less than 1.
+    For programs: libraries should leave this choice to them.
 
+    Raises
+    ------
+    ValueError
+        For less than 1.
+
+    Examples
+    --------
     >>> from panchroma.shared.processors import threads, use_threads
     >>> before = threads()
     >>> use_threads(1)

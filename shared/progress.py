@@ -2,7 +2,8 @@
 
 
 class Progress:
-    """A listener to long-running work. Every method does nothing here: override those that matter to you.
+    """A listener to long-running work. Every method does nothing here: override those that matter
+    to you.
 
     Methods must be cheap: they are called from inner loops.
     """
@@ -14,14 +15,21 @@ class Progress:
         """`steps` more steps of the current stage are done."""
 
     def part(self, name: str) -> None:
-        """A part of the current step begins; the part before it has ended. Stages whose steps have no parts never call this."""
+        """A part of the current step begins; the part before it has ended. Stages whose steps have
+        no parts never call this.
+        """
 
     def solved(self, solver: str, iterations: int, residual: float) -> None:
         """An iterative solver has finished, for the whole frame or for one band of it.
 
-        solver: its name.
-        iterations: how many it used.
-        residual: what was left after them; the solver defines the unit.
+        Parameters
+        ----------
+        solver : str
+            Its name.
+        iterations : int
+            How many it used.
+        residual : float
+            What was left after them; the solver defines the unit.
         """
 
 

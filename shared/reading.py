@@ -1,4 +1,6 @@
-"""Opening untrusted files: kind and size are checked before anything is read. Also the size limits."""
+"""Opening untrusted files: kind and size are checked before anything is read. Also the size
+limits.
+"""
 
 import codecs
 import re
@@ -11,10 +13,14 @@ from typing import BinaryIO
 from .errors import InputError
 
 MAX_PIXELS = 1 << 28
-"""Largest number of pixels that readers accept by default: 268 million, more than all but a few sensors have."""
+"""Largest number of pixels that readers accept by default: 268 million, more than all but a few
+sensors have.
+"""
 
 MAX_DOCUMENT = 4 << 20
-"""Largest text file that is read (JSON, CGATS), bytes; a camera file with a hundred thousand defects has half as many."""
+"""Largest text file that is read (JSON, CGATS), bytes; a camera file with a hundred thousand
+defects has half as many.
+"""
 
 _WILD = re.compile(r"[*?]")  # a shell leaves them where they match nothing
 
@@ -23,11 +29,22 @@ _WILD = re.compile(r"[*?]")  # a shell leaves them where they match nothing
 def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]:
     """Open a file of 1 to `largest` bytes for reading, in a `with` block.
 
-    path: the file.
-    largest: bytes; a longer file is refused.
-    kind: the kind of file that is expected, with its article, for the message.
-    Raises InputError for a folder, for a pipe or a device (which might never end), for an empty file, for a longer one, and when
-    the file cannot be read. The message does not name the file.
+    The message does not name the file.
+
+    Parameters
+    ----------
+    path : Path | str
+        The file.
+    largest : int
+        Bytes; a longer file is refused.
+    kind : str
+        The kind of file that is expected, with its article, for the message.
+
+    Raises
+    ------
+    InputError
+        For a folder, for a pipe or a device (which might never end), for an empty file, for a
+        longer one, and when the file cannot be read.
     """
     path = Path(path)
     try:
@@ -37,7 +54,11 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
             raise InputError("is a pipe or a device, not a file; save it to a file first")
         stream = path.open("rb")
     except FileNotFoundError:
-        what = "no file matches this name with wildcards" if _WILD.search(str(path)) else "there is no such file"
+        what = (
+            "no file matches this name with wildcards"
+            if _WILD.search(str(path))
+            else "there is no such file"
+        )
         raise InputError(f"{what}; check the name") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise _unreadable(error) from error
@@ -48,7 +69,10 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
             if not size:
                 raise InputError("the file is empty; copy it again")
             if size > largest:
-                raise InputError(f"is larger than the {largest} bytes of {kind}: it is something else, or damaged")
+                raise InputError(
+                    f"is larger than the {largest} bytes of {kind}: it is something else, or "
+                    "damaged"
+                )
             yield stream
         except OSError as error:
             raise _unreadable(error) from error
@@ -59,16 +83,23 @@ def _unreadable(error: OSError | ValueError) -> InputError:
 
 
 def read_whole(path: Path | str, largest: int, kind: str) -> bytes:
-    """All bytes of a file, checked as by `opened_file`; never more than `largest`, even if the file grows meanwhile."""
+    """All bytes of a file, checked as by `opened_file`; never more than `largest`, even if the file
+    grows meanwhile.
+    """
     with opened_file(path, largest, kind) as file:
         return file.read(largest)
 
 
 def read_text(path: Path | str, largest: int, kind: str, otherwise: str = "") -> str:
-    """The text of a file in UTF-8, without the byte-order mark that some editors put before it; checked as by `opened_file`.
+    """The text of a file in UTF-8, without the byte-order mark that some editors put before it;
+    checked as by `opened_file`.
 
-    otherwise: name of the encoding of a file that is not in UTF-8; "" = there must be none.
     Raises InputError, which does not name the file, for any other file.
+
+    Parameters
+    ----------
+    otherwise : str, optional
+        Name of the encoding of a file that is not in UTF-8; "" = there must be none.
     """
     data = read_whole(path, largest, kind)
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in data:

@@ -1,8 +1,9 @@
 """onnxruntime without telemetry. Every module of ours imports it from here.
 
-Since 1.29 the official packages for Linux and macOS send facts about machine and model to Microsoft, and keep a database of them
-and an identity in the user's cache folder. The import begins with it, so that `disable_telemetry_events` alone comes too late; the
-variable of the environment is read by the import alone, and is the program's own again afterwards.
+Since 1.29 the official packages for Linux and macOS send facts about machine and model to
+Microsoft, and keep a database of them and an identity in the user's cache folder. The import begins
+with it, so that `disable_telemetry_events` alone comes too late; the variable of the environment is
+read by the import alone, and is the program's own again afterwards.
 """
 
 import os
@@ -27,19 +28,28 @@ __all__ = ["onnxruntime", "session"]
 
 
 def session(model: Path | bytes, *, as_written: bool = False) -> Any:
-    """An onnxruntime session, which computes in the calling thread; any number of threads may call it.
+    """An onnxruntime session, which computes in the calling thread; any number of threads may call
+    it.
 
-    model: an ONNX file of ours, or its bytes.
-    as_written: run the nodes in the order of the file as far as possible, not in the one that onnxruntime chooses.
     Raises InputError, which does not name the file, when onnxruntime cannot run it.
+
+    Parameters
+    ----------
+    model : Path | bytes
+        An ONNX file of ours, or its bytes.
+    as_written : bool, optional
+        Run the nodes in the order of the file as far as possible, not in the one that onnxruntime
+        chooses.
     """
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1  # our pieces run in parallel instead
+    # our pieces run in parallel instead
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     if as_written:
         options.execution_order = onnxruntime.ExecutionOrder.PRIORITY_BASED
     options.log_severity_level = 4  # errors are raised anyway
     try:
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # each error code of onnxruntime has its own class, without a common base
+    # each error code of onnxruntime has its own class, without a common base
+    except Exception as error:
         raise InputError(f"is not a network that onnxruntime can run ({error})") from error

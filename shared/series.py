@@ -1,4 +1,6 @@
-"""Names of the frames of a burst: STEM-1, STEM-2, ... with zeros in front, so that they sort by name."""
+"""Names of the frames of a burst: STEM-1, STEM-2, ... with zeros in front, so that they sort by
+name.
+"""
 
 import re
 
@@ -8,10 +10,17 @@ _FRAME = re.compile(r"(.+)-(\d+)", re.DOTALL)
 def frame_name(stem: str, number: int, count: int) -> str:
     """Name of a frame, without the suffix of the file.
 
-    stem: what the frames have in common.
-    number: of the frame, 1 to `count`.
-    count: number of frames.
+    Parameters
+    ----------
+    stem : str
+        What the frames have in common.
+    number : int
+        Of the frame, 1 to `count`.
+    count : int
+        Number of frames.
 
+    Examples
+    --------
     >>> frame_name("rose", 3, 8), frame_name("rose", 3, 15)
     ('rose-3', 'rose-03')
     """
@@ -21,6 +30,8 @@ def frame_name(stem: str, number: int, count: int) -> str:
 def frame_number(name: str) -> tuple[str, int] | None:
     """(stem, number) of a frame, from its name without suffix; None if it is no name of a frame.
 
+    Examples
+    --------
     >>> frame_number("rose-03")
     ('rose', 3)
     """

@@ -1,7 +1,9 @@
-"""Shading: how much less light lens and sensor collect away from the middle of the frame, for each filter.
+"""Shading: how much less light lens and sensor collect away from the middle of the frame, for each
+filter.
 
-Each plane has a smooth map of the factor that undoes its shading: a cubic B-spline, which needs few figures. The map is stretched
-over the frame, so that it also serves frames with fewer, larger pixels of the same sensor.
+Each plane has a smooth map of the factor that undoes its shading: a cubic B-spline, which needs few
+figures. The map is stretched over the frame, so that it also serves frames with fewer, larger
+pixels of the same sensor.
 """
 
 import math
@@ -30,13 +32,27 @@ _MIDDLE = 0.01  # how far the gain in the middle may be from 1
 class Shading:
     """The gain that undoes the shading of each plane, 1 in the middle of the frame.
 
-    gain: control points of uniform cubic B-splines over the frame: plane (the channels, then panchromatic), row, column; 4 to 32
-        rows and columns. The gain itself is 0.05 to 64.
-    size: (rows, columns) of the frames that it was measured on; other frames have to have the same ratio of sides, but for a pixel.
-    focal_length: of the lens then, millimetres; None = unknown.
-    residual: how far the flat frames are from it, beyond their noise: root mean square, as a share of the light.
-    Raises InputError that names the field.
+    Attributes
+    ----------
+    gain : tuple[tuple[tuple[float, ...], ...], ...]
+        Control points of uniform cubic B-splines over the frame: plane (the channels, then
+        panchromatic), row, column; 4 to 32 rows and columns. The gain itself is 0.05 to 64.
+    size : tuple[int, int]
+        (rows, columns) of the frames that it was measured on; other frames have to have the same
+        ratio of sides, but for a pixel.
+    focal_length : float | None
+        Of the lens then, millimetres; None = unknown.
+    residual : float
+        How far the flat frames are from it, beyond their noise: root mean square, as a share of the
+        light.
 
+    Raises
+    ------
+    InputError
+        That names the field.
+
+    Examples
+    --------
     >>> from panchroma.shared import Shading
     >>> even = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))
     >>> even.of_plane((800, 1200), 0, slice(0, 2), slice(0, 3)).tolist()
@@ -53,12 +69,19 @@ class Shading:
             points = np.array(numbers("shading: gain", self.gain, depth=3), np.float64)
         except ValueError:  # rows of different lengths
             points = np.zeros(0)
-        if points.ndim != 3 or not all(count in _POINTS for count in points.shape[1:]) or np.abs(points).max() > _LARGEST:
+        if (
+            points.ndim != 3
+            or not all(count in _POINTS for count in points.shape[1:])
+            or np.abs(points).max() > _LARGEST
+        ):
             raise InputError(
-                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and columns of control points "
+                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows "
+                "and columns of control points "
                 f"of -{_LARGEST:g} to {_LARGEST:g}"
             )
-        object.__setattr__(self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist()))
+        object.__setattr__(
+            self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist())
+        )
         object.__setattr__(self, "size", size("shading: size", self.size))
         focal_length: Any = 0 if self.focal_length is None else self.focal_length
         for name, value in {"residual": self.residual, "focal_length": focal_length}.items():
@@ -68,43 +91,62 @@ class Shading:
         middle = self.sketch[:, _SKETCH // 2, _SKETCH // 2]
         if not _GAINS[0] <= least <= most <= _GAINS[1] or np.abs(middle - 1).max() > _MIDDLE:
             raise InputError(
-                f"shading: the gains are {least:.3g} to {most:.3g}, and {middle.tolist()} in the middle of the frame, expected "
+                f"shading: the gains are {least:.3g} to {most:.3g}, and {middle.tolist()} in the "
+                "middle of the frame, expected "
                 f"{_GAINS[0]:g} to {_GAINS[1]:g}, and 1"
             )
 
     def check(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
-        # One frame can be the other made smaller if one scale gives both of its sides, but for a part of a pixel.
+        # One frame can be the other made smaller if one scale gives both of its sides, but for a
+        # part of a pixel.
         small, large = sorted((shape, self.size))
-        if small != large and max((small[i] - 1) / large[i] for i in (0, 1)) >= min((small[i] + 1) / large[i] for i in (0, 1)):
+        if small != large and max((small[i] - 1) / large[i] for i in (0, 1)) >= min(
+            (small[i] + 1) / large[i] for i in (0, 1)
+        ):
             raise InputError(
-                f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
-                f"{shape[1]} x {shape[0]}: another part of the sensor; measure it on such frames, into a camera file of its own"
+                f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, "
+                "and the frame has "
+                f"{shape[1]} x {shape[0]}: another part of the sensor; measure it on such "
+                "frames, into a camera file of its own"
             )
 
     def zoomed(self, focal_length: float | None) -> str:
-        """A note on a shot at this focal length, millimetres: "" unless this was measured at another one.
+        """A note on a shot at this focal length, millimetres: "" unless this was measured at
+        another one.
 
+        Examples
+        --------
         >>> from panchroma.shared import Shading
         >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)
-        'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
+        'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be
+        wrong'
         """
         known = self.focal_length
         if not known or not focal_length or abs(math.log(focal_length / known)) <= ZOOMED:
             return ""
         return (
-            f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: colours towards the corners may be wrong"
+            f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: "
+            "colours towards the corners may be wrong"
         )
 
-    def of_plane(self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE) -> FloatArray:
+    def of_plane(
+        self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE
+    ) -> FloatArray:
         """The gain of a plane in a part of a frame, float32 (rows, columns).
 
-        shape: (rows, columns) of the frame.
-        plane: index of the channel; -1 = panchromatic.
-        rows, columns: the part, also with a step. What a pixel gets does not depend on the part.
+        Parameters
+        ----------
+        shape : tuple[int, int]
+            (rows, columns) of the frame.
+        plane : int, optional
+            Index of the channel; -1 = panchromatic.
+        rows, columns : slice, optional
+            The part, also with a step. What a pixel gets does not depend on the part.
         """
         points = np.array(self.gain[plane], np.float32)
-        # Along the rows first: that is little work. Sums are spelt out, because a product of matrices rounds as its size suggests.
+        # Along the rows first: that is little work. Sums are spelt out, because a product of
+        # matrices rounds as its size suggests.
         place, weights = _weights(shape[1], len(points[0]), columns)
         curves = sum(weights[tap] * points[:, place + tap] for tap in range(4))
         place, weights = _weights(shape[0], len(points), rows)
@@ -116,7 +158,9 @@ class Shading:
     @cached_property
     def sketch(self) -> FloatArray:
         """The gains at a few places, edges and middle among them, float32 (planes, 129, 129)."""
-        return np.stack([self.of_plane((_SKETCH, _SKETCH), plane) for plane in range(len(self.gain))])
+        return np.stack(
+            [self.of_plane((_SKETCH, _SKETCH), plane) for plane in range(len(self.gain))]
+        )
 
     @property
     def stops(self) -> float:
@@ -125,7 +169,9 @@ class Shading:
 
     @property
     def colour(self) -> float:
-        """The largest difference between how a colour and panchromatic samples fall off, as a share."""
+        """The largest difference between how a colour and panchromatic samples fall off, as a
+        share.
+        """
         *colours, panchromatic = self.sketch
         return max(float(np.abs(panchromatic / colour - 1).max()) for colour in colours)
 
@@ -133,6 +179,8 @@ class Shading:
     def words(self) -> str:
         """Its size and focal length, for people.
 
+        Examples
+        --------
         >>> from panchroma.shared import Shading
         >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).words
         '0.00 stops, 0.0 % between colours at 35 mm'
@@ -142,25 +190,37 @@ class Shading:
 
 
 def spline_weights(t: DoubleArray) -> DoubleArray:
-    """Return the weights of the four control points of a uniform cubic B-spline around places 0 <= t < 1, (4, ...).
+    """Return the weights of the four control points of a uniform cubic B-spline around places 0 <=
+    t < 1, (4, ...).
 
     The places lie between the second and the third control point.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.shared.shading import spline_weights
     >>> (6 * spline_weights(np.array([0.0]))).ravel().tolist()
     [1.0, 4.0, 1.0, 0.0]
     """
-    return np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3]) / 6
+    return (
+        np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3]) / 6
+    )
 
 
 def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:
     """The weights of all control points at some places, float64 (places, points).
 
-    length: of the frame along this axis, pixels.
-    points: number of control points.
-    place: pixels, the middle of the first one is 0.
+    Parameters
+    ----------
+    length : int
+        Of the frame along this axis, pixels.
+    points : int
+        Number of control points.
+    place : DoubleArray
+        Pixels, the middle of the first one is 0.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.shared.shading import basis
     >>> basis(100, 5, np.array([0.0, 49.5, 99.0])).sum(axis=1).round(12).tolist()
@@ -174,13 +234,17 @@ def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:
 
 
 def _weights(length: int, points: int, part: slice) -> tuple[IndexArray, FloatArray]:
-    """For each pixel of a part of an axis the first of its four control points, and their weights, float32 (4, pixels)."""
+    """For each pixel of a part of an axis the first of its four control points, and their weights,
+    float32 (4, pixels).
+    """
     first, weights = _pieces((np.arange(length)[part] + 0.5) / length, points)
     return first, weights.astype(np.float32)
 
 
 def _pieces(place: DoubleArray, points: int) -> tuple[IndexArray, DoubleArray]:
-    """For each place, from 0 to 1 across the frame, the first of its four control points, and their weights, (4, places)."""
+    """For each place, from 0 to 1 across the frame, the first of its four control points, and their
+    weights, (4, places).
+    """
     along = place * (points - 3)
     first = np.clip(along.astype(np.intp), 0, points - 4)
     return first, spline_weights(along - first)

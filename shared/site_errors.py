@@ -1,8 +1,10 @@
-"""Correlation of the errors of a picture at the colour sites of a block: a model for the preview and for the render.
+"""Correlation of the errors of a picture at the colour sites of a block: a model for the preview
+and for the render.
 
-What a picture misses at a site (sample minus picture, in the channel of its filter) is known there. A stroke or an edge that passes
-through one site passes near the others, and is missed in all channels: so what is missed at the sites of a block says what the
-picture's other errors there are. The constants were chosen on photographs; twice or half of each changes little.
+What a picture misses at a site (sample minus picture, in the channel of its filter) is known there.
+A stroke or an edge that passes through one site passes near the others, and is missed in all
+channels: so what is missed at the sites of a block says what the picture's other errors there are.
+The constants were chosen on photographs; twice or half of each changes little.
 """
 
 import numpy as np
@@ -10,15 +12,19 @@ import numpy as np
 from .arrays import DoubleArray
 from .pattern import CfaPattern
 
-_NEAR, _CHANNELS = 0.35, 0.4  # correlation of errors one pixel apart, and of two channels at one pixel
+# correlation of errors one pixel apart, and of two channels at one pixel
+_NEAR, _CHANNELS = 0.35, 0.4
 
 
 def nearness(pattern: CfaPattern, correlation: float = _NEAR) -> DoubleArray:
-    """`correlation` to the power of the distance in pixels between two sites of a block, float64 (S, S).
+    """`correlation` to the power of the distance in pixels between two sites of a block, float64
+    (S, S).
 
+    Examples
+    --------
     >>> from panchroma.shared import CfaPattern
     >>> from panchroma.shared.site_errors import nearness
-    >>> nearness(CfaPattern.bayer(6), 0.5)[0].round(2).tolist()  # one pixel apart: 0.5; diagonally: less
+    >>> nearness(CfaPattern.bayer(6), 0.5)[0].round(2).tolist()  # beside, below, diagonal
     [1.0, 0.5, 0.5, 0.38]
     """
     place = np.array(pattern.sites)[:, :2]
@@ -27,10 +33,13 @@ def nearness(pattern: CfaPattern, correlation: float = _NEAR) -> DoubleArray:
 
 
 def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
-    """Correlation of the errors of all C channels at all S sites, float64 (S C, S C), and where the S measured ones are among them.
+    """Correlation of the errors of all C channels at all S sites, float64 (S C, S C), and where the
+    S measured ones are among them.
 
     Channels are in units of luminance: each is multiplied by its gamma (Eq. 7).
 
+    Examples
+    --------
     >>> from panchroma.shared import CfaPattern
     >>> from panchroma.shared.site_errors import error_correlation
     >>> correlation, measured = error_correlation(CfaPattern.bayer(6))

@@ -8,8 +8,11 @@ _CLOSE = 0.6  # of 1, by difflib: "bset" and "best" have 0.75
 
 
 def closest(word: str, known: Iterable[str]) -> str | None:
-    """The known word that begins with `word`, or else resembles it most; None if none does. Capitals do not count.
+    """The known word that begins with `word`, or else resembles it most; None if none does.
+    Capitals do not count.
 
+    Examples
+    --------
     >>> from panchroma.shared.spelling import closest
     >>> closest("rendr", ("render", "burst")), closest("canon", ("render", "burst"))
     ('render', None)
@@ -21,8 +24,11 @@ def closest(word: str, known: Iterable[str]) -> str | None:
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """The end of a message: "; did you mean X?" for the `closest` known word; "" if none resembles it.
+    """The end of a message: "; did you mean X?" for the `closest` known word; "" if none resembles
+    it.
 
+    Examples
+    --------
     >>> from panchroma.shared.spelling import meant
     >>> meant("Kodk", ("kodak", "sony"))
     '; did you mean kodak?'

@@ -1,6 +1,8 @@
-"""Writing the TIFF structure (TIFF 6.0; Exif 2.3 section 4.6): directories of typed fields, and the data they point to.
+"""Writing the TIFF structure (TIFF 6.0; Exif 2.3 section 4.6): directories of typed fields, and the
+data they point to.
 
-DNG files, TIFF files and Exif blocks share it. It is written little-endian, in memory or strip by strip. tifffile does the reading.
+DNG files, TIFF files and Exif blocks share it. It is written little-endian, in memory or strip by
+strip. tifffile does the reading.
 """
 
 import struct
@@ -17,15 +19,17 @@ from .errors import InputError
 STRIP_OFFSETS, STRIP_BYTES = 273, 279
 TILE_WIDTH, TILE_OFFSETS, TILE_BYTES = 322, 324, 325
 LARGEST = 2**32  # bytes: offsets have 32 bits
-_HEADER, _FIRST = b"II*\0\0\0\0\0", 4  # the header, and where in it the offset of the first directory belongs
+# the header, and where in it the offset of the first directory belongs
+_HEADER, _FIRST = b"II*\0\0\0\0\0", 4
 
 
 FieldType = DATATYPE
 RATIOS = (FieldType.RATIONAL, FieldType.SRATIONAL)
 """Field types of which a value is two numbers, numerator and denominator."""
 
-# The fields of a directory by tag. A field is (type, values); values are bytes for BYTE and UNDEFINED, str for ASCII (written as
-# UTF-8 with a final NUL), otherwise numbers, or the bytes of numbers in little-endian order, which are written as they are.
+# The fields of a directory by tag. A field is (type, values); values are bytes for BYTE and
+# UNDEFINED, str for ASCII (written as UTF-8 with a final NUL), otherwise numbers, or the bytes of
+# numbers in little-endian order, which are written as they are.
 Fields = dict[int, tuple[FieldType, bytes | str | Sequence[float]]]
 
 
@@ -33,9 +37,14 @@ Fields = dict[int, tuple[FieldType, bytes | str | Sequence[float]]]
 class Directory:
     """One image file directory.
 
-    fields: the fields by tag, without those of strips and children.
-    strips: the encoded strips of its image, from top to bottom; tiles, if there is a field TileWidth.
-    children: directories that a field points to (SubIFDs, Exif), by the tag of that field.
+    Attributes
+    ----------
+    fields : Fields
+        The fields by tag, without those of strips and children.
+    strips : Sequence[bytes]
+        The encoded strips of its image, from top to bottom; tiles, if there is a field TileWidth.
+    children : dict[int, 'Directory']
+        Directories that a field points to (SubIFDs, Exif), by the tag of that field.
     """
 
     fields: Fields = field(default_factory=dict)
@@ -44,19 +53,35 @@ class Directory:
 
 
 def encode_tiff(directory: Directory) -> bytes:
-    """A whole little-endian TIFF file with one main directory. Raises InputError beyond the 4 GiB of the format."""
+    """A whole little-endian TIFF file with one main directory.
+
+    Raises
+    ------
+    InputError
+        Beyond the 4 GiB of the format.
+    """
     file = BytesIO()
     write_tiff(file, directory, directory.strips)
     return file.getvalue()
 
 
 def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes | memoryview]) -> None:
-    """Write a TIFF file strip by strip; the bytes are those of `encode_tiff` for a directory with these strips.
+    """Write a TIFF file strip by strip; the bytes are those of `encode_tiff` for a directory with
+    these strips.
 
-    file: seekable, at its beginning.
-    directory: the main directory; its own strips are ignored.
-    strips: encoded strips from top to bottom, each written as soon as it arrives.
-    Raises InputError beyond the 4 GiB of the format.
+    Parameters
+    ----------
+    file : BinaryIO
+        Seekable, at its beginning.
+    directory : Directory
+        The main directory; its own strips are ignored.
+    strips : Iterable[bytes | memoryview]
+        Encoded strips from top to bottom, each written as soon as it arrives.
+
+    Raises
+    ------
+    InputError
+        Beyond the 4 GiB of the format.
     """
     file.write(_HEADER)
     place = _place(directory, strips, file)
@@ -66,10 +91,14 @@ def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes | me
 
 
 def _place(directory: Directory, strips: Iterable[bytes | memoryview], file: BinaryIO) -> int:
-    """Append a directory with these strips, after everything it points to, to a file. Returns its offset."""
+    """Append a directory with these strips, after everything it points to, to a file. Returns its
+    offset.
+    """
     fields = dict(directory.fields)
     if placed := [(_append(strip, file), len(strip)) for strip in strips]:
-        offsets, sizes = (TILE_OFFSETS, TILE_BYTES) if TILE_WIDTH in fields else (STRIP_OFFSETS, STRIP_BYTES)
+        offsets, sizes = (
+            (TILE_OFFSETS, TILE_BYTES) if TILE_WIDTH in fields else (STRIP_OFFSETS, STRIP_BYTES)
+        )
         fields[offsets] = FieldType.LONG, [offset for offset, _ in placed]
         fields[sizes] = FieldType.LONG, [size for _, size in placed]
     for tag, child in directory.children.items():
@@ -88,7 +117,10 @@ def _append(data: bytes | memoryview, file: BinaryIO) -> int:
     file.write(bytes(file.tell() % 2))
     offset = file.tell()
     if offset + len(data) >= LARGEST:
-        raise InputError("the file would pass the 4 GiB of a TIFF; use fewer bits, another format, or a part of the picture")
+        raise InputError(
+            "the file would pass the 4 GiB of a TIFF; use fewer bits, another format, or a part "
+            "of the picture"
+        )
     file.write(data)
     return offset
 
@@ -96,17 +128,22 @@ def _append(data: bytes | memoryview, file: BinaryIO) -> int:
 def _encode(kind: FieldType, values: bytes | str | Sequence[float]) -> tuple[int, bytes]:
     """Number of values and little-endian bytes of a field."""
     if isinstance(values, str):
-        # Exif prescribes ASCII, which cannot hold a name like "Käthe"; other programs write and read UTF-8 too.
+        # Exif prescribes ASCII, which cannot hold a name like "Käthe"; other programs write and
+        # read UTF-8 too.
         data = values.encode("utf-8", "replace").replace(b"\0", b"") + b"\0"
         return len(data), data
     if isinstance(values, bytes):
         return len(values) // value_bytes(kind), values
-    numbers = [number for value in values for number in _ratio(value, kind)] if kind in RATIOS else values
+    numbers = (
+        [number for value in values for number in _ratio(value, kind)] if kind in RATIOS else values
+    )
     return len(values), struct.pack(f"<{len(numbers)}{number_format(kind)}", *numbers)
 
 
 def number_format(kind: int) -> str:
-    """The letter by which `struct` knows the numbers of a field type; rational values have two of them."""
+    """The letter by which `struct` knows the numbers of a field type; rational values have two of
+    them.
+    """
     return TIFF.DATA_FORMATS[kind][-1]
 
 
@@ -116,7 +153,9 @@ def value_bytes(kind: int) -> int:
 
 
 def _ratio(value: float, kind: FieldType) -> tuple[int, int]:
-    """Numerator and denominator of the simplest fraction that reads back as `value`, or of the nearest that fits into 32 bits."""
+    """Numerator and denominator of the simplest fraction that reads back as `value`, or of the
+    nearest that fits into 32 bits.
+    """
     limit = 2**31 - 1
     finest = min(limit, max(1, int(limit / max(abs(value), 1e-9))))
     for denominator in (10**3, 10**6, finest):  # 1/250 rather than the binary fraction of the float

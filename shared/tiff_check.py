@@ -1,7 +1,9 @@
-"""Checking the directories of an untrusted TIFF file (TIFF 6.0, BigTIFF) before a library parses them.
+"""Checking the directories of an untrusted TIFF file (TIFF 6.0, BigTIFF) before a library parses
+them.
 
-tifffile and Pillow create a Python object for every number that a field declares, and follow every directory that another names. A
-malicious file of some megabytes can thus fill gigabytes of memory or keep them busy for hours.
+tifffile and Pillow create a Python object for every number that a field declares, and follow every
+directory that another names. A malicious file of some megabytes can thus fill gigabytes of memory
+or keep them busy for hours.
 """
 
 from collections.abc import Container
@@ -16,15 +18,27 @@ _TREE = (_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY)
 _OFFSETS = (4, 13, 16, 18)  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
 
 PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}
-"""Arguments of `tifffile.TiffFile` that make it leave alone the kinds of files whose every page it would read at once."""
+"""Arguments of `tifffile.TiffFile` that make it leave alone the kinds of files whose every page it
+would read at once.
+"""
 
 
 def check_directories(file: IO[bytes], read: Container[int] | None = None, pages: int = 1) -> bool:
-    """Raise InputError if a directory declares implausible sizes. Returns whether the file has more than one page.
+    """Raise InputError if a directory declares implausible sizes.
 
-    file: seekable; left at its beginning.
-    read: tags of the fields that will be read; None = all of them.
-    pages: number of pages to check, from the first on, and what is below them.
+    Parameters
+    ----------
+    file : IO[bytes]
+        Seekable; left at its beginning.
+    read : Container[int] | None, optional
+        Tags of the fields that will be read; None = all of them.
+    pages : int, optional
+        Number of pages to check, from the first on, and what is below them.
+
+    Returns
+    -------
+    bool
+        Whether the file has more than one page.
     """
     structure = Structure(file)
     end = structure.end
@@ -46,13 +60,19 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None, pages
             check_count(-(-held // end), "times its length in fields")
         return following != 0
     except EOFError:
-        raise InputError(f"damaged: the file ends after {end} bytes, before its directory; copy the file again") from None
+        raise InputError(
+            f"damaged: the file ends after {end} bytes, before its directory; copy the file again"
+        ) from None
     finally:
         file.seek(0)
 
 
-def _directory(structure: Structure, place: int, read: Container[int] | None) -> tuple[list[int], int, int]:
-    """Offsets of the directories below the one at offset `place`, that of the next one, and bytes of its fields."""
+def _directory(
+    structure: Structure, place: int, read: Container[int] | None
+) -> tuple[list[int], int, int]:
+    """Offsets of the directories below the one at offset `place`, that of the next one, and bytes
+    of its fields.
+    """
     count, entries, after = structure.directory(place)
     check_count(count, "fields in a directory")
     if len(entries) < count:

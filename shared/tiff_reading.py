@@ -1,6 +1,8 @@
-"""The structure of an untrusted TIFF (TIFF 6.0, BigTIFF, Exif blocks, camera RAWs that are built alike), and single fields of it.
+"""The structure of an untrusted TIFF (TIFF 6.0, BigTIFF, Exif blocks, camera RAWs that are built
+alike), and single fields of it.
 
-Only what is asked for is read. Whatever is damaged counts as missing: these fields are capture data, which no picture depends on.
+Only what is asked for is read. Whatever is damaged counts as missing: these fields are capture
+data, which no picture depends on.
 """
 
 import struct
@@ -20,7 +22,15 @@ _LONGEST = 1 << 16  # bytes of a field
 
 
 class Entry(NamedTuple):
-    """A field of a directory. length: number of values. value: bytes of the values if they fit in here, or else of their offset."""
+    """A field of a directory.
+
+    Attributes
+    ----------
+    length : int
+        Number of values.
+    value : bytes
+        Bytes of the values if they fit in here, or else of their offset.
+    """
 
     tag: int
     kind: int
@@ -36,9 +46,15 @@ class Entry(NamedTuple):
 class Structure:
     """A TIFF structure.
 
-    file: seekable; its position changes.
-    place: where in the file the structure begins; its offsets count from there.
-    The attribute `first` is the offset of the first directory, 0 if this is no TIFF structure; `end` is the length.
+    The attribute `first` is the offset of the first directory, 0 if this is no TIFF structure;
+    `end` is the length.
+
+    Parameters
+    ----------
+    file : IO[bytes]
+        Seekable; its position changes.
+    place : int, optional
+        Where in the file the structure begins; its offsets count from there.
     """
 
     def __init__(self, file: IO[bytes], place: int = 0) -> None:
@@ -47,9 +63,15 @@ class Structure:
         header = self.read(0, 16)
         self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
         # Makers of cameras put numbers of their own where TIFF has 42.
-        big = len(header) == 16 and bool(self._order) and struct.unpack_from(f"{self._order}H", header, 2)[0] == _BIG
+        big = (
+            len(header) == 16
+            and bool(self._order)
+            and struct.unpack_from(f"{self._order}H", header, 2)[0] == _BIG
+        )
         layouts = ("Q", "HHQ8s", "Q") if big else ("H", "HHI4s", "I")
-        self._count, self._entry, self._offset = (struct.Struct(self._order + layout) for layout in layouts)
+        self._count, self._entry, self._offset = (
+            struct.Struct(self._order + layout) for layout in layouts
+        )
         known = self._order and len(header) >= 8
         self.first: int = self._offset.unpack_from(header, 8 if big else 4)[0] if known else 0
 
@@ -61,9 +83,15 @@ class Structure:
         return self._file.read(size)
 
     def directory(self, offset: int) -> tuple[int, list[Entry], int]:
-        """Read the directory at an offset: number of fields that it declares, the fields, and the offset of the next one, 0 = none.
+        """Read the directory at an offset: number of fields that it declares, the fields, and the
+        offset of the next one, 0 = none.
 
-        No more fields are read than `limits` allow, and no more than the file has. Raises EOFError if it ends before the directory.
+        No more fields are read than `limits` allow, and no more than the file has.
+
+        Raises
+        ------
+        EOFError
+            If it ends before the directory.
         """
         counted, size = self.read(offset, self._count.size), self._entry.size
         if len(counted) < self._count.size:
@@ -71,31 +99,54 @@ class Structure:
         (count,), start = self._count.unpack(counted), offset + len(counted)
         table = self.read(start, min(count, limit("fields in a directory")) * size)
         after = self.read(start + count * size, self._offset.size)
-        entries = [Entry._make(values) for values in self._entry.iter_unpack(table[: len(table) // size * size])]
-        return count, entries, self._offset.unpack(after)[0] if len(after) == self._offset.size else 0
+        entries = [
+            Entry._make(values)
+            for values in self._entry.iter_unpack(table[: len(table) // size * size])
+        ]
+        return (
+            count,
+            entries,
+            self._offset.unpack(after)[0] if len(after) == self._offset.size else 0,
+        )
 
     def values(self, entry: Entry, longest: int) -> bytes:
-        """Return the bytes of an entry's values, at most `longest`; none unless all of them are in the file."""
+        """Return the bytes of an entry's values, at most `longest`; none unless all of them are in
+        the file.
+        """
         if entry.size <= len(entry.value):
             return entry.value[: entry.size]
         (offset,) = self._offset.unpack(entry.value)
-        return self.read(offset, min(entry.size, longest)) if offset + entry.size <= self.end else b""
+        return (
+            self.read(offset, min(entry.size, longest)) if offset + entry.size <= self.end else b""
+        )
 
     def numbers(self, kind: int, values: bytes) -> tuple[float, ...]:
-        """Return the numbers in the bytes of values; rational ones without value (denominator 0) are NaN."""
+        """Return the numbers in the bytes of values; rational ones without value (denominator 0)
+        are NaN.
+        """
         letter = number_format(kind)
-        numbers = struct.unpack(f"{self._order}{len(values) // struct.calcsize(f'={letter}')}{letter}", values)
+        numbers = struct.unpack(
+            f"{self._order}{len(values) // struct.calcsize(f'={letter}')}{letter}", values
+        )
         if kind not in RATIOS:
             return numbers
-        return tuple(over / under if under else float("nan") for over, under in zip(numbers[::2], numbers[1::2], strict=True))
+        return tuple(
+            over / under if under else float("nan")
+            for over, under in zip(numbers[::2], numbers[1::2], strict=True)
+        )
 
 
 class StoredField(NamedTuple):
     """A field as it is in a file.
 
-    kind: field type of TIFF.
-    data: the values of BYTE, ASCII, SBYTE and UNDEFINED, of long ones the first 64 KiB.
-    numbers: the values of any other type.
+    Attributes
+    ----------
+    kind : int
+        Field type of TIFF.
+    data : bytes
+        The values of BYTE, ASCII, SBYTE and UNDEFINED, of long ones the first 64 KiB.
+    numbers : tuple[float, ...]
+        The values of any other type.
     """
 
     kind: int
@@ -107,7 +158,9 @@ StoredFields = dict[int, StoredField]
 
 
 class StoredDirectories(NamedTuple):
-    """The fields of the first directory of a file, of its Exif, GPS and interoperability directories, by tag."""
+    """The fields of the first directory of a file, of its Exif, GPS and interoperability
+    directories, by tag.
+    """
 
     main: StoredFields
     exif: StoredFields
@@ -118,14 +171,22 @@ class StoredDirectories(NamedTuple):
 def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> StoredDirectories:
     """Read the wanted fields of a TIFF structure; nothing of anything else.
 
-    file: seekable; its position changes.
-    wanted: tags that are read, in any directory.
-    place: where in the file the structure begins; its offsets count from there.
+    Parameters
+    ----------
+    file : IO[bytes]
+        Seekable; its position changes.
+    wanted : Set[int]
+        Tags that are read, in any directory.
+    place : int, optional
+        Where in the file the structure begins; its offsets count from there.
     """
     structure = Structure(file, place)
     main = _directory(structure, structure.first, wanted | {_EXIF, _GPS})
     exif = _directory(structure, _offset(main, _EXIF), wanted | {_INTEROPERABILITY})
-    below = (_directory(structure, _offset(fields, tag), wanted) for fields, tag in ((main, _GPS), (exif, _INTEROPERABILITY)))
+    below = (
+        _directory(structure, _offset(fields, tag), wanted)
+        for fields, tag in ((main, _GPS), (exif, _INTEROPERABILITY))
+    )
     return StoredDirectories(main, exif, *below)
 
 
@@ -134,11 +195,17 @@ def _directory(structure: Structure, offset: int, wanted: Set[int]) -> StoredFie
     fields: StoredFields = {}
     with suppress(EOFError):
         for entry in structure.directory(offset)[1] if offset else ():
-            values = structure.values(entry, _LONGEST) if entry.tag in wanted and entry.tag not in fields else b""
+            values = (
+                structure.values(entry, _LONGEST)
+                if entry.tag in wanted and entry.tag not in fields
+                else b""
+            )
             if values and entry.kind in BYTES:
                 fields[entry.tag] = StoredField(entry.kind, values)
             elif values and entry.size <= _LONGEST:
-                fields[entry.tag] = StoredField(entry.kind, numbers=structure.numbers(entry.kind, values))
+                fields[entry.tag] = StoredField(
+                    entry.kind, numbers=structure.numbers(entry.kind, values)
+                )
     return fields
 
 

@@ -1,29 +1,37 @@
-"""The tiles of filters that have names: wherever the letters of a tile may stand, its name may too."""
+"""The tiles of filters that have names: wherever the letters of a tile may stand, its name may
+too.
+"""
 
 import re
 
 TILES = {
-    "paper": "RGWWWW/GBWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW",  # Chakrabarti, Freeman and Zickler 2014, with K = 6
+    # Chakrabarti, Freeman and Zickler 2014, with K = 6
+    "paper": "RGWWWW/GBWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW",
     "Kodak": "WBWG/BWGW/WGWR/GWRW",  # Compton and Hamilton, US patent 8330839
     "Sony": "WRWG/BWGW/WGWR/GWBW",
     "Honda": "BWRW/WGWG/RWBW/WGWG",
     "Kaizu": "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG",
 }
-"""Name -> letters, row by row. Case does not count; "K=4" is the paper's block, RGGB, in every 4 x 4 pixels."""
+"""Name -> letters, row by row. Case does not count; "K=4" is the paper's block, RGGB, in every 4 x
+4 pixels.
+"""
 EXPECTED = (
     "the capital letters of a tile's filters, row by row, such as RGWW/GBWW/WWWW/WWWW, or a name: "
     f"{', '.join(name.casefold() for name in TILES)}, or K=4 for the paper's block in 4 x 4 pixels"
 )
 """Texts that may stand for a tile, for messages."""
 _PERIOD = re.compile(r"k=([0-9]{1,2})")
-# "Sparse Color Filter #1" of GenICam is Kodak's tile, which begins at this place; the letters are the first row from there on. PFNC
-# 2.4, section 3.1.9, numbers the cells of each (those of WGWR overlap there: its green ones are another's, by mistake).
+# "Sparse Color Filter #1" of GenICam is Kodak's tile, which begins at this place; the letters are
+# the first row from there on. PFNC 2.4, section 3.1.9, numbers the cells of each (those of WGWR
+# overlap there: its green ones are another's, by mistake).
 _SPARSE = {"scf1wbwg": (0, 0), "scf1wgwb": (0, 2), "scf1wgwr": (2, 0), "scf1wrwg": (2, 2)}
 
 
 def letters_of(text: str) -> str | None:
     """The letters of the tile with this name; None if no tile has it.
 
+    Examples
+    --------
     >>> from panchroma.shared.tiles import letters_of
     >>> letters_of("kodak"), letters_of("K = 3"), letters_of("RG/BW")
     ('WBWG/BWGW/WGWR/GWRW', 'RGW/GBW/WWW', None)
@@ -42,16 +50,22 @@ def letters_of(text: str) -> str | None:
 def name_of(tile: tuple[str, ...]) -> str:
     """The name of a tile, wherever in it the rows and columns begin; "" if it has none.
 
+    Examples
+    --------
     >>> from panchroma.shared.tiles import name_of
-    >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW")), name_of(("RGW", "GWW", "WWB"))
+    >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW")),
+    name_of(("RGW", "GWW", "WWB"))
     ('Kodak', 'K=4', '')
     """
     return place_of(tile)[0]
 
 
 def place_of(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]]:
-    """Name of a tile, and the (row, column) in it at which the letters of that name begin; "" and (0, 0) if it has none.
+    """Name of a tile, and the (row, column) in it at which the letters of that name begin; "" and
+    (0, 0) if it has none.
 
+    Examples
+    --------
     >>> from panchroma.shared.tiles import place_of
     >>> place_of(("GWRW", "WBWG", "BWGW", "WGWR"))
     ('Kodak', (1, 0))
@@ -63,4 +77,7 @@ def place_of(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]]:
         for down in reversed(range(period))
         for right in reversed(range(period))
     }
-    return next(((name, begun[letters]) for name, letters in known.items() if letters in begun), ("", (0, 0)))
+    return next(
+        ((name, begun[letters]) for name, letters in known.items() if letters in begun),
+        ("", (0, 0)),
+    )

@@ -1,4 +1,6 @@
-"""Writing files atomically and durably: a power cut leaves the old file or the new one, never a part."""
+"""Writing files atomically and durably: a power cut leaves the old file or the new one, never a
+part.
+"""
 
 import errno
 import io
@@ -19,16 +21,30 @@ from .errors import DurabilityWarning, OutputError
 try:
     import fcntl
 except ModuleNotFoundError:
-    raise ImportError("Panchroma runs on Linux and macOS; on Windows install it in the Windows Subsystem for Linux (WSL)") from None
+    raise ImportError(
+        "Panchroma runs on Linux and macOS; on Windows install it in the Windows Subsystem for "
+        "Linux (WSL)"
+    ) from None
 
 OnComplete = Callable[[Path], Callable[[], object]]
-"""Called with the complete temporary file. The function it returns is called when the file is on the disk, before the rename."""
+"""Called with the complete temporary file. The function it returns is called when the file is on
+the disk, before the rename.
+"""
 
 _PART = re.compile(r"\..*\.[0-9a-f]{8}\.panchroma\.(part|lock)", re.DOTALL)
 _LINK_SECONDS = 60.0
 _LONGEST_PART = 100  # bytes; with the suffix a name that every file system accepts
-# What fsync of a folder says on file systems that cannot do it: shares of virtual machines, 9p, old CIFS, some of FUSE.
-_CANNOT_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF, errno.ENOTTY, errno.EISDIR}
+# What fsync of a folder says on file systems that cannot do it: shares of virtual machines, 9p, old
+# CIFS, some of FUSE.
+_CANNOT_SYNC = {
+    errno.EINVAL,
+    errno.ENOTSUP,
+    errno.EOPNOTSUPP,
+    errno.ENOSYS,
+    errno.EBADF,
+    errno.ENOTTY,
+    errno.EISDIR,
+}
 
 
 def write_durably(path: Path | str, data: bytes, *, overwrite: bool = False) -> None:
@@ -38,26 +54,43 @@ def write_durably(path: Path | str, data: bytes, *, overwrite: bool = False) -> 
 
 
 @contextmanager
-def durable_file(path: Path | str, *, overwrite: bool = False, on_complete: OnComplete | None = None) -> Iterator[BinaryIO]:
-    """Open a temporary file for the new content of `path`, in a `with` block; it becomes `path` when that ends without an error.
+def durable_file(
+    path: Path | str, *, overwrite: bool = False, on_complete: OnComplete | None = None
+) -> Iterator[BinaryIO]:
+    """Open a temporary file for the new content of `path`, in a `with` block; it becomes `path`
+    when that ends without an error.
 
-    The temporary file (see `part_path`) is written beside `path`, fsynced and renamed, then the folder is fsynced: at any moment
-    `path` is absent, old or new, never a part. An error in the block removes the temporary file; `sweep` removes those of killed
-    processes. A replaced file keeps its permissions and its owner (see `_keep_permissions`). A link in the place of `path` is
+    The temporary file (see `part_path`) is written beside `path`, fsynced and renamed, then the
+    folder is fsynced: at any moment `path` is absent, old or new, never a part. An error in the
+    block removes the temporary file; `sweep` removes those of killed processes. A replaced file
+    keeps its permissions and its owner (see `_keep_permissions`). A link in the place of `path` is
     replaced itself: what it leads to is neither opened nor changed.
 
-    path: the file to write.
-    overwrite: replace an existing file.
-    on_complete: see `OnComplete`; an error raised there cancels the rename.
-    Raises OutputError when the file exists and `overwrite` is False, when the folder is missing or read-only, and when the disk is
-    full. Errors of the block and of `on_complete` that are not of this file pass through. For the folder see `sync_folder`.
+    Errors of the block and of `on_complete` that are not of this file pass through. For the folder
+    see `sync_folder`.
+
+    Parameters
+    ----------
+    path : Path | str
+        The file to write.
+    overwrite : bool, optional
+        Replace an existing file.
+    on_complete : OnComplete | None, optional
+        See `OnComplete`; an error raised there cancels the rename.
+
+    Raises
+    ------
+    OutputError
+        When the file exists and `overwrite` is False, when the folder is missing or read-only, and
+        when the disk is full.
     """
     path = Path(path)
     part = part_path(path)
     with _named(path):
         if not overwrite and os.path.lexists(path):
             raise FileExistsError
-        # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a leftover.
+        # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a
+        # leftover.
         file = io.BufferedWriter(_locked(part, path))
     try:
         try:
@@ -93,10 +126,19 @@ def _named(path: Path) -> Iterator[None]:
 
 
 def sync_folder(folder: Path) -> bool:
-    """Wait until the names of the files in a folder are on the disk. Returns False on a file system that cannot do that.
+    """Wait until the names of the files in a folder are on the disk.
 
-    Where it can but fails, the files are whole and have their names: that is a DurabilityWarning. Raises OSError when there is no
-    such folder.
+    Where it can but fails, the files are whole and have their names: that is a DurabilityWarning.
+
+    Returns
+    -------
+    bool
+        False on a file system that cannot do that.
+
+    Raises
+    ------
+    OSError
+        When there is no such folder.
     """
     try:
         descriptor = os.open(folder, os.O_RDONLY)
@@ -109,7 +151,8 @@ def sync_folder(folder: Path) -> bool:
     except OSError as error:
         if error.errno not in _CANNOT_SYNC:
             warnings.warn(
-                f"{folder}: the folder cannot be synced ({error.strerror or error}): files in it are whole, but new ones may be "
+                f"{folder}: the folder cannot be synced ({error.strerror or error}): files in it "
+                "are whole, but new ones may be "
                 "gone after a power cut; check the disk",
                 DurabilityWarning,
                 stacklevel=1,
@@ -119,35 +162,51 @@ def sync_folder(folder: Path) -> bool:
 
 
 def part_path(path: Path) -> Path:
-    """A unique temporary name beside `path`: `.NAME.XXXXXXXX.panchroma.part`; a long NAME is shortened."""
+    """A unique temporary name beside `path`: `.NAME.XXXXXXXX.panchroma.part`; a long NAME is
+    shortened.
+    """
     return path.with_name(f".{short_name(path)}.{secrets.token_hex(4)}.panchroma.part")
 
 
 def short_name(path: Path) -> str:
-    """The beginning of a file's name: short enough to be a part of another name, and no character of UTF-8 is cut in two."""
+    """The beginning of a file's name: short enough to be a part of another name, and no character
+    of UTF-8 is cut in two.
+    """
     return os.fsdecode(os.fsencode(path.name)[:_LONGEST_PART].decode(errors="ignore").encode())
 
 
 def own_file(path: Path, mode: str, *, buffering: int = -1) -> IO[bytes]:
-    """Open a file that this program keeps for itself (a journal, a lock, a kept result), as `open` does: a regular file only.
+    """Open a file that this program keeps for itself (a journal, a lock, a kept result), as `open`
+    does: a regular file only.
 
-    A link or a pipe under the name of such a file may have been put there by anyone, and a link may lead to an original. So
-    symbolic links are not followed, nothing waits for the other end of a pipe, and no device is read.
+    A link or a pipe under the name of such a file may have been put there by anyone, and a link may
+    lead to an original. So symbolic links are not followed, nothing waits for the other end of a
+    pipe, and no device is read.
 
-    mode: binary, as for `open`.
     Raises OSError, which says what to do.
+
+    Parameters
+    ----------
+    mode : str
+        Binary, as for `open`.
     """
     return open(path, mode, buffering, opener=_open_regular)
 
 
 def _open_regular(path: str, flags: int) -> int:
     stranger = OSError(
-        errno.EINVAL, f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; remove it"
+        errno.EINVAL,
+        f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; "
+        "remove it",
     )
     try:
         descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     except OSError as error:
-        raise (stranger if error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV) else error) from None
+        raise (
+            stranger
+            if error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV)
+            else error
+        ) from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
         raise stranger
@@ -155,10 +214,16 @@ def _open_regular(path: str, flags: int) -> int:
 
 
 def sweep(folder: Path | str) -> int:
-    """Remove the temporary files and locks that killed processes left in a folder. Returns how many were removed.
+    """Remove the temporary files and locks that killed processes left in a folder.
 
-    Files in use are locked by their process and stay, as do files of other users and those that cannot be locked or removed.
-    Symbolic links cannot be locked; they are removed when they are more than a minute old.
+    Files in use are locked by their process and stay, as do files of other users and those that
+    cannot be locked or removed. Symbolic links cannot be locked; they are removed when they are
+    more than a minute old.
+
+    Returns
+    -------
+    int
+        How many were removed.
     """
     removed = 0
     with suppress(OSError):
@@ -194,7 +259,8 @@ def _locked(part: Path, path: Path) -> _Part:
     """Create and open the temporary file; it is locked while it is open."""
     while True:
         file = _Part(part, path)
-        with suppress(OSError):  # some network shares have no locks; `sweep` removes nothing there either
+        # some network shares have no locks; `sweep` removes nothing there either
+        with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_EX)
         if os.fstat(file.fileno()).st_nlink:
             return file
@@ -202,9 +268,11 @@ def _locked(part: Path, path: Path) -> _Part:
 
 
 def _keep_permissions(path: Path, descriptor: int) -> None:
-    """Give the new file the owner, the group and the permissions of the regular file that it will replace, if there is one.
+    """Give the new file the owner, the group and the permissions of the regular file that it will
+    replace, if there is one.
 
-    Only root may give files away. Under a group that cannot be kept the new group may do no more than everybody may.
+    Only root may give files away. Under a group that cannot be kept the new group may do no more
+    than everybody may.
     """
     with suppress(FileNotFoundError):
         old, new = path.lstat(), os.fstat(descriptor)
@@ -221,7 +289,8 @@ def _keep_permissions(path: Path, descriptor: int) -> None:
                     mode &= ~0o070 | (mode & 0o007) << 3
         with suppress(OSError):  # a file system without permissions
             os.fchmod(descriptor, mode)
-        with suppress(OSError, AttributeError):  # most files have no access control list, most systems not these functions
+        # most files have no access control list, most systems not these functions
+        with suppress(OSError, AttributeError):
             os.setxattr(descriptor, _ACL, os.getxattr(path, _ACL, follow_symlinks=False))
 
 
@@ -229,7 +298,9 @@ _ACL = "system.posix_acl_access"
 
 
 def _move(part: Path, path: Path, overwrite: bool) -> None:
-    """Rename `part` to `path`; without `overwrite` by a hard link, which cannot replace a file that has appeared meanwhile."""
+    """Rename `part` to `path`; without `overwrite` by a hard link, which cannot replace a file that
+    has appeared meanwhile.
+    """
     if overwrite:
         part.replace(path)
         return
@@ -251,9 +322,15 @@ def dangling_link(path: Path) -> str:
 
 
 _REASONS = {
-    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "the disk is full; free some space or choose another folder"),
-    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "no permission to write in {folder}; choose another folder"),
-    errno.EFBIG: "is larger than the file system or a limit of the system allows; choose another folder",
+    **dict.fromkeys(
+        (errno.ENOSPC, errno.EDQUOT), "the disk is full; free some space or choose another folder"
+    ),
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS),
+        "no permission to write in {folder}; choose another folder",
+    ),
+    errno.EFBIG: "is larger than the file system or a limit of the system allows; choose another "
+    "folder",
     errno.ENOENT: "the folder {folder} does not exist; create it first: mkdir -p {quoted}",
     errno.ENOTDIR: "{folder} is not a folder",
     errno.EISDIR: "is a folder",
@@ -265,6 +342,10 @@ def reason(error: OSError, path: Path) -> str:
     """Say why a file cannot be written, and what to do."""
     if isinstance(error, FileExistsError):
         missing = path.is_symlink() and not path.exists()
-        return dangling_link(path) if missing else "exists already; use `overwrite=True` to replace it"
+        return (
+            dangling_link(path) if missing else "exists already; use `overwrite=True` to replace it"
+        )
     text = _REASONS.get(error.errno or 0, f"cannot be written ({error.strerror or error})")
-    return text.replace("{folder}", str(path.parent)).replace("{quoted}", shlex.quote(str(path.parent)))
+    return text.replace("{folder}", str(path.parent)).replace(
+        "{quoted}", shlex.quote(str(path.parent))
+    )

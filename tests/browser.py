@@ -1,4 +1,6 @@
-"""A headless Chromium under remote control: as much of the DevTools protocol, spoken over a pipe, as the tests of pages need."""
+"""A headless Chromium under remote control: as much of the DevTools protocol, spoken over a pipe,
+as the tests of pages need.
+"""
 
 import base64
 import json
@@ -11,9 +13,12 @@ from typing import Any
 
 import pytest
 
-_CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+_CHROMIUM = (
+    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+)
 _OPTIONS = (
-    "--headless=new --no-sandbox --disable-gpu --disable-dev-shm-usage --disable-extensions --disable-background-networking "
+    "--headless=new --no-sandbox --disable-gpu --disable-dev-shm-usage --disable-extensions "
+    "--disable-background-networking "
     "--hide-scrollbars --no-first-run --remote-debugging-pipe"
 )
 _PATIENCE = 60.0  # seconds
@@ -27,14 +32,24 @@ class Browser:
     requests: the URLs that the page has requested so far, without data URLs.
     """
 
-    def __init__(self, profile: Path, width: int = 1200, height: int = 900, *, dark: bool = False) -> None:
+    def __init__(
+        self, profile: Path, width: int = 1200, height: int = 900, *, dark: bool = False
+    ) -> None:
         """A window narrower than 700 pixels is a phone's: with touch instead of a mouse."""
         if _CHROMIUM is None:
             pytest.skip("Chromium is not installed")
         commands, self._commands = os.pipe()
         self._answers, answers = os.pipe()
-        # Chromium reads commands from descriptor 3 and writes answers to 4: a shell puts the pipes there.
-        line = ["bash", "-c", f'exec "$@" 3<&{commands} 4>&{answers}', "bash", _CHROMIUM, *_OPTIONS.split()]
+        # Chromium reads commands from descriptor 3 and writes answers to 4: a shell puts the pipes
+        # there.
+        line = [
+            "bash",
+            "-c",
+            f'exec "$@" 3<&{commands} 4>&{answers}',
+            "bash",
+            _CHROMIUM,
+            *_OPTIONS.split(),
+        ]
         self._process = subprocess.Popen(
             [*line, f"--user-data-dir={profile}", "about:blank"],
             pass_fds=(commands, answers),
@@ -49,12 +64,26 @@ class Browser:
         self._session: dict[str, str] = {}
         self.errors: list[str] = []
         self.requests: list[str] = []
-        page = next(target for target in self.call("Target.getTargets")["targetInfos"] if target["type"] == "page")
-        self._session = {"sessionId": self.call("Target.attachToTarget", targetId=page["targetId"], flatten=True)["sessionId"]}
+        page = next(
+            target
+            for target in self.call("Target.getTargets")["targetInfos"]
+            if target["type"] == "page"
+        )
+        self._session = {
+            "sessionId": self.call(
+                "Target.attachToTarget", targetId=page["targetId"], flatten=True
+            )["sessionId"]
+        }
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         phone = width < 700
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=phone)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=phone,
+        )
         self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
@@ -78,7 +107,9 @@ class Browser:
 
     def evaluate(self, expression: str) -> Any:
         """The value of a JavaScript expression in the page, awaited."""
-        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        answer = self.call(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
@@ -86,18 +117,28 @@ class Browser:
         """The expression's value, once it is true."""
         end = time.monotonic() + _PATIENCE
         while not (value := self.evaluate(expression)):
-            assert time.monotonic() < end, f"never true: {expression}; the page: {self.evaluate('document.body.innerText')}"
+            assert time.monotonic() < end, (
+                f"never true: {expression}; the page: {self.evaluate('document.body.innerText')}"
+            )
             time.sleep(0.1)
         return value
 
     def key(self, name: str) -> None:
         """Press the key that KeyboardEvent.key calls `name`."""
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=_KEYS[name])
+            self.call(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=name,
+                code=name,
+                windowsVirtualKeyCode=_KEYS[name],
+            )
 
     def screenshot(self, clip: dict[str, float]) -> bytes:
         """A part of the page, as PNG; clip: x, y, width, height and scale."""
-        return base64.b64decode(self.call("Page.captureScreenshot", format="png", clip=clip)["data"])
+        return base64.b64decode(
+            self.call("Page.captureScreenshot", format="png", clip=clip)["data"]
+        )
 
     def call(self, method: str, **parameters: Any) -> Any:
         """The result of one command; events that arrive before it are recorded."""
@@ -124,5 +165,7 @@ class Browser:
             self.errors.append(str(given["args"]))
         elif event == "Log.entryAdded" and given["entry"]["level"] == "error":
             self.errors.append(str(given["entry"]))
-        elif event == "Network.requestWillBeSent" and not given["request"]["url"].startswith("data:"):
+        elif event == "Network.requestWillBeSent" and not given["request"]["url"].startswith(
+            "data:"
+        ):
             self.requests.append(given["request"]["url"])

@@ -1,11 +1,14 @@
-"""For all tests: signals do what they do in a terminal, a disk can be full, libraries compute in one thread, bytecode is kept.
+"""For all tests: signals do what they do in a terminal, a disk can be full, libraries compute in
+one thread, bytecode is kept.
 
-A shell that runs the tests in the background has them ignore SIGINT, nohup SIGHUP, and their children too.
+A shell that runs the tests in the background has them ignore SIGINT, nohup SIGHUP, and their
+children too.
 
-NumPy's OpenBLAS otherwise has a thread per processor, which take turns in waiting, at full speed, for each other: with a test on
-every processor a small fit takes 25 times as long.
+NumPy's OpenBLAS otherwise has a thread per processor, which take turns in waiting, at full speed,
+for each other: with a test on every processor a small fit takes 25 times as long.
 
-With PYTHONDONTWRITEBYTECODE, each of the many processes that tests start would compile all packages for itself, in 1.5 seconds.
+With PYTHONDONTWRITEBYTECODE, each of the many processes that tests start would compile all packages
+for itself, in 1.5 seconds.
 """
 
 import errno
@@ -27,7 +30,9 @@ sys.dont_write_bytecode = False
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let pytest-xdist hand out files in the order of their names: those with few tests, which it puts last, take longest."""
+    """Let pytest-xdist hand out files in the order of their names: those with few tests, which it
+    puts last, take longest.
+    """
     config.option.loadscopereorder = False
 
 
@@ -40,8 +45,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def compiled() -> None:
     """All kernels are compiled, side by side, before the first test would compile them one by one.
 
-    Where tests run in several processes, the second begins at the other end: each finds on the disk what the other has compiled.
-    A process that has compiled kernels has to render the bytes that all others render, which load them. No later test could tell.
+    Where tests run in several processes, the second begins at the other end: each finds on the disk
+    what the other has compiled. A process that has compiled kernels has to render the bytes that
+    all others render, which load them. No later test could tell.
     """
     from panchroma.offline import available_threads, compile_kernel, kernels_to_compile
     from tests.golden import render as golden
@@ -52,8 +58,12 @@ def compiled() -> None:
         count = max(1, available_threads() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
         with multiprocessing.get_context("spawn").Pool(count) as pool:
             pool.map(compile_kernel, names, 1)
-            made = [each.get().digests for each in [pool.apply_async(golden.now) for _ in range(count)]]
-        assert all(each == golden.now().digests for each in made), "who compiles kernels renders other bytes than who loads them"
+            made = [
+                each.get().digests for each in [pool.apply_async(golden.now) for _ in range(count)]
+            ]
+        assert all(each == golden.now().digests for each in made), (
+            "who compiles kernels renders other bytes than who loads them"
+        )
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -76,7 +86,9 @@ def links(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.fixture
 def full_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """A function after whose call the next `times` calls of os.fsync, by default all, fail with the error `number`."""
+    """A function after whose call the next `times` calls of os.fsync, by default all, fail with the
+    error `number`.
+    """
 
     def fill(number: int = errno.ENOSPC, times: float = float("inf")) -> None:
         fsync, calls = os.fsync, itertools.count()
@@ -93,7 +105,9 @@ def full_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 @pytest.fixture
 def unsynced_folders(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """A function after whose call os.fsync of every folder fails with the error `number`; that of files succeeds."""
+    """A function after whose call os.fsync of every folder fails with the error `number`; that of
+    files succeeds.
+    """
     fsync = os.fsync
 
     def refuse(number: int) -> None:

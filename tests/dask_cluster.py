@@ -19,7 +19,10 @@ def cluster(folder: Path, count: int) -> "Iterator[tuple[str, list[subprocess.Po
     """The scheduler's address and `count` workers, which end with the block."""
     with ExitStack() as stack:
         address, _ = stack.enter_context(scheduler(folder))
-        yield address, [stack.enter_context(worker(folder, address, str(number))) for number in range(count)]
+        yield (
+            address,
+            [stack.enter_context(worker(folder, address, str(number))) for number in range(count)],
+        )
 
 
 @contextmanager
@@ -36,25 +39,45 @@ def scheduler(folder: Path) -> "Iterator[tuple[str, subprocess.Popen[bytes]]]":
 
 
 @contextmanager
-def worker(folder: Path, address: str, name: str, source: Path = SOURCE) -> "Iterator[subprocess.Popen[bytes]]":
+def worker(
+    folder: Path, address: str, name: str, source: Path = SOURCE
+) -> "Iterator[subprocess.Popen[bytes]]":
     """A worker of the scheduler at `address`; it ends with the block.
 
-    It has one process and one thread, and is not started again when it dies: it has none of dask's nanny processes (`--no-nanny`).
+    It has one process and one thread, and is not started again when it dies: it has none of dask's
+    nanny processes (`--no-nanny`).
 
     folder: for its files.
     source: the folder with the packages that it imports.
     """
-    options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", folder / "dask", "--name", name)
+    options = (
+        "--nthreads",
+        "1",
+        "--no-nanny",
+        "--no-dashboard",
+        "--local-directory",
+        folder / "dask",
+        "--name",
+        name,
+    )
     with _process("dask_worker", address, *options, source=source) as running:
         yield running
 
 
 @contextmanager
-def _process(program: str, *arguments: str | Path, source: Path) -> "Iterator[subprocess.Popen[bytes]]":
+def _process(
+    program: str, *arguments: str | Path, source: Path
+) -> "Iterator[subprocess.Popen[bytes]]":
     """A program of dask that sees this source and only this machine."""
     line = [sys.executable, "-m", f"distributed.cli.{program}", *arguments, "--host", "127.0.0.1"]
-    environment = {**os.environ, "PYTHONPATH": str(source), "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": "0"}
-    running = subprocess.Popen(line, cwd=source, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(source),
+        "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": "0",
+    }
+    running = subprocess.Popen(
+        line, cwd=source, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     try:
         yield running
     finally:

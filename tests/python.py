@@ -22,7 +22,9 @@ sys.meta_path.insert(0, Hide())
 
 
 def run_python(script: str, *arguments: str | Path, folder: Path = ROOT) -> str:
-    """Standard output of a script, which must succeed. folder: where it runs, and finds our packages."""
+    """Standard output of a script, which must succeed. folder: where it runs, and finds our
+    packages.
+    """
     line = [sys.executable, "-c", script, *arguments]
     done = subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -35,12 +37,16 @@ def on_camera(
     """A script that is run where every package is hidden but `ours` and the base dependencies."""
     hidden = _HIDE.format(allowed=sorted({*base_modules(), "panchroma"}), ours=ours)
     line = [sys.executable, "-c", hidden + script, *arguments]
-    return subprocess.run(line, input=stdin, cwd=ROOT, capture_output=True, check=False, timeout=120)
+    return subprocess.run(
+        line, input=stdin, cwd=ROOT, capture_output=True, check=False, timeout=120
+    )
 
 
 def base_modules() -> set[str]:
     """The modules that an installation without extras brings."""
-    wanted = list(tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"])
+    wanted = list(
+        tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    )
     found: set[str] = set()
     while wanted:
         requirement = wanted.pop()
@@ -53,4 +59,8 @@ def base_modules() -> set[str]:
             continue
         found.add(name)
     modules = packages_distributions()
-    return {module for module, owners in modules.items() if {owner.lower().replace("_", "-") for owner in owners} & found}
+    return {
+        module
+        for module, owners in modules.items()
+        if {owner.lower().replace("_", "-") for owner in owners} & found
+    }

@@ -1,8 +1,9 @@
 """What cameras with measured spectral sensitivities read of a ColorChecker under some lights.
 
-Made by colour-science 0.4.7 (BSD-3-Clause) from its data: sensitivities of a Nikon D5100 and a Sigma SD Merrill (M. M. Darrodi et
-al., "Reference data set for camera spectral sensitivity estimation", JOSA A 32, 2015), reflectances by N. Ohta (1997), illuminants
-of the CIE, and black bodies; 400 to 700 nm in steps of 10 nm.
+Made by colour-science 0.4.7 (BSD-3-Clause) from its data: sensitivities of a Nikon D5100 and a
+Sigma SD Merrill (M. M. Darrodi et al., "Reference data set for camera spectral sensitivity
+estimation", JOSA A 32, 2015), reflectances by N. Ohta (1997), illuminants of the CIE, and black
+bodies; 400 to 700 nm in steps of 10 nm.
 """
 
 import json

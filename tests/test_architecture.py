@@ -1,4 +1,5 @@
-"""Which package may import which, and which layer of `tools` may import which: every arrow points down.
+"""Which package may import which, and which layer of `tools` may import which: every arrow points
+down.
 
 The imports are read from the source, those inside functions too.
 """
@@ -19,7 +20,8 @@ MAY_IMPORT = {
     "offline": {"offline", "shared"},
     "tools": {"tools", "device", "offline", "shared"},
 }
-# The layers of `tools`, from the ground up: a module imports from its own layer and from those below.
+# The layers of `tools`, from the ground up: a module imports from its own layer and from those
+# below.
 LAYERS = (
     {"io", "simulation"},
     {"batch", "calibration", "evaluation", "capture", "training"},
@@ -33,9 +35,14 @@ FORWARD = (  # but for what makes and shows their pictures
     "panchroma.tools.io.display",
     "panchroma.tools.io.colour",
 )
-# A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides, bursts OpenCV.
+# A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides,
+# bursts OpenCV.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
-THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite", "cv2"}}
+THIRD_PARTY = {
+    "shared": CAMERA,
+    "device": CAMERA,
+    "offline": CAMERA | {"scipy", "numba", "llvmlite", "cv2"},
+}
 # Packages that only these modules, and what is below them, may import.
 ONLY_IN = {
     "onnx": ("panchroma.tools.training",),
@@ -49,10 +56,16 @@ ONLY_IN = {
 @cache
 def sources() -> list[tuple[str, str]]:
     """(dotted name, text) of every module of the four packages and of the facade."""
-    paths = [path.relative_to(ROOT) for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
+    paths = [
+        path.relative_to(ROOT)
+        for package in MAY_IMPORT
+        for path in sorted((ROOT / package).rglob("*.py"))
+    ]
     names = ("panchroma." + ".".join(path.with_suffix("").parts) for path in paths)
     texts = ((ROOT / path).read_text(encoding="utf-8") for path in paths)
-    return [(name.replace(FACADE, "panchroma."), text) for name, text in zip(names, texts, strict=True)]
+    return [
+        (name.replace(FACADE, "panchroma."), text) for name, text in zip(names, texts, strict=True)
+    ]
 
 
 @cache
@@ -72,14 +85,17 @@ def imported(module: str, text: str) -> Iterator[str]:
                 base += source.split(".") if source else []
                 yield from (".".join([*base, name.name]) for name in names)
             case ast.Call(
-                func=ast.Name(id="import_module" | "__import__") | ast.Attribute(attr="import_module"),
+                func=ast.Name(id="import_module" | "__import__")
+                | ast.Attribute(attr="import_module"),
                 args=[ast.Constant(value=str(name)), *_],
             ):
                 yield name
 
 
 def place(name: str) -> tuple[str, str]:
-    """The package of a module, and its room if the package is `tools`; the facade is the room `notebook`."""
+    """The package of a module, and its room if the package is `tools`; the facade is the room
+    `notebook`.
+    """
     top, *below = name.split(".")
     if top != "panchroma":
         return top, ""
@@ -96,13 +112,25 @@ def violations(module: str, text: str) -> list[str]:
         target, other_room = place(name)
         ours = name.partition(".")[0] == "panchroma"
         if target == "tests" or (ours and target not in MAY_IMPORT[package]):
-            found.append(f"{module} imports {name}: {package} may import only {', '.join(sorted(MAY_IMPORT[package]))}")
+            found.append(
+                f"{module} imports {name}: {package} may import only "
+                f"{', '.join(sorted(MAY_IMPORT[package]))}"
+            )
         elif ours and LAYER_OF.get(other_room, 0) > LAYER_OF.get(room, len(LAYERS)):
             found.append(f"{module} imports {name}, which is in a layer above")
-        elif target in ONLY_IN and not any(f"{module}.".startswith(f"{home}.") for home in ONLY_IN[target]):
+        elif target in ONLY_IN and not any(
+            f"{module}.".startswith(f"{home}.") for home in ONLY_IN[target]
+        ):
             found.append(f"{module} imports {name}: only {', '.join(ONLY_IN[target])} may")
-        elif not ours and target not in {*sys.stdlib_module_names, *ONLY_IN, *THIRD_PARTY.get(package, {target})}:
-            found.append(f"{module} imports {name}: {package} may use only {', '.join(sorted(THIRD_PARTY[package]))}")
+        elif not ours and target not in {
+            *sys.stdlib_module_names,
+            *ONLY_IN,
+            *THIRD_PARTY.get(package, {target}),
+        }:
+            found.append(
+                f"{module} imports {name}: {package} may use only "
+                f"{', '.join(sorted(THIRD_PARTY[package]))}"
+            )
     return found
 
 
@@ -111,7 +139,9 @@ def test_every_arrow_is_in_the_diagram() -> None:
 
 
 def test_every_module_of_tools_is_in_a_layer() -> None:
-    rooms = {room for package, room in (place(module) for module, _ in sources()) if package == "tools"}
+    rooms = {
+        room for package, room in (place(module) for module, _ in sources()) if package == "tools"
+    }
     assert rooms - {"__init__"} == set(LAYER_OF)
 
 
@@ -123,10 +153,20 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
     while waiting:
         path = waiting.pop()
         names = list(imported("tests.x", path.read_text("utf-8")))
-        above = [name for name in names if "tools" in name.split(".")[:3] and not name.startswith(FORWARD)]
+        above = [
+            name
+            for name in names
+            if "tools" in name.split(".")[:3] and not name.startswith(FORWARD)
+        ]
         found += [f"{path.relative_to(ROOT)} imports {name}" for name in above]
-        modules = {ROOT.joinpath(*parts).with_suffix(".py") for name in names for parts in (name.split("."), name.split(".")[:-1])}
-        more = {each for each in modules if each.is_relative_to(ROOT / "tests") and each.is_file()} - seen
+        modules = {
+            ROOT.joinpath(*parts).with_suffix(".py")
+            for name in names
+            for parts in (name.split("."), name.split(".")[:-1])
+        }
+        more = {
+            each for each in modules if each.is_relative_to(ROOT / "tests") and each.is_file()
+        } - seen
         seen |= more
         waiting += more
     assert found == []
@@ -143,13 +183,19 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
     [
         ("panchroma.shared.pattern", "import offline"),
         ("panchroma.device.capture", "import offline.stages.luminance as light"),
-        ("panchroma.offline.render", "def later():\n    from ..tools.evaluation.metrics import psnr"),
+        (
+            "panchroma.offline.render",
+            "def later():\n    from ..tools.evaluation.metrics import psnr",
+        ),
         ("panchroma.offline.numerics.solver", "from tests.reference import affinity"),
         ("panchroma.device.preview.preview", "if True:\n    import cv2"),
         ("panchroma.device.graphs", "import onnx"),
         ("panchroma.offline.stages.affinity", "from numba import njit"),
         ("panchroma.shared.dng.file", "from ...device import runtime"),
-        ("panchroma.shared.pattern", "import importlib\nimportlib.import_module('panchroma.offline.render')"),
+        (
+            "panchroma.shared.pattern",
+            "import importlib\nimportlib.import_module('panchroma.offline.render')",
+        ),
         ("panchroma.device.preview", "__import__('scipy')"),
         ("panchroma.tools.io.picture", "from ..batch.jobs import own_file"),
         ("panchroma.tools.simulation.load", "from panchroma.tools.evaluation.study import Study"),
@@ -163,6 +209,12 @@ def test_a_planted_import_is_caught(module: str, text: str) -> None:
 
 def test_camera_software_starts_with_only_what_a_camera_has() -> None:
     """Imports all of `shared` and `device`; every package that a camera lacks is hidden."""
-    modules = [module.removesuffix(".__init__") for module, _ in sources() if place(module)[0] in ("shared", "device")]
-    done = on_camera(f"import importlib\nfor module in {modules!r}: importlib.import_module(module)")
+    modules = [
+        module.removesuffix(".__init__")
+        for module, _ in sources()
+        if place(module)[0] in ("shared", "device")
+    ]
+    done = on_camera(
+        f"import importlib\nfor module in {modules!r}: importlib.import_module(module)"
+    )
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,6 @@
-"""A library changes nothing of the program that uses it: `shared`, `device` and `offline` leave the process as they found it."""
+"""A library changes nothing of the program that uses it: `shared`, `device` and `offline` leave the
+process as they found it.
+"""
 
 from pathlib import Path
 
@@ -88,7 +90,9 @@ def test_renders_previews_bursts_and_files_leave_the_process_as_it_was(tmp_path:
     assert run_python(SCRIPT + WORK, tmp_path) == "".join(f"{what} []\n" for what in done)
 
 
-def test_compiling_leaves_the_process_as_it_was_and_numba_with_its_linear_algebra(tmp_path: Path) -> None:
+def test_compiling_leaves_the_process_as_it_was_and_numba_with_its_linear_algebra(
+    tmp_path: Path,
+) -> None:
     elsewhere = f"import os\nos.environ['NUMBA_CACHE_DIR'] = {str(tmp_path)!r}\n"
     imported, compiled, last = run_python(elsewhere + SCRIPT + COMPILING).splitlines()
     assert (imported, compiled) == ("import []", "compile []")

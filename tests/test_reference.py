@@ -8,7 +8,15 @@ from scipy.sparse import csr_array, diags_array
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import DoubleArray
-from tests.reference import affinity, chromaticity, gaussian, geometry, luminance, propagation, refinement
+from tests.reference import (
+    affinity,
+    chromaticity,
+    gaussian,
+    geometry,
+    luminance,
+    propagation,
+    refinement,
+)
 from tests.reference.compare import assert_close
 
 ROUNDING = 1e-12  # float64 sums of at most a few hundred terms of size one
@@ -21,7 +29,10 @@ def random() -> np.random.Generator:
     return np.random.default_rng(2014)
 
 
-@pytest.mark.parametrize("wrong", [np.array([1.0, 2.1]), np.array([1.0, np.nan]), np.array([1.0, np.inf]), np.array([1.0])])
+@pytest.mark.parametrize(
+    "wrong",
+    [np.array([1.0, 2.1]), np.array([1.0, np.nan]), np.array([1.0, np.inf]), np.array([1.0])],
+)
 def test_the_comparison_can_fail(wrong: DoubleArray) -> None:
     assert_close(np.array([1.0, 2.0]), np.array([1.0, 2.0]), 0.0)
     with pytest.raises(AssertionError):
@@ -41,7 +52,12 @@ def test_geometry_of_the_papers_pattern() -> None:
     assert geometry.block(pattern) == (2, 5, 2, 2)
     assert geometry.first_patch(pattern) == (-3, 0)
     assert geometry.patch_counts(pattern, (9, 13)) == (2, 3)
-    assert geometry.block_sites(pattern, (1, 1)) == [(2, 5, "R"), (2, 6, "G"), (3, 5, "G"), (3, 6, "B")]
+    assert geometry.block_sites(pattern, (1, 1)) == [
+        (2, 5, "R"),
+        (2, 6, "G"),
+        (3, 5, "G"),
+        (3, 6, "B"),
+    ]
     assert not geometry.is_whole(pattern, (9, 13), (1, 0))
     assert geometry.is_whole(pattern, (9, 13), (1, 1))
     assert not geometry.is_whole(pattern, (9, 12), (1, 2))
@@ -67,7 +83,11 @@ def test_analysis_is_the_undecimated_transform_of_pywavelets(random: np.random.G
         interior = band[5:-5, 5:-5]  # the borders differ: swt2 is periodic
         errors = [
             np.abs(
-                np.roll(theirs, (down, right), (0, 1))[5 : 5 + interior.shape[0], 5 : 5 + interior.shape[1]] / 2 - interior
+                np.roll(theirs, (down, right), (0, 1))[
+                    5 : 5 + interior.shape[0], 5 : 5 + interior.shape[1]
+                ]
+                / 2
+                - interior
             ).max()
             for down in range(-4, 5)
             for right in range(-4, 5)
@@ -78,7 +98,9 @@ def test_analysis_is_the_undecimated_transform_of_pywavelets(random: np.random.G
 def test_shrinking_is_the_formula(random: np.random.Generator) -> None:
     band = random.normal(size=(5, 5))
     size = np.sqrt((band[1:4, 1:4] ** 2).sum())
-    assert luminance.shrink(band, 0.5)[1, 1] == pytest.approx(band[2, 2] * (size - 0.5) / size, rel=1e-12)
+    assert luminance.shrink(band, 0.5)[1, 1] == pytest.approx(
+        band[2, 2] * (size - 0.5) / size, rel=1e-12
+    )
     assert not luminance.shrink(band, 100.0).any()
     assert not luminance.shrink(np.zeros((5, 5)), 0.5).any()
 
@@ -89,20 +111,35 @@ def test_block_solution_is_the_constrained_minimum(random: np.random.Generator) 
     lights = [random.uniform(size=count).tolist() for count in (1, 2, 1)]
 
     def cost(c: DoubleArray) -> float:
-        data = sum((light * c[i] - m) ** 2 for i in range(3) for light, m in zip(lights[i], samples[i], strict=True))
+        data = sum(
+            (light * c[i] - m) ** 2
+            for i in range(3)
+            for light, m in zip(lights[i], samples[i], strict=True)
+        )
         return float(data + sigma**2 * ((c - 1 / sum(gamma)) ** 2).sum())  # Eqs. 8-9
 
     constraint = optimize.LinearConstraint(np.array([gamma]), 1.0, 1.0)
-    found = optimize.minimize(cost, np.zeros(3), constraints=constraint, method="SLSQP", options={"ftol": 1e-15}).x
-    assert_close(chromaticity.solve_block(samples, lights, gamma, sigma), found, 1e-6)  # a numerical minimum
+    found = optimize.minimize(
+        cost, np.zeros(3), constraints=constraint, method="SLSQP", options={"ftol": 1e-15}
+    ).x
+    # a numerical minimum
+    assert_close(chromaticity.solve_block(samples, lights, gamma, sigma), found, 1e-6)
 
 
 def test_medians_are_those_of_ndimage(random: np.random.Generator) -> None:
     coarse = random.uniform(size=(6, 9, 2))
     lines = np.zeros((4, 5, 5), bool)
-    lines[0, 2], lines[1, :, 2], lines[2], lines[3] = True, True, np.eye(5, dtype=bool), np.eye(5, dtype=bool)[::-1]
+    lines[0, 2], lines[1, :, 2], lines[2], lines[3] = (
+        True,
+        True,
+        np.eye(5, dtype=bool),
+        np.eye(5, dtype=bool)[::-1],
+    )
     for channel in range(2):
-        theirs = [ndimage.median_filter(coarse[..., channel], footprint=line, mode="mirror") for line in lines]
+        theirs = [
+            ndimage.median_filter(coarse[..., channel], footprint=line, mode="mirror")
+            for line in lines
+        ]
         for row in range(6):
             for column in range(9):
                 ours = [value[channel] for value in chromaticity.proposals(coarse, row, column, 5)]
@@ -121,9 +158,15 @@ def test_medians_remove_an_outlier_and_keep_a_line() -> None:
 
 @pytest.mark.parametrize("sigma", [0.5, 0.75, 1.0, 2.0])
 @pytest.mark.parametrize("shape", SIZES)
-def test_gaussians_are_those_of_ndimage(random: np.random.Generator, shape: tuple[int, int], sigma: float) -> None:
+def test_gaussians_are_those_of_ndimage(
+    random: np.random.Generator, shape: tuple[int, int], sigma: float
+) -> None:
     picture = random.normal(size=shape)
-    assert_close(gaussian.blur(picture, sigma), ndimage.gaussian_filter(picture, sigma, mode="mirror"), ROUNDING)
+    assert_close(
+        gaussian.blur(picture, sigma),
+        ndimage.gaussian_filter(picture, sigma, mode="mirror"),
+        ROUNDING,
+    )
     for axis, order in ((0, (1, 0)), (1, (0, 1))):
         theirs = ndimage.gaussian_filter(picture, sigma, order=order, mode="mirror")
         assert_close(gaussian.derivative(picture, sigma, axis), theirs, ROUNDING)
@@ -168,7 +211,9 @@ def test_propagation_is_bilinear_in_blocks_and_convex(random: np.random.Generato
     one = propagation.propagate(np.ones_like(blocks), alpha, light, pattern)
     assert_close(one, np.ones_like(one), ROUNDING)
     top, left = geometry.first_patch(pattern)
-    index = 1, 1  # its last site is the first pixel of a patch: there its own field is one and the others' are zero
+    # its last site is the first pixel of a patch: there its own field is one and the others' are
+    # zero
+    index = 1, 1
     row, column = top + 4 * index[0], left + 4 * index[1]
     assert_close(found[row, column], blocks[index], ROUNDING)
 
@@ -190,14 +235,23 @@ def test_refinement_is_the_sum_of_the_definition(random: np.random.Generator) ->
                 distance = 0.0
                 for y, weight_y in kernel.items():
                     for x, weight_x in kernel.items():
-                        difference = l_at(row + y + down, column + x + right) - l_at(row + y, column + x)
+                        difference = l_at(row + y + down, column + x + right) - l_at(
+                            row + y, column + x
+                        )
                         distance += weight_y * weight_x * difference**2
-                weights.append(np.exp(-distance / (2 * h**2)) * max(l_at(row + down, column + right), 0.0))
-                values.append(initial[geometry.mirrored(row + down, 7), geometry.mirrored(column + right, 9)])
+                weights.append(
+                    np.exp(-distance / (2 * h**2)) * max(l_at(row + down, column + right), 0.0)
+                )
+                values.append(
+                    initial[geometry.mirrored(row + down, 7), geometry.mirrored(column + right, 9)]
+                )
         expected = np.dot(weights, values) / sum(weights)
         assert_close(found[row, column], expected, ROUNDING)
 
 
 def test_refinement_leaves_black_alone() -> None:
     initial = np.random.default_rng(5).uniform(size=(6, 6, 3))
-    assert np.array_equal(refinement.refine(initial, np.zeros((6, 6)), 6, h=0.1, blur_periods=0.125, repetitions=3), initial)
+    assert np.array_equal(
+        refinement.refine(initial, np.zeros((6, 6)), 6, h=0.1, blur_periods=0.125, repetitions=3),
+        initial,
+    )

@@ -10,5 +10,7 @@ from tests.data import ROOT
 
 def test_types_hold() -> None:
     pytest.importorskip("mypy")
-    checked = subprocess.run([sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True, check=False)
+    checked = subprocess.run(
+        [sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     assert checked.returncode == 0, checked.stdout + checked.stderr

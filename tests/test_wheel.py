@@ -1,4 +1,6 @@
-"""The wheel: every module and every file that the program reads is in it, and it works where there is no clone."""
+"""The wheel: every module and every file that the program reads is in it, and it works where there
+is no clone.
+"""
 
 import shutil
 from pathlib import Path
@@ -37,7 +39,12 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("setuptools", minversion="77", reason=reason)
     sources, folder = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("installed")
     for package in PACKAGES:  # a copy: setuptools leaves its work beside the sources
-        shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"), symlinks=True)
+        shutil.copytree(
+            ROOT / package,
+            sources / package,
+            ignore=shutil.ignore_patterns("__pycache__"),
+            symlinks=True,
+        )
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources)
     run_python(_BUILD, folder, folder=sources)
@@ -59,10 +66,19 @@ def test_every_file_that_the_program_needs_is_in_the_wheel(installed: Path) -> N
         place = "panchroma" / place
         if path.is_file() and path.suffix not in _READ and "__pycache__" not in place.parts:
             wanted.add(place)
-    found = {path.relative_to(installed) for path in installed.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    found = {
+        path.relative_to(installed)
+        for path in installed.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
     assert {path for path in found if not path.parts[0].endswith(".dist-info")} == wanted
-    assert {path.parts[0] for path in found if not path.parts[0].endswith(".dist-info")} == {"panchroma"}
-    assert {path.parent.name for path in found if path.name == "py.typed"} == {*PACKAGES, "panchroma"}
+    assert {path.parts[0] for path in found if not path.parts[0].endswith(".dist-info")} == {
+        "panchroma"
+    }
+    assert {path.parent.name for path in found if path.name == "py.typed"} == {
+        *PACKAGES,
+        "panchroma",
+    }
 
 
 def test_the_wheel_works_outside_the_clone(installed: Path, tmp_path: Path) -> None:

@@ -9,9 +9,11 @@ CHANGED = "changed"
 
 
 def one_field_changed(whole: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (name such as "camera.calibration.noise.shot", copy of `whole` in which that field alone is CHANGED).
+    """Yield (name such as "camera.calibration.noise.shot", copy of `whole` in which that field
+    alone is CHANGED).
 
-    whole: of a dataclass. Fields that hold dataclasses are walked instead of changed. Nothing is checked: the copy may be invalid.
+    whole: of a dataclass. Fields that hold dataclasses are walked instead of changed. Nothing is
+    checked: the copy may be invalid.
     """
     for each in fields(whole):
         value, path = getattr(whole, each.name), f"{name}.{each.name}".removeprefix(".")

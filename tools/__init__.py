@@ -5,4 +5,7 @@ import sys
 try:
     import fcntl as fcntl
 except ModuleNotFoundError:
-    sys.exit("panchroma: it runs on Linux and macOS; on Windows install it in the Windows Subsystem for Linux (WSL)")
+    sys.exit(
+        "panchroma: it runs on Linux and macOS; on Windows install it in the Windows Subsystem "
+        "for Linux (WSL)"
+    )

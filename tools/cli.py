@@ -16,8 +16,9 @@ from .batch.console import Console, StandardOutputError, fault, note_warnings, o
 from .batch.signals import INTERRUPTED, Terminated, orderly_end
 from .io.versions import program_version
 
-# Verb -> what it does, in the order of work. Each is a module of `tools.commands` that has `add_arguments(parser)` and
-# `run(arguments, console)`, which returns the exit code. Only the requested one is imported, so that --help is fast.
+# Verb -> what it does, in the order of work. Each is a module of `tools.commands` that has
+# `add_arguments(parser)` and `run(arguments, console)`, which returns the exit code. Only the
+# requested one is imported, so that --help is fast.
 VERBS = {
     "demo": "run the whole chain on a built-in scene, and compare it with a Bayer camera",
     "simulate": "photograph a scene (camera RAW or picture) with a simulated camera",
@@ -29,11 +30,13 @@ VERBS = {
     "capture": "save a camera's frames as shots, each with its preview",
     "view": "show a camera's live picture on a web page, with a button that saves a shot",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
-    "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: figures, and a page to look at",
+    "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: "
+    "figures, and a page to look at",
     "doctor": "check the installation, and say how to repair it",
 }
 GONE = {
-    "design": "panchroma evaluate SCENE ... --pattern TILE,TILE compares tiles; offline/README.md, Which tile?, has the figures",
+    "design": "panchroma evaluate SCENE ... --pattern TILE,TILE compares tiles; "
+    "offline/README.md, Which tile?, has the figures",
     "export-preview": "panchroma preview SHOT --export FILE.onnx",
     "--aberration": "a sparse-colour sensor hardly sees lateral chromatic aberration",
     "--defects": "list the pixels under defects in a camera.json, and use --camera",
@@ -54,7 +57,8 @@ GONE = {
     "--sensor-bits": "--bits N",
     "--shard": "several runs with --resume share one folder",
     "--show": "the page shows the squares where methods differ most",
-    "--threads": "-j sets processes; the environment variable PANCHROMA_THREADS sets the threads of each",
+    "--threads": "-j sets processes; the environment variable PANCHROMA_THREADS sets the threads "
+    "of each",
     "--uncertainty": "how far a pixel may be off is no longer stated",
     "--width": "--size 4056x3040",
     "--wait": "a recording waits by itself: panchroma capture - < FILE",
@@ -66,7 +70,9 @@ FAILED, USAGE = 1, 2
 
 
 class _Parser(argparse.ArgumentParser):
-    """An ArgumentParser whose errors are one line whatever the arguments contain, and whose reader may leave."""
+    """An ArgumentParser whose errors are one line whatever the arguments contain, and whose reader
+    may leave.
+    """
 
     def print_help(self, file: object = None) -> None:
         to_stdout(self.format_help().rstrip("\n"))
@@ -76,7 +82,9 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line and exit with 0 (ok), 1 (some files failed), 2 (usage), 130 (interrupted) or 143 (terminated)."""
+    """Run the command line and exit with 0 (ok), 1 (some files failed), 2 (usage), 130
+    (interrupted) or 143 (terminated).
+    """
     arguments = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
     console = Console(verbose=not {"-v", "--verbose"}.isdisjoint(arguments))
@@ -113,11 +121,18 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
 
 def build_parser(verb: str) -> argparse.ArgumentParser:
-    """Return the parser of the command line. verb: the only one whose options are added; importing all would take a second."""
+    """Return the parser of the command line.
+
+    Parameters
+    ----------
+    verb : str
+        The only one whose options are added; importing all would take a second.
+    """
     parser = _Parser(
         prog="panchroma",
         usage="panchroma VERB ... [options]",
-        description="Software of a sparse-colour camera: simulate it, calibrate it, render its shots.",
+        description="Software of a sparse-colour camera: simulate it, calibrate it, render its "
+        "shots.",
         epilog="panchroma VERB --help shows the options of a verb.",
         allow_abbrev=False,
     )
@@ -168,7 +183,9 @@ def _module(verb: str) -> ModuleType:
 
 
 def _open_streams() -> None:
-    """Make both streams writable: the caller may have closed one, and file names may not fit the locale's encoding."""
+    """Make both streams writable: the caller may have closed one, and file names may not fit the
+    locale's encoding.
+    """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -178,7 +195,9 @@ def _open_streams() -> None:
 
 
 def _without_stdout(error: StandardOutputError, console: Console) -> int:
-    """The exit code after standard output has failed; what is written to it from now on is discarded."""
+    """The exit code after standard output has failed; what is written to it from now on is
+    discarded.
+    """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if error.closed:  # the reader (head, a closed pager) has seen enough
         return 128 + signal.SIGPIPE

@@ -1,11 +1,14 @@
-"""Comparison of frames with the description of their sensor: until two have confirmed it, and whether later ones still do.
+"""Comparison of frames with the description of their sensor: until two have confirmed it, and
+whether later ones still do.
 
-Raw frames have no header. In a wrong layout, or with a wrong pattern, they would be saved as pictures that look like noise or have
-false colours. A frame that contradicts its description is refused; `panchroma identify` finds out what would be right.
+Raw frames have no header. In a wrong layout, or with a wrong pattern, they would be saved as
+pictures that look like noise or have false colours. A frame that contradicts its description is
+refused; `panchroma identify` finds out what would be right.
 
-A colour filter passes a part of the light that its panchromatic neighbours receive: colour sites are darker wherever there is
-light. Folding a frame with the period of the pattern adds up their differences, while scene and noise average out. In rows that
-do not line up, or with another pattern, nothing adds up, or it does so elsewhere. Sites of one channel read the same: the two
+A colour filter passes a part of the light that its panchromatic neighbours receive: colour sites
+are darker wherever there is light. Folding a frame with the period of the pattern adds up their
+differences, while scene and noise average out. In rows that do not line up, or with another
+pattern, nothing adds up, or it does so elsewhere. Sites of one channel read the same: the two
 greens of a Bayer block show its diagonal, and scattered sites where their tile begins.
 """
 
@@ -22,48 +25,76 @@ from .tiles import Tiles
 
 _NEXT = "; the next frames are looked at"
 _UNPROVEN = "the frame does not show whether size, format and pattern are right ({reason})" + _NEXT
-_GREENS = "the frame does not show whether the greens are on the right diagonal (it has little colour)" + _NEXT
-_COLOURS = "the frame does not show whether each colour is where `pattern` says (it has little colour)" + _NEXT
+_GREENS = (
+    "the frame does not show whether the greens are on the right diagonal (it has little colour)"
+    + _NEXT
+)
+_COLOURS = (
+    "the frame does not show whether each colour is where `pattern` says (it has little colour)"
+    + _NEXT
+)
 _SLIPPED = (
-    "the frame does not show the filters where those before it did: the stream has lost or gained bytes; start the camera again. "
+    "the frame does not show the filters where those before it did: the stream has lost or "
+    "gained bytes; start the camera again. "
     "If it has not, add `unchecked`"
 )
 
-_ENOUGH = 2  # frames that confirm the description; the second shows that the first has as many rows as described
+# frames that confirm the description; the second shows that the first has as many rows as described
+_ENOUGH = 2
 _SIDE, _PERIODS = 32, 4  # pixels along a tile, and periods in it, at least
-_TILES, _STRIPS = 64, 4  # tiles of a first frame; strips of a later frame, of which the last one is its end
-_FEW = 8  # tiles: with so few standard errors and medians are uncertain; among many places twice as many errors are asked for
-_GROUP, _MOST_GROUPS = 12, 4  # tiles at least, beside or below each other, of which each group is judged
+# tiles of a first frame; strips of a later frame, of which the last one is its end
+_TILES, _STRIPS = 64, 4
+# tiles: with so few standard errors and medians are uncertain; among many places twice as many
+# errors are asked for
+_FEW = 8
+# tiles at least, beside or below each other, of which each group is judged
+_GROUP, _MOST_GROUPS = 12, 4
 
 _CERTAIN = 6.0  # standard errors of a contrast
-_BETTER = 1.5  # the best place explains this many times the variance that the next one does; in photographs 2.7 times and more
-_FAR = 4.0  # times as much is explained where filters are than where they are not; blocks that overlap by half explain a tenth
-_PLAIN = 0.03  # part of the variance that filters elsewhere explain at least: half of what is plain in a whole frame
+# the best place explains this many times the variance that the next one does; in photographs 2.7
+# times and more
+_BETTER = 1.5
+# times as much is explained where filters are than where they are not; blocks that overlap by half
+# explain a tenth
+_FAR = 4.0
+# part of the variance that filters elsewhere explain at least: half of what is plain in a whole
+# frame
+_PLAIN = 0.03
 _NOTHING = 1e-9  # what rounding leaves of stripes without the means of their rows and columns
-_AS_BRIGHT = 0.9  # relative to panchromatic pixels: colour sites that are brighter have no filter; median of tiles
+# relative to panchromatic pixels: colour sites that are brighter have no filter; median of tiles
+_AS_BRIGHT = 0.9
 
 _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its filters
-_CLIPPED = 1 / 16  # of the samples of a tile: with more of them colour sites seem brighter than they are
-_MARGIN, _LEAST_MARGIN = 1 / 8, 1 / 1024  # of the black level and of the range of codes: no tile is darker than black by more
+# of the samples of a tile: with more of them colour sites seem brighter than they are
+_CLIPPED = 1 / 16
+# of the black level and of the range of codes: no tile is darker than black by more
+_MARGIN, _LEAST_MARGIN = 1 / 8, 1 / 1024
 _NARROW, _DEFECTS = (
     1 / 16,
     1,
-)  # of the range of codes: samples of a dark frame differ by less, but for this percentage at either end
+    # of the range of codes: samples of a dark frame differ by less, but for this percentage at
+    # either end
+)
 _OVEREXPOSED = 0.1  # of the samples: so many clipped ones may hide the filters
-# Samples that vary by so much of the range of codes, but are less correlated with all their neighbours, are misread. Of 120 random
-# scenes of two levels, dots of 2 to 9 pixels, all are above; wrong packings are at 0 to 0.6.
+# Samples that vary by so much of the range of codes, but are less correlated with all their
+# neighbours, are misread. Of 120 random scenes of two levels, dots of 2 to 9 pixels, all are above;
+# wrong packings are at 0 to 0.6.
 _WIDE, _RESEMBLE, _PAIRS = 0.1, 0.15, 200
 _PILE = 8  # samples at the highest code that show that light was clipped there
 _STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
-_UNLIKE = 3.0  # times the energy of all other differences; in photographs 7 times and more where there is light
-_SCENE = 1 / 8  # of the energy of panchromatic pixels: a filter passes half the light or less, and sites are nearer
+# times the energy of all other differences; in photographs 7 times and more where there is light
+_UNLIKE = 3.0
+# of the energy of panchromatic pixels: a filter passes half the light or less, and sites are nearer
+_SCENE = 1 / 8
 _IMBALANCE = 0.03  # of their level by which sites of one channel may differ
 _SURE = 5.0  # standard errors of an energy
 
 
 class SlippedError(InputError):
-    """A stream has lost or gained bytes: this frame, and perhaps some before it, are not what the camera has sent."""
+    """A stream has lost or gained bytes: this frame, and perhaps some before it, are not what the
+    camera has sent.
+    """
 
 
 def checked(
@@ -73,12 +104,23 @@ def checked(
     *,
     refused: Callable[[InputError], None] | None = None,
 ) -> Iterator[RawFrame]:
-    """Pass frames on, and look at them: until some have confirmed the description of their sensor, and whether they still do.
+    """Pass frames on, and look at them: until some have confirmed the description of their sensor,
+    and whether they still do.
 
-    note: called with each sentence on what a frame leaves open, once.
-    refused: called for a file that is not like those before it, which is left out: the next one begins anew. None = raise.
     Raises InputError, before the frame is passed on, at the first that contradicts the description.
-    Raises SlippedError when a stream has lost or gained bytes since.
+
+    Parameters
+    ----------
+    note : Callable[[str], None]
+        Called with each sentence on what a frame leaves open, once.
+    refused : Callable[[InputError], None] | None, optional
+        Called for a file that is not like those before it, which is left out: the next one begins
+        anew. None = raise.
+
+    Raises
+    ------
+    SlippedError
+        When a stream has lost or gained bytes since.
     """
     check = _Check(sensor)
     noted: set[str] = set()
@@ -107,12 +149,14 @@ class _Check:
         self._has_colours = False
 
     def look(self, frame: RawFrame) -> tuple[bool, list[str]]:
-        """Return whether the frame shows what is described after others have, and what it leaves open, a sentence each.
+        """Return whether the frame shows what is described after others have, and what it leaves
+        open, a sentence each.
 
         Raises InputError if the frame contradicts the description.
         """
         is_known = self._confirmed >= _ENOUGH
-        if is_known and len(frame.data) != self._sensor.layout.frame_bytes:  # whoever reads it says so
+        # whoever reads it says so
+        if is_known and len(frame.data) != self._sensor.layout.frame_bytes:
             return False, []
         shown, remarks = self._later(frame) if is_known else self._first(frame)
         self._confirmed += shown
@@ -120,10 +164,19 @@ class _Check:
 
     def _first(self, frame: RawFrame) -> tuple[bool, list[str]]:
         """Return whether all of a frame shows the pattern, and what it leaves open."""
-        layout, pattern, calibration = self._sensor.layout, self._sensor.pattern, self._sensor.calibration
+        layout, pattern, calibration = (
+            self._sensor.layout,
+            self._sensor.pattern,
+            self._sensor.calibration,
+        )
         codes = layout.unpack(frame.data)
         tiles = Tiles.of(codes, self._side, _TILES)
-        self._refuse(frame, impossible_level(codes, tiles, calibration) or padding(codes, calibration) or self._unused_bits(frame))
+        self._refuse(
+            frame,
+            impossible_level(codes, tiles, calibration)
+            or padding(codes, calibration)
+            or self._unused_bits(frame),
+        )
         if is_misread(tiles, pattern, FORMATS[layout.format].pixels, calibration.bits):
             self._refuse(frame, f"the bits of its samples are not in the order of {layout.format}")
         shown = shows_filters(tiles, pattern)
@@ -132,33 +185,57 @@ class _Check:
             self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
         if shown is False or (shown and has_longer_period(tiles, pattern)):
             rows = "or rows do not begin where `stride` and `width` say"
-            self._refuse(frame, f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}")
+            self._refuse(
+                frame,
+                f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}",
+            )
         if shown is None:
             if not is_even(codes, calibration) and lacks_filters(tiles, pattern, calibration):
-                self._refuse(frame, "the samples at the places of the colour filters are as bright as their neighbours")
+                self._refuse(
+                    frame,
+                    "the samples at the places of the colour filters are as bright as their "
+                    "neighbours",
+                )
             return False, [_UNPROVEN.format(reason=hindrance(codes, calibration))]
         return True, [*self._colours(frame, tiles), *open_bits(codes, calibration)]
 
     def _later(self, frame: RawFrame) -> tuple[bool, list[str]]:
-        """Return the same of the end of a frame and some rows from all over it. Raises SlippedError where they show anything else.
+        """Return the same of the end of a frame and some rows from all over it. Raises SlippedError
+        where they show anything else.
 
-        Whatever slipped before them has moved the last rows. Filters are where they belong although the picture is cut in two where
-        whole periods of rows are missing and the height is a multiple of the period.
+        Whatever slipped before them has moved the last rows. Filters are where they belong although
+        the picture is cut in two where whole periods of rows are missing and the height is a
+        multiple of the period.
         """
-        layout, pattern, calibration, side = self._sensor.layout, self._sensor.pattern, self._sensor.calibration, self._side
+        layout, pattern, calibration, side = (
+            self._sensor.layout,
+            self._sensor.pattern,
+            self._sensor.calibration,
+            self._side,
+        )
         last = min(side * -(-2 * _GROUP // max(layout.width // side, 1)), layout.height)
         tops = np.linspace(0, layout.height - side, _STRIPS).astype(int)[:-1].tolist()
         strips = []
-        for top, rows, count in (*((top, side, _FEW) for top in tops), (layout.height - last, last, 2 * _GROUP)):
-            codes = replace(layout, height=rows).unpack(memoryview(frame.data)[top * layout.stride :][: rows * layout.stride])
+        for top, rows, count in (
+            *((top, side, _FEW) for top in tops),
+            (layout.height - last, last, 2 * _GROUP),
+        ):
+            codes = replace(layout, height=rows).unpack(
+                memoryview(frame.data)[top * layout.stride :][: rows * layout.stride]
+            )
             if codes.max() >> calibration.bits:
                 raise SlippedError(_SLIPPED)
             strips.append(Tiles.of(codes, side, count, top))
         end = strips[-1]
-        parts, places = (np.concatenate(arrays) for arrays in zip(*((strip.parts, strip.places) for strip in strips), strict=True))
+        parts, places = (
+            np.concatenate(arrays)
+            for arrays in zip(*((strip.parts, strip.places) for strip in strips), strict=True)
+        )
         shown = shows_filters(Tiles(parts, places), pattern)
         # Samples from the wrong bytes may show the filters at the right place.
-        if shown is False or is_misread(end, pattern, FORMATS[layout.format].pixels, calibration.bits):
+        if shown is False or is_misread(
+            end, pattern, FORMATS[layout.format].pixels, calibration.bits
+        ):
             raise SlippedError(_SLIPPED)
         if shown is None and lacks_filters(end, pattern, calibration):
             raise SlippedError(_SLIPPED)
@@ -174,7 +251,10 @@ class _Check:
             raise SlippedError(_SLIPPED)
         if coloured is False:  # until a frame shows them they may as well be described wrongly
             greens = "the two greens of a block lie on the other diagonal"
-            self._refuse(frame, "its colours are at other sites of the tile" if pattern.is_scattered else greens)
+            self._refuse(
+                frame,
+                "its colours are at other sites of the tile" if pattern.is_scattered else greens,
+            )
         self._has_colours |= coloured is True
         return [] if self._has_colours else [_COLOURS if pattern.is_scattered else _GREENS]
 
@@ -182,9 +262,13 @@ class _Check:
         """Raise InputError with the reason, if there is one."""
         if reason:
             layout, source = self._sensor.layout, frame.source or "FRAME"
-            described = f"--size {layout.width}x{layout.height} --pixel-format {layout.format} --stride {layout.stride}"
+            described = (
+                f"--size {layout.width}x{layout.height} --pixel-format {layout.format} "
+                f"--stride {layout.stride}"
+            )
             raise InputError(
-                f"the frame is not as described: {reason}; run `panchroma identify {source} {described}`. "
+                f"the frame is not as described: {reason}; run `panchroma identify {source} "
+                f"{described}`. "
                 "If the description is right, add `unchecked`"
             )
 
@@ -195,29 +279,55 @@ class _Check:
         return min(max(_SIDE, _PERIODS * period), layout.width, layout.height)
 
     def _unused_bits(self, frame: RawFrame) -> str:
-        """Return what is wrong with bits of packed groups that hold no sample: 0 is right, as in Mono10Packed; "" if nothing."""
+        """Return what is wrong with bits of packed groups that hold no sample: 0 is right, as in
+        Mono10Packed; "" if nothing.
+        """
         layout, packing = self._sensor.layout, FORMATS[self._sensor.layout.format]
         if packing.words:
             return ""
-        used = np.frombuffer(sum(packing.moves.values()).to_bytes(packing.length, "little"), np.uint8)
-        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)[:: max(layout.height // 64, 1)]
+        used = np.frombuffer(
+            sum(packing.moves.values()).to_bytes(packing.length, "little"), np.uint8
+        )
+        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)[
+            :: max(layout.height // 64, 1)
+        ]
         groups = lines[:, : layout.line_bytes].reshape(-1, packing.length)
-        return f"bits that {layout.format} leaves unused hold something" if (groups & ~used).any(axis=1).mean() > _STRAY else ""
+        return (
+            f"bits that {layout.format} leaves unused hold something"
+            if (groups & ~used).any(axis=1).mean() > _STRAY
+            else ""
+        )
 
 
 def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibration) -> str:
-    """Return which level no frame of the sensor has; "" if none. tiles: of the frame."""
-    declared, highest, black = calibration.bits, int(codes.max()), float(np.mean(calibration.black_level))
+    """Return which level no frame of the sensor has; "" if none.
+
+    Parameters
+    ----------
+    tiles : Tiles
+        Of the frame.
+    """
+    declared, highest, black = (
+        calibration.bits,
+        int(codes.max()),
+        float(np.mean(calibration.black_level)),
+    )
     if highest >> declared:
         return f"a sample is {highest}, more than {declared} bits hold"
     if (darkest := float(tiles.parts.mean(axis=(1, 2)).min())) < black - _margin(calibration):
         remedy = "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
-        return f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f} {remedy}"
+        return (
+            f"a part of it has a mean of {darkest:.0f}, darker than black, which is "
+            f"{black:.0f} {remedy}"
+        )
     if highest + 1 in (1 << 10, 1 << 12, 1 << 14) and highest.bit_length() < declared:
         clipped, below = (int((codes == code).sum()) for code in (highest, highest - 1))
         if clipped > 4 * below + _PILE:
             bits = highest.bit_length()
-            return f"its light is clipped at {highest}, the highest code of {bits} bits, not at {calibration.white_level}"
+            return (
+                f"its light is clipped at {highest}, the highest code of {bits} bits, not at "
+                f"{calibration.white_level}"
+            )
     return ""
 
 
@@ -228,13 +338,21 @@ def is_even(codes: CodeArray, calibration: SensorCalibration) -> bool:
 
 
 def padding(codes: CodeArray, calibration: SensorCalibration) -> str:
-    """Return what shows that lines are padded: columns at their end of one value each, neither black nor clipped light."""
+    """Return what shows that lines are padded: columns at their end of one value each, neither
+    black nor clipped light.
+    """
     uneven = codes.max(axis=0) > codes.min(axis=0)
     width = len(uneven) - int(uneven[::-1].argmax())
     ends, black = codes[0, width:].astype(int), min(calibration.black_level)
-    if not uneven[:width].all() or not ((ends < calibration.white_level) & (abs(ends - black) > 1)).any():
+    if (
+        not uneven[:width].all()
+        or not ((ends < calibration.white_level) & (abs(ends - black) > 1)).any()
+    ):
         return ""
-    return f"its rows have {len(ends)} samples at the end that are the same in all of them (`width={width}`?)"
+    return (
+        f"its rows have {len(ends)} samples at the end that are the same in all of them "
+        f"(`width={width}`?)"
+    )
 
 
 def hindrance(codes: CodeArray, calibration: SensorCalibration) -> str:
@@ -255,27 +373,42 @@ def open_bits(codes: CodeArray, calibration: SensorCalibration) -> list[str]:
         return []
     bits = ", ".join(str(bit) for bit in range(missing.bit_length()) if missing >> bit & 1)
     return [
-        f"bits {bits} of its samples are always 0: the light is dim, they are packed otherwise, or `sensor_bits` is not right"
-        + _NEXT
+        f"bits {bits} of its samples are always 0: the light is dim, they are packed otherwise, "
+        "or `sensor_bits` is not right" + _NEXT
     ]
 
 
 def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> bool:
-    """Return whether samples vary widely and resemble none of their neighbours: bits of low value are read as bits of high value.
+    """Return whether samples vary widely and resemble none of their neighbours: bits of low value
+    are read as bits of high value.
 
-    pixels: samples of a packed group, of which each may be wrong. bits: of a sample.
+    Parameters
+    ----------
+    pixels : int
+        Samples of a packed group, of which each may be wrong.
+    bits : int
+        Of a sample.
     """
-    clear, position = tiles.panchromatic(pattern), (tiles.places[:, 1, None] + np.arange(tiles.parts.shape[2])) % pixels
+    clear, position = (
+        tiles.panchromatic(pattern),
+        (tiles.places[:, 1, None] + np.arange(tiles.parts.shape[2])) % pixels,
+    )
     for number in range(pixels):
         ours, alike = clear & (position == number)[:, None], []
         if not ours.any() or np.std(tiles.parts, where=ours) < _WIDE * (1 << bits):
             continue
-        for step in ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)):  # stripes of one width do not hide that neighbours are alike
+        # stripes of one width do not hide that neighbours are alike
+        for step in ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)):
             first, second = (
-                (slice(None), *(slice(max(by, 0), min(by, 0) or None) for by in way)) for way in (np.negative(step), step)
+                (slice(None), *(slice(max(by, 0), min(by, 0) or None) for by in way))
+                for way in (np.negative(step), step)
             )
             masks = ours[first] & clear[second], clear[first] & ours[second]
-            pairs = ((tiles.parts[first][mask], tiles.parts[second][mask]) for mask in masks if mask.sum() >= _PAIRS)
+            pairs = (
+                (tiles.parts[first][mask], tiles.parts[second][mask])
+                for mask in masks
+                if mask.sum() >= _PAIRS
+            )
             alike += [float(np.corrcoef(*pair)[0, 1]) for pair in pairs]
         if alike and max(alike) < _RESEMBLE:
             return True
@@ -283,9 +416,11 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
 
 
 def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
-    """Return whether colour sites are where `pattern` has them; False: at another place, None: the tiles do not show it.
+    """Return whether colour sites are where `pattern` has them; False: at another place, None: the
+    tiles do not show it.
 
-    Groups of tiles beside each other and below each other are judged, too: after a loss of pixels only a part is elsewhere.
+    Groups of tiles beside each other and below each other are judged, too: after a loss of pixels
+    only a part is elsewhere.
     """
     flat = tiles.flattened()
     folded = flat.folded(pattern.period)
@@ -295,24 +430,35 @@ def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
         for axis in (0, 1):
             groups += np.array_split(np.argsort(tiles.places[:, axis], kind="stable"), count)
     power = np.square(flat.parts).mean(axis=(1, 2))
-    answers = [_are_in_place(folded[group], float(power[group].mean()), pattern) for group in groups]
+    answers = [
+        _are_in_place(folded[group], float(power[group].mean()), pattern) for group in groups
+    ]
     return False if False in answers else True if True in answers else None
 
 
 def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
-    """Return whether blocks repeat at twice the period of `pattern` only. It is for tiles that show them."""
+    """Return whether blocks repeat at twice the period of `pattern` only. It is for tiles that show
+    them.
+    """
     period = 2 * pattern.period
     flat = tiles.flattened()
     explained, _ = _explained(flat.folded(period), _block(pattern, period))
     row, column = pattern.block_origin
     *_, second, first = np.sort(
-        explained[row % pattern.period :: pattern.period, column % pattern.period :: pattern.period], axis=None
+        explained[
+            row % pattern.period :: pattern.period, column % pattern.period :: pattern.period
+        ],
+        axis=None,
     )
-    return not pattern.is_scattered and bool(first > max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean())))
+    return not pattern.is_scattered and bool(
+        first > max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean()))
+    )
 
 
 def _are_in_place(folded: DoubleArray, power: float, pattern: CfaPattern) -> bool | None:
-    """See `shows_filters`. folded, power: means of some tiles at each place, (N, K, K), and the mean square of their samples."""
+    """Test one group of tiles for `shows_filters`. folded, power: means of some tiles at each
+    place, (N, K, K), and the mean square of their samples.
+    """
     if len(folded) < 4:
         return None
     explained, certainties = _explained(folded, _block(pattern, pattern.period))
@@ -320,11 +466,16 @@ def _are_in_place(folded: DoubleArray, power: float, pattern: CfaPattern) -> boo
     most, ours = float(explained[best]), np.zeros(explained.shape, np.bool_)
     ours[tuple(np.transpose(_places_alike(pattern, pattern.block_origin)))] = True
     here = float(explained[ours].max())
-    if here == most and certainties[best] > _CERTAIN and most > _BETTER * float(explained[~ours].max(initial=0.0)):
+    if (
+        here == most
+        and certainties[best] > _CERTAIN
+        and most > _BETTER * float(explained[~ours].max(initial=0.0))
+    ):
         return True
     if certainties[best] < _CERTAIN * (1 + _FEW / len(folded)):
         return None
-    # Where colour sites are elsewhere, other places show hardly anything, whatever the scene repeats.
+    # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
+    # repeats.
     there = explained > most / _BETTER
     if here < most / _FAR:
         there[tuple(np.transpose(_places_alike(pattern, (int(best[0]), int(best[1])))))] = False
@@ -333,11 +484,15 @@ def _are_in_place(folded: DoubleArray, power: float, pattern: CfaPattern) -> boo
 
 
 def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibration) -> bool:
-    """Return whether there is light, and the colour sites are as bright as panchromatic pixels in the same rows, or columns."""
+    """Return whether there is light, and the colour sites are as bright as panchromatic pixels in
+    the same rows, or columns.
+    """
     black, white = float(np.mean(calibration.black_level)), calibration.white_level
     sites = np.roll(_block(pattern, pattern.period), pattern.block_origin, (0, 1)) > 0
     levels = tiles.folded(pattern.period) + tiles.parts.mean(axis=(1, 2), keepdims=True) - black
-    lit = (levels[:, ~sites].mean(axis=1) > _LIT * (white - black)) & ((tiles.parts >= white).mean(axis=(1, 2)) < _CLIPPED)
+    lit = (levels[:, ~sites].mean(axis=1) > _LIT * (white - black)) & (
+        (tiles.parts >= white).mean(axis=(1, 2)) < _CLIPPED
+    )
     if lit.sum() < _FEW:
         return False
     for axis in (0, 1):
@@ -349,32 +504,48 @@ def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
 
 
 def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibration) -> bool | None:
-    """Return whether each colour is at the sites where `pattern` has it; None where the tiles do not show it.
+    """Return whether each colour is at the sites where `pattern` has it; None where the tiles do
+    not show it.
 
     True where no frame can show it: where only channels are exchanged (a chart tells which is red).
 
-    tiles: they show the panchromatic pixels where `pattern` has them.
+    Parameters
+    ----------
+    tiles : Tiles
+        They show the panchromatic pixels where `pattern` has them.
     """
     period, candidates = pattern.period, [pattern]
     if pattern.is_scattered:
-        candidates = [replace(pattern, origin=place) for place in _places_alike(pattern, pattern.block_origin)]
+        candidates = [
+            replace(pattern, origin=place) for place in _places_alike(pattern, pattern.block_origin)
+        ]
     elif len(pattern.sites) == 4 and pattern.block_shape == (2, 2):
         rows = [row[:2][::-1] for row in pattern.letters_from(pattern.block_origin)[:2]]
-        candidates.append(CfaPattern.with_block((rows[0], rows[1]), period, pattern.block_origin, pattern.channels))
+        candidates.append(
+            CfaPattern.with_block(
+                (rows[0], rows[1]), period, pattern.block_origin, pattern.channels
+            )
+        )
     planes = [candidate.filter_map((period, period)) for candidate in candidates]
     sites = planes[0] < len(pattern.channels)
-    kinds = {(plane[sites, None] == plane[sites]).tobytes(): plane[sites] for plane in reversed(planes)}
+    kinds = {
+        (plane[sites, None] == plane[sites]).tobytes(): plane[sites] for plane in reversed(planes)
+    }
     ours = kinds.pop((planes[0][sites, None] == planes[0][sites]).tobytes())
     if not kinds:
         return True
     levels = tiles.folded(period) + tiles.parts.mean(axis=(1, 2), keepdims=True)
-    levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))] - float(np.mean(calibration.black_level))
+    levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))] - float(
+        np.mean(calibration.black_level)
+    )
     if len(levels) < _FEW:
         return None
     samples = levels[:, sites]
     own, others = _spread(samples, ours), [_spread(samples, other) for other in kinds.values()]
     # What makes sites of one channel differ, the scene or the sensor, is at most as large as this.
-    usual = np.maximum(_SCENE * levels[:, ~sites].var(axis=1), np.square(_IMBALANCE * samples.mean(axis=1)) / 2)
+    usual = np.maximum(
+        _SCENE * levels[:, ~sites].var(axis=1), np.square(_IMBALANCE * samples.mean(axis=1)) / 2
+    )
     best = min(others, key=lambda other: float(other.mean()))
     if all(_exceeds(other, np.maximum(own, usual)) for other in others):
         return True
@@ -382,23 +553,34 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
 
 
 def _spread(samples: DoubleArray, kinds: ByteArray) -> DoubleArray:
-    """Variance of the sites of a kind about their mean, in each tile. samples: (tiles, sites). kinds: of each site, (sites,)."""
+    """Variance of the sites of a kind about their mean, in each tile. samples: (tiles, sites).
+    kinds: of each site, (sites,).
+    """
     shares = (kinds[:, None] == kinds).astype(float)
     shares /= shares.sum(axis=1, keepdims=True)
     return np.square(samples - samples @ shares.T).sum(axis=1) / (len(shares) - np.trace(shares))
 
 
 def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
-    """Tell whether energies of tiles are certainly larger than others, by enough for a difference of filters."""
+    """Tell whether energies of tiles are certainly larger than others, by enough for a difference
+    of filters.
+    """
     # Of each tile at most 1, so that a few strong colours do not hide how certain the many are.
     votes = (ours - others) / (ours + others + _NOTHING)
-    return bool(ours.mean() > _UNLIKE * others.mean() and votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5)
+    return bool(
+        ours.mean() > _UNLIKE * others.mean()
+        and votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5
+    )
 
 
 def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> list[tuple[int, int]]:
     """Return `place`, and all others at which the colour sites would be the same."""
     block, period = _block(pattern, pattern.period), pattern.period
-    steps = (step for step in np.ndindex(block.shape) if np.array_equal(np.roll(block, step, (0, 1)), block))
+    steps = (
+        step
+        for step in np.ndindex(block.shape)
+        if np.array_equal(np.roll(block, step, (0, 1)), block)
+    )
     return [((place[0] + down) % period, (place[1] + right) % period) for down, right in steps]
 
 
@@ -411,18 +593,23 @@ def _block(pattern: CfaPattern, period: int) -> DoubleArray:
 
 
 def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """Variance that a block explains at each place, (K, K), 0 where it is not darker; its contrast in standard errors.
+    """Variance that a block explains at each place, (K, K), 0 where it is not darker; its contrast
+    in standard errors.
 
     block: 1 at the colour sites, (K, K).
     """
     period = len(block)
     contrasts, certainties = [], []
-    # Once as it is, and once without the means of rows and columns, so that stripes of the same period are not taken for blocks.
+    # Once as it is, and once without the means of rows and columns, so that stripes of the same
+    # period are not taken for blocks.
     for means, model in ((folded, block - block.mean()), (_centred(folded), _centred(block))):
         if np.square(model).sum() < _NOTHING:
             continue
         around = np.tile(means, (1, 2, 2))
-        here = [around[:, row : row + period, column : column + period] for row, column in np.argwhere(block)]
+        here = [
+            around[:, row : row + period, column : column + period]
+            for row, column in np.argwhere(block)
+        ]
         contrast = sum(here) / np.square(model).sum()
         contrasts.append(mean := contrast.mean(axis=0))
         certainties.append(mean / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
@@ -439,4 +626,6 @@ def _centred(means: DoubleArray) -> DoubleArray:
 
 def _margin(calibration: SensorCalibration) -> float:
     """Codes by which a part of a frame may be darker than black."""
-    return max(_MARGIN * float(np.mean(calibration.black_level)), _LEAST_MARGIN * (1 << calibration.bits))
+    return max(
+        _MARGIN * float(np.mean(calibration.black_level)), _LEAST_MARGIN * (1 << calibration.bits)
+    )

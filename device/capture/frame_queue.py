@@ -1,4 +1,6 @@
-"""A queue between a sensor, which does not wait, and a slower consumer: surplus frames are dropped and counted."""
+"""A queue between a sensor, which does not wait, and a slower consumer: surplus frames are dropped
+and counted.
+"""
 
 import queue
 import threading
@@ -13,17 +15,30 @@ _POLL = 0.1  # seconds between two calls of `stopped`, and from the last frame t
 class FrameQueue:
     """Reads `frames` in a background thread; iterate over the queue to receive them.
 
-    frames: the source.
-    depth: number of frames that may wait. When one more arrives, the oldest is dropped whole: pictures stay close to the present,
-        and memory holds at most `depth` + 2 frames (one arriving, one in use).
-    wait: let the source wait instead of dropping frames; for a recording.
-    stopped: returns True to end before the next frame; polled every 0.1 s.
-    The attribute `dropped` counts the frames lost so far. Iterating raises the error that reading the source raised, after all
-    frames that arrived before it.
+    The attribute `dropped` counts the frames lost so far. Iterating raises the error that reading
+    the source raised, after all frames that arrived before it.
+
+    Parameters
+    ----------
+    frames : Iterable[RawFrame]
+        The source.
+    depth : int
+        Number of frames that may wait. When one more arrives, the oldest is dropped whole: pictures
+        stay close to the present, and memory holds at most `depth` + 2 frames (one arriving, one in
+        use).
+    wait : bool, optional
+        Let the source wait instead of dropping frames; for a recording.
+    stopped : Callable[[], bool], optional
+        Returns True to end before the next frame; polled every 0.1 s.
     """
 
     def __init__(
-        self, frames: Iterable[RawFrame], depth: int, *, wait: bool = False, stopped: Callable[[], bool] = lambda: False
+        self,
+        frames: Iterable[RawFrame],
+        depth: int,
+        *,
+        wait: bool = False,
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         self.dropped = 0
         self._frames: queue.Queue[RawFrame] = queue.Queue(depth)
@@ -35,7 +50,8 @@ class FrameQueue:
 
     def __iter__(self) -> Iterator[RawFrame]:
         while not self._stopped():
-            has_ended = self._has_ended.is_set()  # asked first: then no frame comes after the queue is found empty
+            # asked first: then no frame comes after the queue is found empty
+            has_ended = self._has_ended.is_set()
             try:
                 yield self._frames.get(timeout=0 if has_ended else _POLL)
             except queue.Empty:

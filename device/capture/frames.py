@@ -1,8 +1,10 @@
-"""Raw frames as a camera driver delivers them: where the samples are in the bytes, and where a frame ends.
+"""Raw frames as a camera driver delivers them: where the samples are in the bytes, and where a
+frame ends.
 
-Packed formats are those of MIPI CSI-2 (data types RAW10, RAW12 and RAW14), which V4L2 and libcamera keep in memory as transmitted,
-and those of machine vision (GenICam PFNC 2.4; "Packed" in GigE Vision 1). The colour letters in names (SRGGB10P 'pRAA';
-libcamera: SRGGB10_CSI2P) state the filters that the driver assumes. They are ignored here: the packing is the same.
+Packed formats are those of MIPI CSI-2 (data types RAW10, RAW12 and RAW14), which V4L2 and libcamera
+keep in memory as transmitted, and those of machine vision (GenICam PFNC 2.4; "Packed" in GigE
+Vision 1). The colour letters in names (SRGGB10P 'pRAA'; libcamera: SRGGB10_CSI2P) state the filters
+that the driver assumes. They are ignored here: the packing is the same.
 """
 
 import re
@@ -40,8 +42,10 @@ class _Packing:
     """A group of `pixels` samples of `bits` bits in `length` bytes.
 
     names: a pattern of the names of the format elsewhere, with the bits if they state them.
-    step, low, tail, between: a sample begins `step` bits after the one before. Its `low` lowest bits are not there: those of the
-        first sample begin at bit `tail` of the group, and each other's `between` bits further. Bits count from the lowest one of
+    step, low, tail, between: a sample begins `step` bits after the one before. Its `low` lowest
+    bits are not there: those of the
+        first sample begin at bit `tail` of the group, and each other's `between` bits further. Bits
+        count from the lowest one of
         the first byte.
     words: how NumPy names samples that are words; then nothing has to be moved.
     """
@@ -63,7 +67,9 @@ class _Packing:
 
     @cached_property
     def moves(self) -> dict[int, int]:
-        """How a packed word becomes an unpacked one: bits to shift up by (negative: down) -> mask of the bits that move so far."""
+        """Moves from a packed word to an unpacked one: bits to shift up by (negative: down) -> mask
+        of the bits that move so far.
+        """
         masks: dict[int, int] = {}
         for sample, bit in product(range(self.pixels), range(self.bits)):
             above = self.step * sample + bit - self.low
@@ -76,27 +82,72 @@ class _Packing:
 _ORDERS = "(RGGB|BGGR|GRBG|GBRG)"
 _PFNC = "(Mono|SCF1(WBWG|WGWB|WGWR|WRWG))"
 FORMATS = {
-    # A byte with the upper 8 bits of each pixel, then the lower bits of all, the first pixel's lowest.
-    "raw10": _Packing(10, 4, 5, rf"S{_ORDERS}10(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA", step=8, low=2, tail=32, between=2),
-    "raw12": _Packing(12, 2, 3, rf"S{_ORDERS}12(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC", step=8, low=4, tail=16, between=4),
-    "raw14": _Packing(14, 4, 7, rf"S{_ORDERS}14(P|_CSI2P)|R14_CSI2P|Y14P|p[RgGB]EE", step=8, low=6, tail=32, between=6),
+    # A byte with the upper 8 bits of each pixel, then the lower bits of all, the first pixel's
+    # lowest.
+    "raw10": _Packing(
+        10,
+        4,
+        5,
+        rf"S{_ORDERS}10(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA",
+        step=8,
+        low=2,
+        tail=32,
+        between=2,
+    ),
+    "raw12": _Packing(
+        12,
+        2,
+        3,
+        rf"S{_ORDERS}12(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC",
+        step=8,
+        low=4,
+        tail=16,
+        between=4,
+    ),
+    "raw14": _Packing(
+        14,
+        4,
+        7,
+        rf"S{_ORDERS}14(P|_CSI2P)|R14_CSI2P|Y14P|p[RgGB]EE",
+        step=8,
+        low=6,
+        tail=32,
+        between=6,
+    ),
     # One pixel behind the other, the lowest bits first.
     "mono10p": _Packing(10, 4, 5, f"{_PFNC}10p", step=10),
     "mono12p": _Packing(12, 2, 3, f"{_PFNC}12p", step=12),
     "mono14p": _Packing(14, 4, 7, f"{_PFNC}14p", step=14),
-    # The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half a byte.
+    # The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half a
+    # byte.
     "mono10packed": _Packing(10, 2, 3, f"{_PFNC}10Packed", step=16, low=2, tail=8, between=4),
     "mono12packed": _Packing(12, 2, 3, f"{_PFNC}12Packed", step=16, low=4, tail=8, between=4),
-    "u8": _Packing(8, 1, 1, rf"uint8|raw8|S{_ORDERS}8|BA81|{_ORDERS}|GREY|[RY]8|{_PFNC}8", words="u1"),
-    "u16": _Packing(16, 1, 2, rf"(S{_ORDERS}|RG|BA|GB|BG|GR|R|Y|{_PFNC})(?P<bits>10|12|14|16)|BYR2|raw16|uint16", words="<u2"),
+    "u8": _Packing(
+        8, 1, 1, rf"uint8|raw8|S{_ORDERS}8|BA81|{_ORDERS}|GREY|[RY]8|{_PFNC}8", words="u1"
+    ),
+    "u16": _Packing(
+        16,
+        1,
+        2,
+        rf"(S{_ORDERS}|RG|BA|GB|BG|GR|R|Y|{_PFNC})(?P<bits>10|12|14|16)|BYR2|raw16|uint16",
+        words="<u2",
+    ),
     "u16be": _Packing(16, 1, 2, r"Y(?P<bits>10|12|14|16)[_-]?BE", words=">u2"),
 }
 
 
 def format_named(name: str) -> tuple[str, int]:
-    """(key of FORMATS, bits of a sample) of a format. Raises InputError for an unknown one.
+    """(key of FORMATS, bits of a sample) of a format.
 
-    name: a key of FORMATS, or the name of the format in V4L2, libcamera or PFNC (GenICam).
+    Parameters
+    ----------
+    name : str
+        A key of FORMATS, or the name of the format in V4L2, libcamera or PFNC (GenICam).
+
+    Raises
+    ------
+    InputError
+        For an unknown one.
     """
     for ours, packing in FORMATS.items():
         if name == ours:
@@ -105,22 +156,34 @@ def format_named(name: str) -> tuple[str, int]:
             return ours, int(found.groupdict().get("bits") or packing.bits)
     if "PISP_COMP" in name:
         raise InputError(
-            f"the format {name} is a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"
+            f"the format {name} is a lossy compression; ask the camera for unpacked frames: "
+            "rpicam-raw --mode W:H:12:U"
         )
     raise InputError(
-        f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2, libcamera or PFNC{meant(name, FORMATS)}"
+        f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2, "
+        f"libcamera or PFNC{meant(name, FORMATS)}"
     )
 
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """Size and format of a frame: `height` lines of `stride` bytes, each with `width` samples at its beginning.
+    """Size and format of a frame: `height` lines of `stride` bytes, each with `width` samples at
+    its beginning.
 
-    width, height: pixels, 1 to 65500.
-    format: a key of FORMATS.
-    stride: bytes from one line to the next; 0 = no padding. rpicam-raw and v4l2-ctl print it; on a Raspberry Pi it is a multiple of
-        32 or more.
-    Raises InputError for a size that no frame has, and for a stride shorter than a line.
+    Attributes
+    ----------
+    width, height : int
+        Pixels, 1 to 65500.
+    format : str
+        A key of FORMATS.
+    stride : int
+        Bytes from one line to the next; 0 = no padding. rpicam-raw and v4l2-ctl print it; on a
+        Raspberry Pi it is a multiple of 32 or more.
+
+    Raises
+    ------
+    InputError
+        For a size that no frame has, and for a stride shorter than a line.
     """
 
     width: int
@@ -138,10 +201,13 @@ class FrameLayout:
             object.__setattr__(self, "stride", self.line_bytes)
         if self.stride < self.line_bytes:
             raise InputError(
-                f"the stride is {self.stride} bytes, but a line of {self.width} pixels in {self.format} has {self.line_bytes}"
+                f"the stride is {self.stride} bytes, but a line of {self.width} pixels in "
+                f"{self.format} has {self.line_bytes}"
             )
         if self.frame_bytes > _MOST_BYTES * MAX_PIXELS:
-            raise InputError(f"a frame of {self.height} lines of {self.stride} bytes is larger than any sensor's")
+            raise InputError(
+                f"a frame of {self.height} lines of {self.stride} bytes is larger than any sensor's"
+            )
 
     @property
     def bits(self) -> int:
@@ -150,7 +216,7 @@ class FrameLayout:
 
     @property
     def has_words(self) -> bool:
-        """Whether samples are 16-bit words, of which they may use the lower bits only."""
+        """True if samples are 16-bit words, of which they may use the lower bits only."""
         return self.bits == 16
 
     @property
@@ -165,14 +231,21 @@ class FrameLayout:
         return self.height * self.stride
 
     def unpack(self, data: Bytes) -> CodeArray:
-        """The samples of one frame, uint16 (height, width), which a `Mosaic` keeps without another copy.
+        """The samples of one frame, uint16 (height, width), which a `Mosaic` keeps without another
+        copy.
 
         They are a view of `data` if it is read-only and has them as they are.
-        Raises InputError unless `data` is `frame_bytes` long.
+
+        Raises
+        ------
+        InputError
+            Unless `data` is `frame_bytes` long.
         """
         if len(data) != self.frame_bytes:
             raise InputError(self.misfit(len(data)))
-        lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)[:, : self.line_bytes]
+        lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)[
+            :, : self.line_bytes
+        ]
         packing = FORMATS[self.format]
         if packing.words:
             words = lines.view(packing.words)
@@ -189,9 +262,12 @@ class FrameLayout:
     def _unpack_groups(self, lines: ByteArray, codes: CodeArray) -> None:
         """Unpack whole groups as words: they are few, and a word is shifted as fast as a byte."""
         packing = FORMATS[self.format]
-        padded = np.zeros((_STRIP, self.line_bytes + packing.word.itemsize), np.uint8)  # the last word of a line reaches beyond it
+        # the last word of a line reaches beyond it
+        padded = np.zeros((_STRIP, self.line_bytes + packing.word.itemsize), np.uint8)
         shape = _STRIP, self.line_bytes // packing.length
-        groups: NDArray[Any] = np.ndarray(shape, packing.word, padded, strides=(padded.shape[1], packing.length))
+        groups: NDArray[Any] = np.ndarray(
+            shape, packing.word, padded, strides=(padded.shape[1], packing.length)
+        )
         packed, unpacked, part = (np.empty(shape, packing.word) for _ in range(3))
         for top in range(0, self.height, _STRIP):
             strip = lines[top : top + _STRIP]
@@ -210,24 +286,43 @@ class FrameLayout:
         message = f"{length} bytes are not a frame: {self.size}"
         stride, rest = divmod(length, self.height)
         if length > self.frame_bytes and length % self.frame_bytes == 0:
-            return f"{message}; {length // self.frame_bytes} frames in one are a stream: give it on standard input"
-        return f"{message}; a stride of {stride} would fit" if not rest and stride > self.line_bytes else message
+            return (
+                f"{message}; {length // self.frame_bytes} frames in one are a stream: give "
+                "it on standard input"
+            )
+        return (
+            f"{message}; a stride of {stride} would fit"
+            if not rest and stride > self.line_bytes
+            else message
+        )
 
     def check_recording(self, length: int, advice: str = "") -> None:
-        """Raise InputError if a recording of `length` bytes has whole frames of another stride, and not of this one.
+        """Raise InputError if a recording of `length` bytes has whole frames of another stride, and
+        not of this one.
 
-        advice: what ends the message.
+        Parameters
+        ----------
+        advice : str, optional
+            What ends the message.
         """
         if length % self.frame_bytes and (likely := self.likely(length)):
-            raise InputError(f"{length} bytes are no whole number of frames: {self.size}; likely {likely}{advice}")
+            raise InputError(
+                f"{length} bytes are no whole number of frames: {self.size}; likely "
+                f"{likely}{advice}"
+            )
 
     @property
     def size(self) -> str:
         """Size and format in words, for messages."""
-        return f"{self.width} x {self.height} pixels in {self.format} with a stride of {self.stride} have {self.frame_bytes}"
+        return (
+            f"{self.width} x {self.height} pixels in {self.format} with a stride of "
+            f"{self.stride} have {self.frame_bytes}"
+        )
 
     def likely(self, length: int) -> str:
-        """The options with which `length` bytes are whole frames; "" if there are none, or if they would say little."""
+        """The options with which `length` bytes are whole frames; "" if there are none, or if they
+        would say little.
+        """
         for unit in _ALIGNMENTS:
             stride = -(-self.line_bytes // unit) * unit
             if stride != self.stride and length % (stride * self.height) == 0:
@@ -239,11 +334,19 @@ class FrameLayout:
 class RawFrame:
     """The bytes of one frame.
 
-    data: its bytes, as `FrameLayout` describes them.
-    taken: time of the frame, with time zone.
-    arrived: time at which this program received it, on the monotonic clock, seconds.
-    source: the file that it was read from; "" = none.
-    is_checked: it shows the filters where its description says: no byte was lost before it. False: it does not show that.
+    Attributes
+    ----------
+    data : Bytes
+        Its bytes, as `FrameLayout` describes them.
+    taken : datetime
+        Time of the frame, with time zone.
+    arrived : float
+        Time at which this program received it, on the monotonic clock, seconds.
+    source : str
+        The file that it was read from; "" = none.
+    is_checked : bool
+        It shows the filters where its description says: no byte was lost before it. False: it does
+        not show that.
     """
 
     data: Bytes
@@ -266,12 +369,23 @@ class RawFrame:
 class Sensor:
     """The sensor whose frames are captured.
 
-    layout: size and format of its frames.
-    pattern: its filter pattern.
-    calibration: its calibration, for the mode in which it runs.
-    metadata: what every shot records besides its time.
-    Raises InputError when pattern and calibration have different channels, when a frame holds no whole colour block, and when the
-    bits of the calibration do not fit the format: then the calibration belongs to another mode of the sensor.
+    Attributes
+    ----------
+    layout : FrameLayout
+        Size and format of its frames.
+    pattern : CfaPattern
+        Its filter pattern.
+    calibration : SensorCalibration
+        Its calibration, for the mode in which it runs.
+    metadata : CaptureMetadata
+        What every shot records besides its time.
+
+    Raises
+    ------
+    InputError
+        When pattern and calibration have different channels, when a frame holds no whole colour
+        block, and when the bits of the calibration do not fit the format: then the calibration
+        belongs to another mode of the sensor.
     """
 
     layout: FrameLayout
@@ -283,7 +397,8 @@ class Sensor:
         bits = self.calibration.bits
         if bits > self.layout.bits or (not self.layout.has_words and bits != self.layout.bits):
             raise InputError(
-                f"the calibration is for samples of {bits} bits, {self.layout.format} has {self.layout.bits}: "
+                f"the calibration is for samples of {bits} bits, {self.layout.format} has "
+                f"{self.layout.bits}: "
                 "they belong to different modes of the sensor"
             )
         self.dark()
@@ -291,22 +406,39 @@ class Sensor:
     def dark(self) -> Mosaic:
         """A frame without light, for preparations before the first frame arrives."""
         black = round(min(self.calibration.black_level))
-        return Mosaic(np.full((self.layout.height, self.layout.width), black, np.uint16), self.pattern, self.calibration)
+        return Mosaic(
+            np.full((self.layout.height, self.layout.width), black, np.uint16),
+            self.pattern,
+            self.calibration,
+        )
 
     def mosaic(self, frame: RawFrame) -> Mosaic:
-        """The mosaic of a frame. Raises InputError when the frame does not fit the sensor."""
-        metadata = replace(self.metadata, taken=frame.taken.astimezone().replace(tzinfo=None))  # Exif has local time without zone
+        """The mosaic of a frame.
+
+        Raises
+        ------
+        InputError
+            When the frame does not fit the sensor.
+        """
+        # Exif has local time without zone
+        metadata = replace(self.metadata, taken=frame.taken.astimezone().replace(tzinfo=None))
         return Mosaic(self.layout.unpack(frame.data), self.pattern, self.calibration, metadata)
 
 
 def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
     """Yield the frames of a stream without anything between them, each as soon as it has arrived.
 
-    stream: unbuffered; a buffered one would wait for more bytes than have arrived.
-    Raises InputError, after the last whole frame, when the stream ends within a frame, holds none, or cannot be read.
+    Raises InputError, after the last whole frame, when the stream ends within a frame, holds none,
+    or cannot be read.
+
+    Parameters
+    ----------
+    stream : RawIOBase
+        Unbuffered; a buffered one would wait for more bytes than have arrived.
     """
     count = 0
-    # Memory of frames that nobody needs any more: the system clears what is new to a process, which takes as long as a copy.
+    # Memory of frames that nobody needs any more: the system clears what is new to a process, which
+    # takes as long as a copy.
     spare: deque[ByteArray] = deque(maxlen=_SPARE)
     while True:
         # Not a bytearray: clearing it would stop the other threads.
@@ -318,7 +450,10 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
             try:
                 length = stream.readinto(data[filled:])
             except OSError as error:
-                raise InputError(f"the stream cannot be read ({error.strerror or error}) after {count} whole frames") from None
+                raise InputError(
+                    f"the stream cannot be read ({error.strerror or error}) after {count} whole "
+                    "frames"
+                ) from None
             if not length:
                 break
             filled += length
@@ -327,10 +462,17 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
         count += 1
         yield RawFrame.now(data.toreadonly())
     if filled:
-        advice = "If the camera was not stopped, its frames have another size, and the shots of this stream are wrong"
+        advice = (
+            "If the camera was not stopped, its frames have another size, and the shots of "
+            "this stream are wrong"
+        )
         if likely := layout.likely(count * len(data) + filled):
-            advice = f"All its bytes are whole frames with {likely}: discard the shots of this stream"
-        ended = f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones"
+            advice = (
+                f"All its bytes are whole frames with {likely}: discard the shots of this stream"
+            )
+        ended = (
+            f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones"
+        )
         raise InputError(f"{ended}; {layout.size}. {advice}")
     if not count:
         raise InputError("the stream ended before the first frame: did the camera start?")

@@ -21,10 +21,16 @@ PreviewMaker = Callable[[Mosaic], ByteArray]
 class Saved:
     """A saved frame.
 
-    path: the DNG file.
-    preview: seconds that the preview took.
-    write: seconds that encoding and writing the file took beyond that.
-    is_checked: see `RawFrame`.
+    Attributes
+    ----------
+    path : Path
+        The DNG file.
+    preview : float
+        Seconds that the preview took.
+    write : float
+        Seconds that encoding and writing the file took beyond that.
+    is_checked : bool
+        See `RawFrame`.
     """
 
     path: Path
@@ -40,17 +46,29 @@ class Refused:
     reason: str
 
 
-def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, shots: ShotFolder) -> Iterator[Saved | Refused]:
+def capture(
+    frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, shots: ShotFolder
+) -> Iterator[Saved | Refused]:
     """Save each frame with its preview, and yield the outcome of each.
 
-    A frame that does not fit the sensor is refused, and the loop continues. If it is unknown what white reads, that is estimated
-    from the frames, see `SteadyWhite`.
+    A frame that does not fit the sensor is refused, and the loop continues. If it is unknown what
+    white reads, that is estimated from the frames, see `SteadyWhite`.
 
-    frames: raw frames, for example a `FrameQueue`.
-    sensor: the sensor they come from.
-    preview: makes the preview, for example `Preview.run`.
-    shots: the folder to save in.
-    Raises OutputError when a file cannot be written, because the next one could not be written either.
+    Parameters
+    ----------
+    frames : Iterable[RawFrame]
+        Raw frames, for example a `FrameQueue`.
+    sensor : Sensor
+        The sensor they come from.
+    preview : PreviewMaker
+        Makes the preview, for example `Preview.run`.
+    shots : ShotFolder
+        The folder to save in.
+
+    Raises
+    ------
+    OutputError
+        When a file cannot be written, because the next one could not be written either.
     """
     balance = SteadyWhite()
     for frame in frames:
@@ -69,17 +87,20 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
 def capture_burst(
     frames: Iterable[RawFrame], count: int, sensor: Sensor, preview: PreviewMaker, shots: ShotFolder
 ) -> Iterator[Saved | Refused]:
-    """Take `count` frames as fast as they come, then save them under one name, and yield the outcome of each.
+    """Take `count` frames as fast as they come, then save them under one name, and yield the
+    outcome of each.
 
-    All of them are in memory before the first is saved. If fewer come, one does not fit the sensor, or one cannot be written, none
-    is saved; in the first two cases the one outcome is a `Refused`. White, where it is unknown, is estimated from the first frame
-    for all.
+    All of them are in memory before the first is saved. If fewer come, one does not fit the sensor,
+    or one cannot be written, none is saved; in the first two cases the one outcome is a `Refused`.
+    White, where it is unknown, is estimated from the first frame for all.
 
     For the arguments and errors see `capture`.
     """
     taken = list(islice(frames, count))
     if len(taken) < count:
-        yield Refused(f"the frames ended after {len(taken)} of {count} of the burst; none of them is saved")
+        yield Refused(
+            f"the frames ended after {len(taken)} of {count} of the burst; none of them is saved"
+        )
         return
     first, mosaics = taken[0].taken, []
     while taken:  # raw bytes are let go as samples take their place

@@ -22,14 +22,26 @@ _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
 
 class ShotFolder:
-    """Saves shots as TIME-COUNTER.dng, bursts as TIME-COUNTER-1.dng, -2.dng ..., durably, and never over another file.
+    """Saves shots as TIME-COUNTER.dng, bursts as TIME-COUNTER-1.dng, -2.dng ..., durably, and never
+    over another file.
 
-    TIME is UTC to the millisecond. COUNTER continues from the highest one in the folder, so that names are unique and the order of
-    the shots is known even if the clock is wrong: many cameras have no clock that runs while they are off.
+    TIME is UTC to the millisecond. COUNTER continues from the highest one in the folder, so that
+    names are unique and the order of the shots is known even if the clock is wrong: many cameras
+    have no clock that runs while they are off.
 
-    folder: an existing folder; also the attribute `path`.
-    latest: a symbolic link that always points to a whole file, the one saved last; None = no link.
-    Raises InputError when `latest` exists and is not a link, or can be none, OutputError when the folder cannot be listed.
+    Parameters
+    ----------
+    folder : Path
+        An existing folder; also the attribute `path`.
+    latest : Path | None, optional
+        A symbolic link that always points to a whole file, the one saved last; None = no link.
+
+    Raises
+    ------
+    InputError
+        When `latest` exists and is not a link, or can be none.
+    OutputError
+        When the folder cannot be listed.
     """
 
     def __init__(self, folder: Path, latest: Path | None = None) -> None:
@@ -45,29 +57,52 @@ class ShotFolder:
         self._counter = count(1 + max((int(name[1]) for name in names if name), default=0))
 
     def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
-        """Write a mosaic as a DNG and return its path. Raises OutputError when that fails; no partial file is left.
+        """Write a mosaic as a DNG and return its path.
 
-        mosaic: the shot.
-        picture: its preview, uint8 sRGB (h, w, 3).
-        taken: time of the shot, with time zone.
+        Parameters
+        ----------
+        mosaic : Mosaic
+            The shot.
+        picture : ByteArray
+            Its preview, uint8 sRGB (h, w, 3).
+        taken : datetime
+            Time of the shot, with time zone.
+
+        Raises
+        ------
+        OutputError
+            When that fails; no partial file is left.
         """
         (path,) = self._save_together(lambda: [(mosaic, picture)], [""], taken)
         return path
 
-    def burst(self, frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]], count: int, taken: datetime) -> list[Path]:
+    def burst(
+        self, frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]], count: int, taken: datetime
+    ) -> list[Path]:
         """Write all frames of a burst, or none, and return their paths; see `save`.
 
-        All files are written before the first gets its name, and frame 1 gets its own last: whatever ends the program, a burst that
-        has a frame 1 is whole.
+        All files are written before the first gets its name, and frame 1 gets its own last:
+        whatever ends the program, a burst that has a frame 1 is whole.
 
-        frames: called for the frames with their previews; called again if another camera takes the name meanwhile.
-        count: number of frames.
-        taken: time of the first one, which all their names have.
+        Parameters
+        ----------
+        frames : Callable[[], Iterable[tuple[Mosaic, ByteArray]]]
+            Called for the frames with their previews; called again if another camera takes the name
+            meanwhile.
+        count : int
+            Number of frames.
+        taken : datetime
+            Time of the first one, which all their names have.
         """
-        return self._save_together(frames, [frame_name("", number, count) for number in range(1, count + 1)], taken)
+        return self._save_together(
+            frames, [frame_name("", number, count) for number in range(1, count + 1)], taken
+        )
 
     def _save_together(
-        self, frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]], endings: Sequence[str], taken: datetime
+        self,
+        frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]],
+        endings: Sequence[str],
+        taken: datetime,
     ) -> list[Path]:
         """Save frames under one TIME-COUNTER; their names end with `endings`."""
         while True:
@@ -77,7 +112,8 @@ class ShotFolder:
                 _write_together(paths, frames())
                 break
             except OutputError as error:
-                if not isinstance(error.__cause__, FileExistsError):  # another camera saves in the same folder
+                # another camera saves in the same folder
+                if not isinstance(error.__cause__, FileExistsError):
                     raise
         if self._latest is not None:
             _point(self._latest, paths[-1])
@@ -90,7 +126,9 @@ class ShotFolder:
 
 
 def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteArray]]) -> None:
-    """Write all files or none. They get their names in reverse order, as an ExitStack leaves its contexts."""
+    """Write all files or none. They get their names in reverse order, as an ExitStack leaves its
+    contexts.
+    """
     named: list[Path] = []
     try:
         with ExitStack() as stack:
@@ -103,7 +141,9 @@ def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteAr
         raise
 
 
-def _note_named(named: list[Path], path: Path, error: type[BaseException] | None, *_: object) -> None:
+def _note_named(
+    named: list[Path], path: Path, error: type[BaseException] | None, *_: object
+) -> None:
     if error is None:
         named.append(path)
 
@@ -113,12 +153,17 @@ def _check_link(link: Path) -> None:
         if not link.parent.is_dir():
             raise InputError(f"{link}: there is no such folder for the link to the latest shot")
         if not stat.S_ISLNK(link.lstat().st_mode):
-            raise InputError(f"{link}: exists and is no link; choose another name for the link to the latest shot")
+            raise InputError(
+                f"{link}: exists and is no link; choose another name for the link to the latest "
+                "shot"
+            )
     except FileNotFoundError:
         return
     except (OSError, ValueError) as error:  # ValueError: a null character
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{link}: cannot be the name of the link to the latest shot ({reason})") from None
+        raise InputError(
+            f"{link}: cannot be the name of the link to the latest shot ({reason})"
+        ) from None
 
 
 def _point(link: Path, path: Path) -> None:
@@ -136,4 +181,6 @@ def _point(link: Path, path: Path) -> None:
         reason = error.strerror or str(error)
         if error.errno in (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP):
             reason = "this file system has no symbolic links; omit the link, or put it elsewhere"
-        raise OutputError(f"{link}: the link to the latest shot cannot be made: {reason}") from error
+        raise OutputError(
+            f"{link}: the link to the latest shot cannot be made: {reason}"
+        ) from error

@@ -16,24 +16,47 @@ _LIMIT = 4.0  # mean deviations: the edges of a scene count no more than this
 
 @dataclass(frozen=True)
 class Tiles:
-    """Tiles of a frame, evenly spread. parts: float32 (N, S, S). places: sensor (row, column) of each, (N, 2)."""
+    """Tiles of a frame, evenly spread.
+
+    Attributes
+    ----------
+    parts : FloatArray
+        float32 (N, S, S).
+    places : NDArray[np.intp]
+        Sensor (row, column) of each, (N, 2).
+    """
 
     parts: FloatArray
     places: NDArray[np.intp]
 
     @classmethod
     def of(cls, codes: CodeArray, side: int, most: int, top: int = 0) -> "Tiles":
-        """Cut about `most` tiles at most, `side` pixels along, out of rows (H, W). top: sensor row of the first."""
+        """Cut about `most` tiles at most, `side` pixels along, out of rows (H, W).
+
+        Parameters
+        ----------
+        top : int, optional
+            Sensor row of the first.
+        """
         density = min(1.0, (most * side**2 / codes.size) ** 0.5)
-        rows, columns = (np.linspace(0, size - side, max(int(size // side * density), 1)).astype(np.intp) for size in codes.shape)
+        rows, columns = (
+            np.linspace(0, size - side, max(int(size // side * density), 1)).astype(np.intp)
+            for size in codes.shape
+        )
         places = np.array([(row, column) for row in rows for column in columns])
-        parts = np.stack([codes[row : row + side, column : column + side] for row, column in places]).astype(np.float32)
+        parts = np.stack(
+            [codes[row : row + side, column : column + side] for row, column in places]
+        ).astype(np.float32)
         return cls(parts, places + np.array((top, 0)))
 
     def flattened(self, window: int = _WINDOW) -> "Tiles":
-        """Return the samples minus their local mean, in local mean deviations, limited: all parts of a scene count the same.
+        """Return the samples minus their local mean, in local mean deviations, limited: all parts
+        of a scene count the same.
 
-        window: pixels along the squares of local means.
+        Parameters
+        ----------
+        window : int, optional
+            Pixels along the squares of local means.
         """
         rest = self.parts - _local_mean(self.parts, window)
         rest /= _local_mean(np.abs(rest), window) + np.float32(_FLAT)
@@ -43,10 +66,14 @@ class Tiles:
         """Return the upper (0) or lower (1), left or right quarter of each tile."""
         half = self.parts.shape[1] // 2
         top, left = down * half, right * half
-        return Tiles(self.parts[:, top : top + half, left : left + half], self.places + np.array((top, left)))
+        return Tiles(
+            self.parts[:, top : top + half, left : left + half], self.places + np.array((top, left))
+        )
 
     def folded(self, period: int) -> DoubleArray:
-        """Return the mean of each tile at each place of a K x K square, minus the mean of all places: (N, K, K)."""
+        """Return the mean of each tile at each place of a K x K square, minus the mean of all
+        places: (N, K, K).
+        """
         down, across = _averages(self.parts.shape[1], period)[self.places.T % period]
         means = down @ self.parts @ across.transpose(0, 2, 1)
         return means - means.mean(axis=(1, 2), keepdims=True)
@@ -61,7 +88,9 @@ class Tiles:
 
 @lru_cache(maxsize=64)
 def _averages(side: int, period: int) -> DoubleArray:
-    """Weights of a tile's rows in the mean at each place of a period: (phase of the first row, place, row), (K, K, `side`)."""
+    """Weights of a tile's rows in the mean at each place of a period: (phase of the first row,
+    place, row), (K, K, `side`).
+    """
     of_place = np.arange(side) % period == np.arange(period)[:, None]
     shifted = np.stack([of_place[np.arange(period) - phase] for phase in range(period)])
     return shifted / shifted.sum(axis=2, keepdims=True)
@@ -74,5 +103,10 @@ def _local_mean(parts: FloatArray, window: int) -> FloatArray:
     sums = wide.cumsum(axis=1, dtype=np.float64)
     sums.cumsum(axis=2, out=sums)
     size = before + after + 1
-    box = sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
+    box = (
+        sums[:, size:, size:]
+        - sums[:, :-size, size:]
+        - sums[:, size:, :-size]
+        + sums[:, :-size, :-size]
+    )
     return (box / size**2).astype(np.float32)

@@ -1,4 +1,6 @@
-"""White balance of a stream whose colours nobody has measured: estimated from its frames, and steady from frame to frame."""
+"""White balance of a stream whose colours nobody has measured: estimated from its frames, and
+steady from frame to frame.
+"""
 
 import numpy as np
 
@@ -6,13 +8,17 @@ from ...shared.arrays import DoubleArray
 from ...shared.mosaic import Mosaic
 from ...shared.white_balance import balanced, estimate_neutral
 
-_FOLLOWS = 1 / 16  # part of the way to a new frame's own estimate: half of a change of light is followed in eleven frames
+# part of the way to a new frame's own estimate: half of a change of light is followed in eleven
+# frames
+_FOLLOWS = 1 / 16
 
 
 class SteadyWhite:
-    """Balances the frames of one stream, in their order. The estimate is a running mean, so it cannot flicker.
+    """Balances the frames of one stream, in their order. The estimate is a running mean, so it
+    cannot flicker.
 
-    Frames whose calibration knows what white reads pass unchanged, and so do those before the first one that is bright enough.
+    Frames whose calibration knows what white reads pass unchanged, and so do those before the first
+    one that is bright enough.
     """
 
     def __init__(self) -> None:
@@ -26,7 +32,11 @@ class SteadyWhite:
         found = estimate_neutral(mosaic)
         if found is not None:
             seen = np.log(found)
-            self._logarithm = seen if self._logarithm is None else self._logarithm + _FOLLOWS * (seen - self._logarithm)
+            self._logarithm = (
+                seen
+                if self._logarithm is None
+                else self._logarithm + _FOLLOWS * (seen - self._logarithm)
+            )
         if self._logarithm is None:
             return mosaic
         return mosaic.calibrated(balanced(calibration, np.exp(self._logarithm), estimated=True))

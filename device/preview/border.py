@@ -1,7 +1,8 @@
 """Samples beyond the edges of the frame, for a preview graph, which knows no edges.
 
-The filter pattern continues outside the frame: each place takes the nearest sample at the same place of the tile, down and across.
-A frame smaller than the tile may lack a filter; then the nearest sample takes its place, whatever its filter.
+The filter pattern continues outside the frame: each place takes the nearest sample at the same
+place of the tile, down and across. A frame smaller than the tile may lack a filter; then the
+nearest sample takes its place, whatever its filter.
 """
 
 from typing import Any
@@ -12,18 +13,26 @@ from numpy.typing import NDArray
 from ...shared.arrays import CodeArray, IndexArray
 
 
-def copy_extended(codes: CodeArray, period: int, row: int, column: int, target: NDArray[Any]) -> None:
-    """Fill `target` with the part of a frame of codes, (H, W), extended on all sides, that begins at this row and column.
+def copy_extended(
+    codes: CodeArray, period: int, row: int, column: int, target: NDArray[Any]
+) -> None:
+    """Fill `target` with the part of a frame of codes, (H, W), extended on all sides, that begins
+    at this row and column.
 
-    period: K of the filter pattern.
-    row, column: counted from the first row and column of the frame; before it, or in it.
+    Parameters
+    ----------
+    period : int
+        K of the filter pattern.
+    row, column : int
+        Counted from the first row and column of the frame; before it, or in it.
     """
     rows, columns = (
         _repeated(np.arange(first, first + count), size, period)
         for first, count, size in zip((row, column), target.shape, codes.shape, strict=True)
     )
     left, right = -column, codes.shape[1] - column
-    inside = codes[row : row + len(rows)] if 0 <= row <= len(codes) - len(rows) else codes[rows]  # mostly without a copy
+    # mostly without a copy
+    inside = codes[row : row + len(rows)] if 0 <= row <= len(codes) - len(rows) else codes[rows]
     target[:, left:right] = inside
     target[:, :left], target[:, right:] = inside[:, columns[:left]], inside[:, columns[right:]]
 

@@ -1,4 +1,6 @@
-"""Chromaticity in a preview graph: of every block (Eqs. 8-9), pooled with those around it, and spread over the cells (Eq. 10)."""
+"""Chromaticity in a preview graph: of every block (Eqs. 8-9), pooled with those around it, and
+spread over the cells (Eq. 10).
+"""
 
 from typing import NamedTuple
 
@@ -10,57 +12,87 @@ from .nodes import END
 from .pattern_graph import PatternGraph
 
 _LEAST_VARIANCE = 1e-6
-"""Least noise variance in Eqs. 8-9, codes^2; makes a block without light grey and changes no other."""
-# How blocks are pooled: chosen on test photographs and on black print, whose tint at K = 6 is at most 0.09 in 99.9 % of the pixels,
-# with 95 % of the colour of strokes 36 pixels wide kept at sigma 0.03. Less pooling under strokes, noise-free: 0.1 dB less in the
-# mean of the photographs, 0.16 dB more in one.
+"""Least noise variance in Eqs. 8-9, codes^2; makes a block without light grey and changes no
+other.
+"""
+# How blocks are pooled: chosen on test photographs and on black print, whose tint at K = 6 is at
+# most 0.09 in 99.9 % of the pixels, with 95 % of the colour of strokes 36 pixels wide kept at sigma
+# 0.03. Less pooling under strokes, noise-free: 0.1 dB less in the mean of the photographs, 0.16 dB
+# more in one.
 _PRIOR = 0.5
 """Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey."""
 _POOLING = 3e-4
-"""Squared ratio of error to signal of a block at which half of its chromaticity comes from the blocks around it."""
+"""Squared ratio of error to signal of a block at which half of its chromaticity comes from the
+blocks around it.
+"""
 _MISREAD = 1.4e-3
-"""The change of luminance around a block times this is the variance of what the block misreads, in addition to noise."""
+"""The change of luminance around a block times this is the variance of what the block misreads, in
+addition to noise.
+"""
 _ALIKE = 0.13
-"""Squared relative difference of colour at which the weight of a block in the pooling of another is a quarter."""
+"""Squared relative difference of colour at which the weight of a block in the pooling of another is
+a quarter.
+"""
 _ALIKE_NOISE = 24.0
-"""Multiple of the noise variance that a squared difference of colour must exceed to count in pooling."""
+"""Multiple of the noise variance that a squared difference of colour must exceed to count in
+pooling.
+"""
 _ALIKE_STROKES = 0.15
-"""Multiple of the change of luminance around a block, beyond its noise, that likewise has to be exceeded."""
+"""Multiple of the change of luminance around a block, beyond its noise, that likewise has to be
+exceeded.
+"""
 _STROKES = 8.0
-"""Squared relative change of luminance around a block times this, plus 1, is what its colour counts less by in that of others."""
+"""Squared relative change of luminance around a block times this, plus 1, is what its colour counts
+less by in that of others.
+"""
 _CONTRAST = 0.1
 """Squared relative difference of luminance at which the weight of a block is halved."""
 _CONTRAST_STROKES = 0.5
-"""Squared relative change of luminance around a block times this, plus 1, is what that difference is divided by."""
+"""Squared relative change of luminance around a block times this, plus 1, is what that difference
+is divided by.
+"""
 _NOISE_WEIGHT = 4.0
 """Multiple of the noise variance that a squared relative difference must exceed to count."""
 _SPREAD = 0.5
-"""Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
+"""Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no
+step between patches.
+"""
 
 
 def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     """The part gamma_j c_j of every channel in the luminance of every block, (C, blocks).
 
-    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1. Where
-    panchromatic samples are saturated, those of the block say how much light there is (Eq. 7): with less, white would be yellow.
+    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that
+    the parts add up to 1. Where panchromatic samples are saturated, those of the block say how much
+    light there is (Eq. 7): with less, white would be yellow.
     """
     filled, luminance, gap, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
     counts = [channels.count(channel) for channel in range(g.channels)]
     first, last = SATURATED
-    above = g("Add", g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)), -first / (last - first))
+    above = g(
+        "Add",
+        g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)),
+        -first / (last - first),
+    )
     filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", above, 0.0, 1.0)))
 
     def of_channels(products: str) -> str:
         if set(counts) == {1}:
             return products
         parts = g.split(products, counts, axis=0)
-        return g("Concat", *(g.total(part, count, axis=0) for part, count in zip(parts, counts, strict=True)), axis=0)
+        return g(
+            "Concat",
+            *(g.total(part, count, axis=0) for part, count in zip(parts, counts, strict=True)),
+            axis=0,
+        )
 
     variance = g("Max", g("Mul", g.variance(luminance), _PRIOR), _LEAST_VARIANCE)
     grey = g("Div", g.gamma, g.total(g.gamma, g.channels, axis=0))
     a = g("Add", of_channels(g("Mul", filled, filled)), variance)
-    parts = g("Div", g("Add", of_channels(g("Mul", filled, probes.samples)), g("Mul", variance, grey)), a)
+    parts = g(
+        "Div", g("Add", of_channels(g("Mul", filled, probes.samples)), g("Mul", variance, grey)), a
+    )
     pull = g("Div", g("Mul", g.gamma, g.gamma), a)
     missing = g("Sub", 1.0, g.total(parts, g.channels, axis=0))
     return g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
@@ -69,9 +101,14 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
 class Pooled(NamedTuple):
     """Colour of the inner blocks, and what weighs a block in `propagate`.
 
-    parts: the part gamma_j c_j of every channel, (C, inner blocks).
-    light: luminance, (1, inner blocks).
-    limit: squared difference from it at which the weight is halved, (1, inner blocks).
+    Attributes
+    ----------
+    parts : str
+        The part gamma_j c_j of every channel, (C, inner blocks).
+    light : str
+        Luminance, (1, inner blocks).
+    limit : str
+        Squared difference from it at which the weight is halved, (1, inner blocks).
     """
 
     parts: str
@@ -82,18 +119,22 @@ class Pooled(NamedTuple):
 def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     """`parts` of the inner blocks, each pooled with those around it.
 
-    The larger the error of a block, by noise and beside edges, the more its colour becomes the mean of the 3 x 5 blocks around it:
-    of the blocks above and below, then twice of those on the left and right, each as far as it is alike (a separated bilateral
-    filter, Pham and van Vliet 2005). So ink keeps its colour next to paper, which has more light. The more luminance changes around
-    a block, the less it is known: it is like others sooner, and counts less, for them and for pixels (`propagate`). So black print
-    stays grey, and ink shows the colour of the blocks that lie within it.
+    The larger the error of a block, by noise and beside edges, the more its colour becomes the mean
+    of the 3 x 5 blocks around it: of the blocks above and below, then twice of those on the left
+    and right, each as far as it is alike (a separated bilateral filter, Pham and van Vliet 2005).
+    So ink keeps its colour next to paper, which has more light. The more luminance changes around a
+    block, the less it is known: it is like others sooner, and counts less, for them and for pixels
+    (`propagate`). So black print stays grey, and ink shows the colour of the blocks that lie within
+    it.
     """
     variance = g.variance(blocks.luminance)
     light = g("Max", blocks.luminance, g.floor)
     power = g("Mul", light, light)
     colours = g("Mul", parts, light)  # of two similar blocks the brighter one has less noise
     # What noise alone adds to both squared differences is no stroke (see `fill_holes`).
-    strokes = g("Relu", g("Sub", blocks.change, g("Mul", g("Add", g.still, g("Mul", variance, 2.0)), 2.0)))
+    strokes = g(
+        "Relu", g("Sub", blocks.change, g("Mul", g("Add", g.still, g("Mul", variance, 2.0)), 2.0))
+    )
     alike = g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE))
     alike = g("Add", alike, g("Mul", strokes, _ALIKE_STROKES))
     sure = g("Div", power, g("Add", power, g("Mul", strokes, _STROKES)))
@@ -112,13 +153,19 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
 
 
 def similarity(g: PatternGraph, colours: str, alike: str, axis: int) -> str:
-    """How much each two neighbouring blocks along an axis are alike, 0 to 1: (1, blocks), of each block and the next one.
+    """Similarity of each two neighbouring blocks along an axis, 0 to 1: (1, blocks), of each block
+    and the next one.
 
-    colours: light of every channel, codes, (C, blocks).
-    alike: squared difference of two colours that still counts little, codes^2, (1, blocks).
+    Parameters
+    ----------
+    colours : str
+        Light of every channel, codes, (C, blocks).
+    alike : str
+        Squared difference of two colours that still counts little, codes^2, (1, blocks).
     """
     (here, limit), (there, other) = (
-        [g("Slice", each, [first], [last], [axis]) for each in (colours, alike)] for first, last in ((0, -1), (1, END))
+        [g("Slice", each, [first], [last], [axis]) for each in (colours, alike)]
+        for first, last in ((0, -1), (1, END))
     )
     apart, limit = g("Sub", here, there), g("Min", limit, other)
     part = g("Div", limit, g("Add", limit, g.total(g("Mul", apart, apart), g.channels, axis=0)))
@@ -126,20 +173,33 @@ def similarity(g: PatternGraph, colours: str, alike: str, axis: int) -> str:
 
 
 def with_neighbours(g: PatternGraph, values: str, similar: str, axis: int) -> str:
-    """Values of all but the outermost blocks along an axis, plus those of both neighbours as far as they are alike."""
-    own, before, after = (g("Slice", values, [first], [last], [axis]) for first, last in ((1, -1), (0, -2), (2, END)))
-    like_before, like_after = (g("Slice", similar, [first], [last], [axis]) for first, last in ((0, -1), (1, END)))
+    """Values of all but the outermost blocks along an axis, plus those of both neighbours as far as
+    they are alike.
+    """
+    own, before, after = (
+        g("Slice", values, [first], [last], [axis]) for first, last in ((1, -1), (0, -2), (2, END))
+    )
+    like_before, like_after = (
+        g("Slice", similar, [first], [last], [axis]) for first, last in ((0, -1), (1, END))
+    )
     return g("Add", own, g("Add", g("Mul", before, like_before), g("Mul", after, like_after)))
 
 
 def propagate(g: PatternGraph, pooled: Pooled, colour: str, cells: str, shown: str) -> str:
-    """Colour of every cell, (C, cells, patches): a convex combination of those of the four blocks at the corners of its patch.
+    """Colour of every cell, (C, cells, patches): a convex combination of those of the four blocks
+    at the corners of its patch.
 
-    The weight of a block falls with its distance, and with the squared difference between its luminance and that of the cell.
+    The weight of a block falls with its distance, and with the squared difference between its
+    luminance and that of the cell.
 
-    colour: `Pooled.parts` in the units of the picture.
-    cells: mean light of each cell, (1, cells, patches).
-    shown: what the result is divided by, see `burnt_out`; "" = nothing.
+    Parameters
+    ----------
+    colour : str
+        `Pooled.parts` in the units of the picture.
+    cells : str
+        Mean light of each cell, (1, cells, patches).
+    shown : str
+        What the result is divided by, see `burnt_out`; "" = nothing.
     """
     place = (np.arange(g.geometry.across) + 0.5) / g.geometry.across
     weights, mixed = [], []
@@ -147,10 +207,15 @@ def propagate(g: PatternGraph, pooled: Pooled, colour: str, cells: str, shown: s
         for right in (0, 1):
             near = np.outer(place if down else 1 - place, place if right else 1 - place) ** _SPREAD
             ends = [END if down else -1, END if right else -1]
-            level, most, block = (g("Slice", each, [down, right], ends, [1, 2]) for each in (pooled.light, pooled.limit, colour))
+            level, most, block = (
+                g("Slice", each, [down, right], ends, [1, 2])
+                for each in (pooled.light, pooled.limit, colour)
+            )
             apart = g("Sub", cells, level)
             weight = g("Div", most, g("Add", g("Mul", apart, apart), most))
-            weights.append(weight if g.geometry.across == 1 else g("Mul", weight, near.reshape(-1, 1, 1)))
+            weights.append(
+                weight if g.geometry.across == 1 else g("Mul", weight, near.reshape(-1, 1, 1))
+            )
             mixed.append(g("Mul", weights[-1], g("Unsqueeze", block, [1])))
     total = g.sum(weights)
     return g("Div", g.sum(mixed), g("Mul", total, shown) if shown else total)

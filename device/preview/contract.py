@@ -1,28 +1,37 @@
-"""The interface of a preview graph, for `Preview` and for any other runtime: names, types, versions, metadata.
+"""The interface of a preview graph, for `Preview` and for any other runtime: names, types,
+versions, metadata.
 
-**Geometry.** The graph takes any number of whole K x K patches (`shared.block_grid`), with a halo of further pixels on each side,
-and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that one graph serves every
-origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input. README.md in
-this folder says how a frame is continued beyond its edges, which pixel the picture begins with, and what camera.json has to do with
+**Geometry.** The graph takes any number of whole K x K patches (`shared.block_grid`), with a halo
+of further pixels on each side,
+and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that
+one graph serves every
+origin of a pattern. It also serves all cameras with that pattern: everything that differs between
+cameras is an input. README.md in
+this folder says how a frame is continued beyond its edges, which pixel the picture begins with, and
+what camera.json has to do with
 the inputs, and has an example without Panchroma.
 
 Inputs, for a pattern of C channels; float32 where nothing else is said:
-    mosaic  (rows, columns)         sensor codes, or finer ones without shading (`device.preview.even_light`); uint16 at scale 1
-    black   (C + 1,)                black level per plane (the channels, then panchromatic), such codes
+    mosaic  (rows, columns)         sensor codes, or finer ones without shading
+                                    (`device.preview.even_light`); uint16 at scale 1
+    black   (C + 1,)                black level per plane, in these codes: channels, panchromatic
     scale   (C + 1,)                scene units per code of each plane
     gamma   (C,)                    weights of Eq. 7
-    noise   (2,)                    (shot, read_variance) of a panchromatic sample: variance = shot * signal + read_variance, scene
-                                    units; read_variance is the square of `NoiseModel.read`
+    noise   (2,)                    (shot, read_variance) of a panchromatic sample, scene units:
+                                    variance = shot * signal + read_variance; read_variance is the
+                                    square of `NoiseModel.read`
     white   (C,)                    reading of display white, scene units; display graphs only
     matrix  (3, C)                  camera RGB relative to white -> linear sRGB; display graphs only
-    gain    (n, m)                  what codes of each patch were raised by to undo shading, so that full scale is as much higher;
-                                    n and m: patches down and across, or 1 for all; without shading [[1]]; display graphs only
+    gain    (n, m)                  gain that undid shading in each patch, by which full scale is
+                                    higher; n and m: patches down and across, or 1 for all; without
+                                    shading [[1]]; display graphs only
 Output, with one pixel per scale x scale sensor pixels:
-    picture uint8 (rows, columns, 3) sRGB of a display graph, float32 (rows, columns, C) scene units of a linear graph
+    picture uint8 (rows, columns, 3) sRGB of a display graph, float32 (rows, columns, C) scene units
+    of a linear graph
 
-Metadata: panchroma.contract (VERSION), .builder, .tile (letters from the first pixel of a patch on, rows separated by "/"),
-.channels (their letters, in order), .scale, .output ("display" or "linear"),
-.halo (pixels around the patches: above, below, left, right).
+Metadata: panchroma.contract (VERSION), .builder, .tile (letters from the first pixel of a patch on,
+rows separated by "/"), .channels (their letters, in order), .scale, .output ("display" or
+"linear"), .halo (pixels around the patches: above, below, left, right).
 """
 
 import numpy as np
@@ -43,6 +52,11 @@ def mosaic_type(scale: int) -> DTypeLike:
 
 
 def tile_name(pattern: CfaPattern) -> str:
-    """The tile of a graph: its letters from the first pixel of a patch on, rows separated by "/"."""
-    down, across = (origin + block // 2 for origin, block in zip(pattern.block_origin, pattern.block_shape, strict=True))
+    """The tile of a graph: its letters from the first pixel of a patch on, rows separated by
+    "/".
+    """
+    down, across = (
+        origin + block // 2
+        for origin, block in zip(pattern.block_origin, pattern.block_shape, strict=True)
+    )
     return "/".join(pattern.letters_from((down, across)))

@@ -1,7 +1,8 @@
 """Codes without shading, for a preview graph, which knows none.
 
-A graph takes any 16-bit codes, with their black level and scale as inputs, and its sums over them are exact. So the gain is
-applied to the codes, which become as fine as 16 bits allow: for 12 bits and two stops no coarser than before.
+A graph takes any 16-bit codes, with their black level and scale as inputs, and its sums over them
+are exact. So the gain is applied to the codes, which become as fine as 16 bits allow: for 12 bits
+and two stops no coarser than before.
 """
 
 import numpy as np
@@ -14,15 +15,20 @@ _HIGHEST = (1 << 16) - 1
 
 
 def even_light(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
-    """The codes of a mosaic without its shading, uint16 (H, W), and the graph's inputs that say what they mean.
+    """The codes of a mosaic without its shading, uint16 (H, W), and the graph's inputs that say
+    what they mean.
 
     Its own codes, and no inputs, where it has no shading.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.device.preview.even_light import even_light
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
-    >>> calibration = SensorCalibration.of_bits(12, shading=Shading(np.ones((4, 4, 4)).tolist(), (12, 18)))
-    >>> codes, levels = even_light(Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6), calibration))
+    >>> calibration = SensorCalibration.of_bits(12, shading=Shading(np.ones((4, 4, 4)).tolist(),
+    (12, 18)))
+    >>> codes, levels = even_light(Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6),
+    calibration))
     >>> round(float((codes[5, 5] - levels["black"][-1]) * levels["scale"][-1]), 3)  # scene units
     3.0
     """

@@ -1,15 +1,19 @@
 """The geometry of a preview graph: fixed weights and places that follow from the pattern alone.
 
-**Probes** are weighted sums of the samples around a block: the luminance of each colour site interpolated along its row and along
-its column, differences of panchromatic samples along rows and along columns, and the colour samples themselves. All weights are
-small multiples of 1/64, so that a sum over 16-bit codes is exact in single precision: every processor, and every order of
+**Probes** are weighted sums of the samples around a block: the luminance of each colour site
+interpolated along its row and along
+its column, differences of panchromatic samples along rows and along columns, and the colour samples
+themselves. All weights are
+small multiples of 1/64, so that a sum over 16-bit codes is exact in single precision: every
+processor, and every order of
 summation, gives the same bits.
 
-A smaller picture reads the sites of a channel as one, by their mean, and has one difference per axis. Then at most 16 probes read a
-Bayer block, which takes half the time of 17.
+A smaller picture reads the sites of a channel as one, by their mean, and has one difference per
+axis. Then at most 16 probes read a Bayer block, which takes half the time of 17.
 
-Where colour sites are scattered the tile is the block, with panchromatic pixels between its sites. There luminance at a site comes
-from the nearest of them alone, and the differences are those across the sites.
+Where colour sites are scattered the tile is the block, with panchromatic pixels between its sites.
+There luminance at a site comes from the nearest of them alone, and the differences are those across
+the sites.
 """
 
 from collections import Counter
@@ -29,15 +33,22 @@ from .surroundings import UNIT, Place, Surroundings, exact
 REACH = 1, 2
 """(rows, columns) of blocks beyond those at the corners of the patches whose colours are pooled."""
 _CORNER = 1 / 8
-"""Weight of each corner in a difference of smaller pictures. More would trust the direction too much where there is noise."""
+"""Weight of each corner in a difference of smaller pictures. More would trust the direction too
+much where there is noise.
+"""
 
 
 class Hole(NamedTuple):
     """Place of a colour site in its patch.
 
-    pixel: index within its cell.
-    cell: index of the cell.
-    down, right: 0 or 1, the corner of the patch at which its block is.
+    Attributes
+    ----------
+    pixel : int
+        Index within its cell.
+    cell : int
+        Index of the cell.
+    down, right : int
+        0 or 1, the corner of the patch at which its block is.
     """
 
     pixel: int
@@ -50,9 +61,17 @@ class Hole(NamedTuple):
 class Geometry:
     """The geometry of the preview of one pattern.
 
-    pattern: the filter pattern.
-    scale: sensor pixels per picture pixel, each way; one of `scales(pattern)`.
-    Raises InputError for another scale.
+    Attributes
+    ----------
+    pattern : CfaPattern
+        The filter pattern.
+    scale : int
+        Sensor pixels per picture pixel, each way; one of `scales(pattern)`.
+
+    Raises
+    ------
+    InputError
+        For another scale.
     """
 
     pattern: CfaPattern
@@ -62,13 +81,16 @@ class Geometry:
         period, possible = self.pattern.period, self.scales(self.pattern)
         if self.scale not in possible:
             raise InputError(
-                f"a preview with one pixel per {self.scale} x {self.scale} sensor pixels: a pattern of period {period} has "
+                f"a preview with one pixel per {self.scale} x {self.scale} sensor pixels: a "
+                f"pattern of period {period} has "
                 f"{', '.join(map(str, possible))}"
             )
 
     @staticmethod
     def scales(pattern: CfaPattern) -> tuple[int, ...]:
-        """Possible scales of a preview, ascending: 1, and divisors of the period at which every pixel has panchromatic samples."""
+        """Possible scales of a preview, ascending: 1, and divisors of the period at which every
+        pixel has panchromatic samples.
+        """
         whole = (scale for scale in range(2, pattern.period + 1) if pattern.period % scale == 0)
         return (1, *(scale for scale in whole if _masks(pattern, scale).sum(axis=(1, 2)).all()))
 
@@ -81,9 +103,10 @@ class Geometry:
     def cell(self) -> int:
         """Side, in sensor pixels, of the square cells that share one chromaticity.
 
-        Chromaticity changes more slowly than luminance. 2 x 2 pixels of the picture share one where they fit into a patch, as in
-        4:2:0 video: this saves a third of the time. At full resolution it costs 0.1 dB of median RGB PSNR; at 1 : 3 it costs 0.4
-        without noise and nothing at sigma 0.01, and less than 0.1 dB of the JPEG that is shown.
+        Chromaticity changes more slowly than luminance. 2 x 2 pixels of the picture share one where
+        they fit into a patch, as in 4:2:0 video: this saves a third of the time. At full resolution
+        it costs 0.1 dB of median RGB PSNR; at 1 : 3 it costs 0.4 without noise and nothing at sigma
+        0.01, and less than 0.1 dB of the JPEG that is shown.
         """
         return 2 * self.scale if self.pattern.period // self.scale % 2 == 0 else self.scale
 
@@ -99,7 +122,8 @@ class Geometry:
 
     @cached_property
     def pixels(self) -> FloatArray:
-        """Masks of the panchromatic pixels of a patch that lie in each pixel of the picture: 1 or 0, float32 (pixels, K, K).
+        """Masks of the panchromatic pixels of a patch that lie in each pixel of the picture: 1 or
+        0, float32 (pixels, K, K).
 
         Pixels have the order (pixels of a cell, cells), both row by row.
         """
@@ -114,17 +138,23 @@ class Geometry:
 
     @cached_property
     def readings(self) -> list[list[tuple[int, int, int]]]:
-        """The sites of a block that are read as one, sorted by channel: each site alone; for a smaller picture, a channel's."""
+        """The sites of a block that are read as one, sorted by channel: each site alone; for a
+        smaller picture, a channel's.
+        """
         if self.scale == 1:
             return [[site] for site in self.sites]
-        return [[site for site in self.sites if site[2] == channel] for channel in range(len(self.pattern.channels))]
+        return [
+            [site for site in self.sites if site[2] == channel]
+            for channel in range(len(self.pattern.channels))
+        ]
 
     @cached_property
     def probes(self) -> FloatArray:
-        """Weights of all probes, float32 (probes, window rows, window columns), kind by kind; `kinds` counts them.
+        """Weights of all probes, float32 (probes, window rows, window columns), kind by kind;
+        `kinds` counts them.
 
-        The kinds: interpolation along rows, along columns (one probe per reading each), differences along rows, along columns, and
-        the samples themselves (one probe per reading).
+        The kinds: interpolation along rows, along columns (one probe per reading each), differences
+        along rows, along columns, and the samples themselves (one probe per reading).
         """
         rows, columns = self.window
         probes = [probe for kind in self._probes for probe in kind]
@@ -143,7 +173,8 @@ class Geometry:
     def halo(self) -> tuple[int, int, int, int]:
         """Sensor pixels above, below, left and right of the patches that the graph reads.
 
-        Pooling of colours needs `REACH` more blocks beyond the corners of the patches, and those the window of their probes.
+        Pooling of colours needs `REACH` more blocks beyond the corners of the patches, and those
+        the window of their probes.
         """
         period = self.pattern.period
         sides = []
@@ -168,17 +199,27 @@ class Geometry:
                 (0, value - half) if value >= half else (1, value - half + period)
                 for value, half in zip(site, self.half, strict=True)
             )
-            holes.append(Hole(row % cell * cell + column % cell, row // cell * self.across + column // cell, down, right))
+            holes.append(
+                Hole(
+                    row % cell * cell + column % cell,
+                    row // cell * self.across + column // cell,
+                    down,
+                    right,
+                )
+            )
         return holes
 
     @property
     def settling(self) -> DoubleArray:
-        """The linear map from what is missed at the sites of a block to errors of luminance there, float64 (sites, sites).
+        """The linear map from what is missed at the sites of a block to errors of luminance there,
+        float64 (sites, sites).
 
-        Both in the order of `sites`; what is missed in units of luminance (see `shared.site_errors`).
+        Both in the order of `sites`; what is missed in units of luminance (see
+        `shared.site_errors`).
         """
         every, measured = error_correlation(self.pattern)
-        errors = np.linalg.solve(every[np.ix_(measured, measured)], every[measured]).T  # of every channel at every site
+        # of every channel at every site
+        errors = np.linalg.solve(every[np.ix_(measured, measured)], every[measured]).T
         luminance = errors.reshape(len(self.sites), -1, len(self.sites)).sum(axis=1)
         order = [self.pattern.sites.index(site) for site in self.sites]
         return luminance[np.ix_(order, order)]
@@ -204,7 +245,9 @@ class Geometry:
         return every.transpose(1, 3, 0, 2).ravel()
 
     def _mean_interpolation(self, sites: list[Place], axis: int) -> dict[Place, float]:
-        """Weights whose sum of samples is the mean of the values that are interpolated at some sites."""
+        """Weights whose sum of samples is the mean of the values that are interpolated at some
+        sites.
+        """
         weights: dict[Place, float] = {}
         for site in sites:
             for place, weight in self._around.interpolation(site, axis).items():
@@ -212,28 +255,47 @@ class Geometry:
         return dict(zip(weights, exact(np.array([*weights.values()])), strict=True))
 
     def _steps(self, axis: int) -> list[dict[Place, float]]:
-        """Weights of the differences along an axis; for a smaller picture one, between the panchromatic pixels at the corners."""
+        """Weights of the differences along an axis; for a smaller picture one, between the
+        panchromatic pixels at the corners.
+        """
         if self.scale == 1:
             return [{after: 1.0, before: -1.0} for before, after in self._around.differences(axis)]
         if self.pattern.is_scattered:
             return [self._slope(axis)]
         height, width = self.pattern.block_shape
-        return [{place: _CORNER if place[axis] >= 0 else -_CORNER for place in product((-1, height), (-1, width))}]
+        return [
+            {
+                place: _CORNER if place[axis] >= 0 else -_CORNER
+                for place in product((-1, height), (-1, width))
+            }
+        ]
 
     def _slope(self, axis: int) -> dict[Place, float]:
-        """Weights of the sum of all differences across scattered sites, in which many cancel each other."""
+        """Weights of the sum of all differences across scattered sites, in which many cancel each
+        other.
+        """
         pairs = self._around.differences(axis)
         ends = Counter(after for _, after in pairs)
         ends.subtract(before for before, _ in pairs)
         left = {place: sign for place, sign in ends.items() if sign}
-        unit = max(round(4 * _CORNER / len(left) * UNIT), 1) / UNIT  # as much in all as four corners
+        # as much in all as four corners
+        unit = max(round(4 * _CORNER / len(left) * UNIT), 1) / UNIT
         return {place: sign * unit for place, sign in left.items()}
 
 
 def _masks(pattern: CfaPattern, side: int) -> FloatArray:
-    """Masks of the panchromatic pixels of a patch that lie in each square of `side` pixels: 1 or 0, float32 (squares, K, K)."""
-    first = [origin + size // 2 for origin, size in zip(pattern.block_origin, pattern.block_shape, strict=True)]
-    clear = pattern.filter_map((pattern.period, pattern.period), (first[0], first[1])) == len(pattern.channels)
+    """Masks of the panchromatic pixels of a patch that lie in each square of `side` pixels: 1 or 0,
+    float32 (squares, K, K).
+    """
+    first = [
+        origin + size // 2
+        for origin, size in zip(pattern.block_origin, pattern.block_shape, strict=True)
+    ]
+    clear = pattern.filter_map((pattern.period, pattern.period), (first[0], first[1])) == len(
+        pattern.channels
+    )
     number = np.arange(pattern.period) // side
     index = number[:, None] * (pattern.period // side) + number
-    return (clear & (index == np.arange((pattern.period // side) ** 2)[:, None, None])).astype(np.float32)
+    return (clear & (index == np.arange((pattern.period // side) ** 2)[:, None, None])).astype(
+        np.float32
+    )

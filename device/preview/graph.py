@@ -1,13 +1,15 @@
 """The preview as an ONNX graph: mosaic -> luminance -> chromaticity -> propagation -> picture.
 
-Until the last stage, light is measured in codes of a panchromatic sample above black. Tensors end with the axes (block rows, block
-columns) or (patch rows, patch columns): the pixels at one place of all K x K patches form one plane (space to depth). Thus each
-colour site is a plane, and no stage needs to find out the filter of a pixel.
+Until the last stage, light is measured in codes of a panchromatic sample above black. Tensors end
+with the axes (block rows, block columns) or (patch rows, patch columns): the pixels at one place of
+all K x K patches form one plane (space to depth). Thus each colour site is a plane, and no stage
+needs to find out the filter of a pixel.
 
-Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
-all processors with fused multiply-add give the same bytes. This rules out the operators for reciprocals, powers, exponentials and
-reductions, and allows convolutions only for exact sums (in `luminance`) and for the colour matrix (in `picture`), the one place
-where processors without that instruction round otherwise.
+Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant
+or fixed in the graph, so that all processors with fused multiply-add give the same bytes. This
+rules out the operators for reciprocals, powers, exponentials and reductions, and allows
+convolutions only for exact sums (in `luminance`) and for the colour matrix (in `picture`), the one
+place where processors without that instruction round otherwise.
 """
 
 from ...shared.pattern import CfaPattern
@@ -19,16 +21,30 @@ from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
 BUILDER = "13"
-"""Version of the builder, stored in the graph; increase it whenever the bytes of a graph change, or pictures of `Preview`."""
+"""Version of the builder, stored in the graph; increase it whenever the bytes of a graph change, or
+pictures of `Preview`.
+"""
 
 
 def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> bytes:
-    """Build the graph for all mosaics of a pattern, an ONNX file; `contract` describes its inputs and outputs.
+    """Build the graph for all mosaics of a pattern, an ONNX file; `contract` describes its inputs
+    and outputs.
 
-    pattern: the filter pattern; its origin does not matter.
-    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
-    linear: camera RGB in scene units instead of a picture for a screen.
-    The bytes are always the same. Raises InputError for any other scale.
+    The bytes are always the same.
+
+    Parameters
+    ----------
+    pattern : CfaPattern
+        The filter pattern; its origin does not matter.
+    scale : int, optional
+        Sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
+    linear : bool, optional
+        Camera RGB in scene units instead of a picture for a screen.
+
+    Raises
+    ------
+    InputError
+        For any other scale.
     """
     g = PatternGraph(pattern, scale, linear=linear)
     probes = measure_blocks(g)
@@ -47,10 +63,18 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
 def _finished(g: PatternGraph, picture: str) -> bytes:
     """The graph as a file that says what its inputs are and which pattern it is for."""
     channels = g.channels
-    sizes: dict[str, Shape] = {contract.BLACK: [channels + 1], contract.SCALE: [channels + 1], contract.GAMMA: [channels]}
+    sizes: dict[str, Shape] = {
+        contract.BLACK: [channels + 1],
+        contract.SCALE: [channels + 1],
+        contract.GAMMA: [channels],
+    }
     sizes[contract.NOISE] = [2]
     if not g.linear:
-        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels], contract.GAIN: ["gain_rows", "gain_columns"]}
+        sizes |= {
+            contract.WHITE: [channels],
+            contract.MATRIX: [3, channels],
+            contract.GAIN: ["gain_rows", "gain_columns"],
+        }
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},
@@ -66,4 +90,6 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         "halo": " ".join(map(str, g.geometry.halo)),
     }
     metadata = {f"panchroma.{name}": fact for name, fact in facts.items()}
-    return g.to_bytes(picture, inputs, (contract.PICTURE, *output), ("panchroma", BUILDER), metadata)
+    return g.to_bytes(
+        picture, inputs, (contract.PICTURE, *output), ("panchroma", BUILDER), metadata
+    )

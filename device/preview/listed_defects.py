@@ -1,4 +1,6 @@
-"""Listed defects, for a preview graph, which knows none: each takes the median of the nearest good samples of its filter."""
+"""Listed defects, for a preview graph, which knows none: each takes the median of the nearest good
+samples of its filter.
+"""
 
 from functools import lru_cache
 
@@ -12,12 +14,22 @@ _SEARCHED = 400  # samples, the nearest first, of which the good ones are taken
 _REACH = 4  # periods
 
 
-def without_defects(codes: CodeArray, pattern: CfaPattern, defects: tuple[tuple[int, int], ...]) -> CodeArray:
-    """Return the codes of a frame, uint16 (H, W), with the samples of its defects replaced; `codes` itself if it has none.
+def without_defects(
+    codes: CodeArray, pattern: CfaPattern, defects: tuple[tuple[int, int], ...]
+) -> CodeArray:
+    """Return the codes of a frame, uint16 (H, W), with the samples of its defects replaced; `codes`
+    itself if it has none.
 
-    pattern: the filter pattern of the frame.
-    defects: (row, column) of each; those outside of the frame are ignored, those far from good samples of their filter stay.
+    Parameters
+    ----------
+    pattern : CfaPattern
+        The filter pattern of the frame.
+    defects : tuple[tuple[int, int], ...]
+        (row, column) of each; those outside of the frame are ignored, those far from good samples
+        of their filter stay.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.device.preview.listed_defects import without_defects
     >>> from panchroma.shared import CfaPattern
@@ -60,5 +72,7 @@ def _same_filter(pattern: CfaPattern, row: int, column: int) -> IndexArray:
     period, reach = pattern.period, _REACH * pattern.period
     planes = pattern.filter_map((period, period))
     steps = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
-    steps = steps[planes[tuple((steps + np.array((row, column))).T % period)] == planes[row, column]]
+    steps = steps[
+        planes[tuple((steps + np.array((row, column))).T % period)] == planes[row, column]
+    ]
     return steps[np.argsort(np.square(steps).sum(axis=1), kind="stable")[1 : _SEARCHED + 1]]

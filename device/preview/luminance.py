@@ -1,4 +1,6 @@
-"""Luminance in a preview graph: of the blocks, of every pixel at full resolution, and of the pixels of a smaller picture."""
+"""Luminance in a preview graph: of the blocks, of every pixel at full resolution, and of the pixels
+of a smaller picture.
+"""
 
 from typing import NamedTuple
 
@@ -9,21 +11,34 @@ from .nodes import END, FLOAT
 from .pattern_graph import PatternGraph
 
 _MISSED_NOISE = 2.0
-"""Multiple of the noise variance that the mean square of what is missed at the sites of a block must exceed to count."""
+"""Multiple of the noise variance that the mean square of what is missed at the sites of a block
+must exceed to count.
+"""
 _CONTRAST_ERROR = 0.5
-"""Squared contrast times this is the power of what is missed at which half of it counts as an error of luminance."""
+"""Squared contrast times this is the power of what is missed at which half of it counts as an error
+of luminance.
+"""
 
 _GAP, _GAP_NOISE = 12.0, 8.0
-"""Weight of the squared gap of a block beside squared differences, and the multiple of the noise variance that it must exceed."""
+"""Weight of the squared gap of a block beside squared differences, and the multiple of the noise
+variance that it must exceed.
+"""
 
 
 class Probes(NamedTuple):
     """The probes of every block, a tensor (n, blocks) per kind, see `Geometry.probes`.
 
-    turn: what interpolation along rows reads more than that along columns.
-    columns: interpolation along columns, codes above black.
-    row_steps, column_steps: differences along rows and along columns.
-    samples: colour samples, as panchromatic codes above black times gamma: what luminance has from a channel.
+    Attributes
+    ----------
+    turn : str
+        What interpolation along rows reads more than that along columns.
+    columns : str
+        interpolation along columns, codes above black.
+    row_steps, column_steps : str
+        Differences along rows and along columns.
+    samples : str
+        Colour samples, as panchromatic codes above black times gamma: what luminance has from a
+        channel.
     """
 
     turn: str
@@ -36,11 +51,20 @@ class Probes(NamedTuple):
 class Blocks(NamedTuple):
     """Luminance of every block.
 
-    filled: at its colour sites, (sites, blocks).
-    luminance: mean of `filled`, (1, blocks).
-    gap: what its samples add up to beyond that (Eq. 7), (1, blocks).
-    change: sum of the mean squared differences along rows and along columns, and of the gap beyond its noise, (1, blocks).
-    contrast: the larger of the two beyond the noise, (1, blocks); "" in a smaller picture, which does not need it.
+    Attributes
+    ----------
+    filled : str
+        At its colour sites, (sites, blocks).
+    luminance : str
+        Mean of `filled`, (1, blocks).
+    gap : str
+        What its samples add up to beyond that (Eq. 7), (1, blocks).
+    change : str
+        Sum of the mean squared differences along rows and along columns, and of the gap beyond its
+        noise, (1, blocks).
+    contrast : str
+        The larger of the two beyond the noise, (1, blocks); "" in a smaller picture, which does not
+        need it.
     """
 
     filled: str
@@ -52,7 +76,11 @@ class Blocks(NamedTuple):
 
 def measure_blocks(g: PatternGraph) -> Probes:
     """The probes of every block."""
-    period, weights, count = g.geometry.pattern.period, g.geometry.probes.copy(), len(g.geometry.readings)
+    period, weights, count = (
+        g.geometry.pattern.period,
+        g.geometry.probes.copy(),
+        len(g.geometry.readings),
+    )
     weights[:count] -= weights[count : 2 * count]
     codes = g("Cast", contract.MOSAIC, to=FLOAT) if g.geometry.scale == 1 else contract.MOSAIC
     image = g("Unsqueeze", codes, [0, 1])
@@ -68,14 +96,17 @@ def measure_blocks(g: PatternGraph) -> Probes:
 
 
 def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
-    """Luminance at the colour sites: a weighted mean of the interpolations along rows and along columns.
+    """Luminance at the colour sites: a weighted mean of the interpolations along rows and along
+    columns.
 
-    The weights are the inverse squared differences around the block, so that the direction with less change counts more.
-    Where a stroke runs under a block, its samples do not add up to luminance: that tells more of it than the differences do.
+    The weights are the inverse squared differences around the block, so that the direction with
+    less change counts more. Where a stroke runs under a block, its samples do not add up to
+    luminance: that tells more of it than the differences do.
     """
     turn, columns, *steps = probes[:4]
     variance = g.variance(g("Slice", columns, [0], [1], [0]))  # at any site
-    least = g("Add", g.still, g("Mul", variance, 2.0))  # what noise alone adds to a squared difference
+    # what noise alone adds to a squared difference
+    least = g("Add", g.still, g("Mul", variance, 2.0))
     row_change, column_change = (
         g("Add", g.mean(g("Mul", each, each), count, axis=0), least)
         for each, count in zip(steps, g.geometry.kinds[2:4], strict=True)
@@ -83,13 +114,21 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     change = g("Add", row_change, column_change)
     along_rows = g("Div", column_change, change)
     filled = g("Add", columns, g("Mul", turn, along_rows))
-    contrast = g("Relu", g("Sub", g("Max", row_change, column_change), least)) if g.geometry.scale == 1 else ""
+    contrast = (
+        g("Relu", g("Sub", g("Max", row_change, column_change), least))
+        if g.geometry.scale == 1
+        else ""
+    )
     luminance = g.mean(filled, len(g.geometry.readings), axis=0)
     channels = [sites[0][2] for sites in g.geometry.readings]
     shares = np.array([1 / channels.count(channel) for channel in channels])[:, None, None]
     samples = probes.samples if (shares == 1).all() else g("Mul", probes.samples, shares)
     gap = g("Sub", g.total(samples, len(channels), axis=0), luminance)
-    noise = g("Mul", variance, g("Mul", g.total(g("Mul", g.gamma, g.gamma), g.channels, axis=0), _GAP_NOISE))
+    noise = g(
+        "Mul",
+        variance,
+        g("Mul", g.total(g("Mul", g.gamma, g.gamma), g.channels, axis=0), _GAP_NOISE),
+    )
     apart = g("Mul", g("Relu", g("Sub", g("Mul", gap, gap), noise)), _GAP)
     return Blocks(filled, luminance, gap, g("Add", change, apart), contrast)
 
@@ -97,10 +136,13 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
 def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
     """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
 
-    What chromaticity times luminance misses at the sites of a block is mapped to errors of luminance there (`shared.site_errors`),
-    as far as it is more than noise, and as there is contrast: next to flat luminance it is an error of colour.
+    What chromaticity times luminance misses at the sites of a block is mapped to errors of
+    luminance there (`shared.site_errors`), as far as it is more than noise, and as there is
+    contrast: next to flat luminance it is an error of colour.
     """
-    samples, filled, contrast = (g.inner(each) for each in (probes.samples, blocks.filled, blocks.contrast))
+    samples, filled, contrast = (
+        g.inner(each) for each in (probes.samples, blocks.filled, blocks.contrast)
+    )
     channels, count = [channel for _, _, channel in g.geometry.sites], len(g.geometry.sites)
     gamma = g("Gather", g.gamma, channels)
     missed = g("Sub", samples, g("Mul", g("Gather", parts, channels), filled))
@@ -110,24 +152,38 @@ def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
     noise = g("Mul", g.variance(mean), weight)
     contrast = g("Mul", contrast, _CONTRAST_ERROR)
     share = g(
-        "Div", g("Mul", g("Relu", g("Sub", power, noise)), contrast), g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12)
+        "Div",
+        g("Mul", g("Relu", g("Sub", power, noise)), contrast),
+        g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12),
     )
     columns = g.geometry.settling.T[..., None, None]
-    errors = g.sum([g("Mul", *each) for each in zip(g.split(missed, [1] * count, axis=0), columns, strict=True)])
+    errors = g.sum(
+        [
+            g("Mul", *each)
+            for each in zip(g.split(missed, [1] * count, axis=0), columns, strict=True)
+        ]
+    )
     return g("Add", filled, g("Mul", errors, share))
 
 
 def pixel_light(g: PatternGraph, filled: str) -> tuple[list[str], str]:
-    """Luminance of every pixel, colour sites filled in: (1, 1, cells, patches) per pixel of a cell; and the mean of each cell."""
+    """Luminance of every pixel, colour sites filled in: (1, 1, cells, patches) per pixel of a cell;
+    and the mean of each cell.
+    """
     period, across, cell = g.geometry.pattern.period, g.geometry.across, g.geometry.cell
     above, below, left, right = g.geometry.halo
-    # Space to depth, while samples have 2 bytes, in three steps for which onnxruntime has fast code: separate rows, separate
-    # columns, then bring whole rows of patches into the order (pixels of a cell, cells). One step would take ten times as long.
-    codes = g("Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [1])
+    # Space to depth, while samples have 2 bytes, in three steps for which onnxruntime has fast
+    # code: separate rows, separate columns, then bring whole rows of patches into the order (pixels
+    # of a cell, cells). One step would take ten times as long.
+    codes = g(
+        "Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [1]
+    )
     codes = g("Transpose", g("Reshape", codes, [-1, period, 0]), perm=[1, 0, 2])
     codes = g("Transpose", g("Reshape", codes, [0, 0, -1, period]), perm=[0, 1, 3, 2])
     codes = g.reshape(codes, [across, cell, g.patches[0], across, cell, g.patches[1]])
-    codes = g.reshape(g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5]), [cell**2 * across**2, *g.patches])
+    codes = g.reshape(
+        g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5]), [cell**2 * across**2, *g.patches]
+    )
     pixels = []
     for pixel, part in enumerate(g.split(codes, [across**2] * cell**2, axis=0)):
         light = g("Sub", g("Cast", part, to=FLOAT), g.black)
@@ -136,23 +192,42 @@ def pixel_light(g: PatternGraph, filled: str) -> tuple[list[str], str]:
             # A patch at (i, j) has its corners at the inner blocks i and i + 1.
             ends = {0: -1, 1: END}
             values = [
-                g("Slice", filled, [site, hole.down, hole.right], [site + 1, ends[hole.down], ends[hole.right]], [0, 1, 2])
+                g(
+                    "Slice",
+                    filled,
+                    [site, hole.down, hole.right],
+                    [site + 1, ends[hole.down], ends[hole.right]],
+                    [0, 1, 2],
+                )
                 for site, hole in holes
             ]
-            light = g("ScatterND", light, np.array([[hole.cell] for _, hole in holes]), g("Concat", *values, axis=0))
+            light = g(
+                "ScatterND",
+                light,
+                np.array([[hole.cell] for _, hole in holes]),
+                g("Concat", *values, axis=0),
+            )
         pixels.append(light)
     return [g("Unsqueeze", light, [0, 1]) for light in pixels], g("Mul", g.sum(pixels), 1 / cell**2)
 
 
 def mean_light(g: PatternGraph) -> tuple[list[str], str]:
-    """Luminance of every pixel of a smaller picture, the mean of its panchromatic samples; and the mean of each cell.
+    """Luminance of every pixel of a smaller picture, the mean of its panchromatic samples; and the
+    mean of each cell.
 
-    The pixels are one tensor (pixels of a cell, 1, cells, patches), to be multiplied by the colour of the cells.
+    The pixels are one tensor (pixels of a cell, 1, cells, patches), to be multiplied by the colour
+    of the cells.
     """
     counts = g.geometry.pixels.sum(axis=(1, 2))[:, None, None]
     above, below, left, right = g.geometry.halo
-    image = g("Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [0, 1])
-    sums = g("Squeeze", g("Conv", image, g.geometry.pixels[:, None], strides=[g.geometry.pattern.period] * 2), [0])
+    image = g(
+        "Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [0, 1]
+    )
+    sums = g(
+        "Squeeze",
+        g("Conv", image, g.geometry.pixels[:, None], strides=[g.geometry.pattern.period] * 2),
+        [0],
+    )
     light = g("Sub", g("Mul", sums, 1 / counts), g.black)
     parts = g.split(light, [g.geometry.across**2] * g.geometry.within**2, axis=0)
     mean = parts[0] if len(parts) == 1 else g("Mul", g.sum(parts), 1 / len(parts))

@@ -1,7 +1,9 @@
-"""A small builder of ONNX graphs, which names and collects nodes and constants, and writes them as a file.
+"""A small builder of ONNX graphs, which names and collects nodes and constants, and writes them as
+a file.
 
-A file is one message of Protocol Buffers (protobuf.dev/programming-guides/encoding), with the fields of onnx.proto: writing the few
-that a preview graph needs takes less than the package `onnx`, which no camera has.
+A file is one message of Protocol Buffers (protobuf.dev/programming-guides/encoding), with the
+fields of onnx.proto: writing the few that a preview graph needs takes less than the package `onnx`,
+which no camera has.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +32,9 @@ _Value = int | str | bytes
 
 
 class Nodes:
-    """A graph under construction. Every method but `to_bytes` appends nodes and returns the name of the result."""
+    """A graph under construction. Every method but `to_bytes` appends nodes and returns the name of
+    the result.
+    """
 
     def __init__(self) -> None:
         self._nodes: list[bytes] = []
@@ -49,14 +53,23 @@ class Nodes:
 
     def split(self, values: str, sizes: Sequence[int], axis: int) -> list[str]:
         """Pieces of `values`, of these sizes, along an axis."""
-        return self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis}) if len(sizes) > 1 else [values]
+        return (
+            self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis})
+            if len(sizes) > 1
+            else [values]
+        )
 
     def total(self, values: str, count: int, axis: int) -> str:
-        """The sum over an axis of length `count`, added pairwise in a fixed order; that of ReduceSum is up to the runtime."""
+        """The sum over an axis of length `count`, added pairwise in a fixed order; that of
+        ReduceSum is up to the runtime.
+        """
         terms = self.split(values, [1] * count, axis)
         while len(terms) > 1:
             odd, pairs = terms[: len(terms) % 2], terms[len(terms) % 2 :]
-            terms = odd + [self("Add", *pair) for pair in zip(pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :], strict=True)]
+            terms = odd + [
+                self("Add", *pair)
+                for pair in zip(pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :], strict=True)
+            ]
         return terms[0]
 
     def mean(self, values: str, count: int, axis: int) -> str:
@@ -65,7 +78,11 @@ class Nodes:
 
     def reshape(self, values: str, shape: Shape) -> str:
         """Reshape to sizes that are numbers or names of one-element tensors."""
-        return self("Reshape", values, self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0))
+        return self(
+            "Reshape",
+            values,
+            self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0),
+        )
 
     def to_bytes(
         self,
@@ -77,13 +94,23 @@ class Nodes:
     ) -> bytes:
         """The finished graph as a file, always with the same bytes.
 
-        result: name of the result that is the output.
-        inputs: (type, shape) of each input, by name.
-        output: name, type and shape of the output.
-        producer: name and version of the program that wrote the graph.
-        metadata: texts that are kept in the file.
+        Parameters
+        ----------
+        result : str
+            Name of the result that is the output.
+        inputs : Mapping[str, tuple[int, Shape]]
+            (type, shape) of each input, by name.
+        output : tuple[str, int, Shape]
+            Name, type and shape of the output.
+        producer : tuple[str, str]
+            Name and version of the program that wrote the graph.
+        metadata : Mapping[str, str]
+            Texts that are kept in the file.
         """
-        constants = [_message({1: shape, 2: kind, 8: name, 9: data}) for (kind, shape, data), name in self._constants.items()]
+        constants = [
+            _message({1: shape, 2: kind, 8: name, 9: data})
+            for (kind, shape, data), name in self._constants.items()
+        ]
         graph = _message(
             {
                 1: [*self._nodes, _message({1: result, 2: output[0], 3: output[0], 4: "Identity"})],
@@ -95,27 +122,41 @@ class Nodes:
         )
         texts = [_message({1: name, 2: text}) for name, text in metadata.items()]
         opset = _message({1: "", 2: OPSET})
-        return _message({1: IR_VERSION, 2: producer[0], 3: producer[1], 7: graph, 8: opset, 14: texts})
+        return _message(
+            {1: IR_VERSION, 2: producer[0], 3: producer[1], 7: graph, 8: opset, 14: texts}
+        )
 
     def _append(
-        self, operator: str, inputs: Sequence[Operand], outputs: int, attributes: Mapping[str, int | list[int]]
+        self,
+        operator: str,
+        inputs: Sequence[Operand],
+        outputs: int,
+        attributes: Mapping[str, int | list[int]],
     ) -> list[str]:
         name = f"{operator.lower()}_{len(self._nodes)}"
         results = [name] if outputs == 1 else [f"{name}_{number}" for number in range(outputs)]
         operands = [each if isinstance(each, str) else self._constant(each) for each in inputs]
         settings = [
-            _message({1: key, 3: value, 20: _INTEGER} if isinstance(value, int) else {1: key, 8: value, 20: _INTEGERS})
+            _message(
+                {1: key, 3: value, 20: _INTEGER}
+                if isinstance(value, int)
+                else {1: key, 8: value, 20: _INTEGERS}
+            )
             for key, value in sorted(attributes.items())
         ]
         self._nodes.append(_message({1: operands, 2: results, 3: name, 4: operator, 5: settings}))
         return results
 
     def _constant(self, value: Operand) -> str:
-        """Name of a constant tensor, stored once: float32 for floats, int64 (indices and shapes) for integers, uint8 unchanged."""
+        """Name of a constant tensor, stored once: float32 for floats, int64 (indices and shapes)
+        for integers, uint8 unchanged.
+        """
         array = np.asarray(value)
         dtype, kind = _CONSTANTS[array.dtype.kind]
         array = array.astype(np.dtype(dtype).newbyteorder("<"))
-        return self._constants.setdefault((kind, array.shape, array.tobytes()), f"constant_{len(self._constants)}")
+        return self._constants.setdefault(
+            (kind, array.shape, array.tobytes()), f"constant_{len(self._constants)}"
+        )
 
 
 def _described(name: str, kind: int, shape: Shape) -> bytes:
@@ -125,7 +166,9 @@ def _described(name: str, kind: int, shape: Shape) -> bytes:
 
 
 def _message(fields: Mapping[int, _Value | Sequence[_Value]]) -> bytes:
-    """A message of Protocol Buffers: fields by their number, rising; a list for one that is repeated."""
+    """A message of Protocol Buffers: fields by their number, rising; a list for one that is
+    repeated.
+    """
     parts = []
     for number, values in fields.items():
         for value in [values] if isinstance(values, _Value) else values:
@@ -138,7 +181,9 @@ def _message(fields: Mapping[int, _Value | Sequence[_Value]]) -> bytes:
 
 
 def _varint(value: int) -> bytes:
-    """An integer of 64 bits, seven in each byte, the lowest first; the top bit says that another byte follows."""
+    """An integer of 64 bits, seven in each byte, the lowest first; the top bit says that another
+    byte follows.
+    """
     value &= (1 << 64) - 1
     data = bytearray()
     while value > 0x7F:

@@ -1,4 +1,6 @@
-"""A preview graph under construction: the geometry of its pattern, and its inputs in the units of the graph."""
+"""A preview graph under construction: the geometry of its pattern, and its inputs in the units of
+the graph.
+"""
 
 from ...shared.pattern import CfaPattern
 from . import contract
@@ -12,15 +14,26 @@ _STILL = 1e-4
 
 
 class PatternGraph(Nodes):
-    """The graph of one pattern and scale. Every method appends nodes and returns the name of the result.
+    """The graph of one pattern and scale. Every method appends nodes and returns the name of the
+    result.
 
-    The attributes are the geometry, the number of `channels` of the sensor, that of those `shown` in the picture, and names of
-    results: the size of the frame in `patches` (rows, columns), and the inputs; `unit` is the scene units per panchromatic code.
+    The attributes are the geometry, the number of `channels` of the sensor, that of those `shown`
+    in the picture, and names of results: the size of the frame in `patches` (rows, columns), and
+    the inputs; `unit` is the scene units per panchromatic code.
 
-    pattern: the filter pattern; its origin does not matter.
-    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
-    linear: camera RGB in scene units instead of a picture for a screen.
-    Raises InputError for any other scale.
+    Parameters
+    ----------
+    pattern : CfaPattern
+        The filter pattern; its origin does not matter.
+    scale : int
+        Sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
+    linear : bool
+        Camera RGB in scene units instead of a picture for a screen.
+
+    Raises
+    ------
+    InputError
+        For any other scale.
     """
 
     def __init__(self, pattern: CfaPattern, scale: int, *, linear: bool) -> None:
@@ -41,12 +54,17 @@ class PatternGraph(Nodes):
         self.full_scale = self("Div", self.total(self.gamma, channels, axis=0), self.unit)
         self.floor, self.still = self("Div", _FLOOR, self.unit), self("Div", _STILL, square)
         shot, read_variance = self.split(contract.NOISE, (1, 1), axis=0)
-        self._shot, self._read_variance = self("Div", shot, self.unit), self("Div", read_variance, square)
+        self._shot, self._read_variance = (
+            self("Div", shot, self.unit),
+            self("Div", read_variance, square),
+        )
 
     def variance(self, luminance: str) -> str:
         """Noise variance sigma_z^2 of a panchromatic sample, codes^2."""
         return self("Add", self("Mul", self("Relu", luminance), self._shot), self._read_variance)
 
     def inner(self, values: str) -> str:
-        """Values of the inner blocks, those at the corners of the patches, out of values of all blocks that are read."""
+        """Values of the inner blocks, those at the corners of the patches, out of values of all
+        blocks that are read.
+        """
         return self("Slice", values, list(REACH), [-blocks for blocks in REACH], [1, 2])

@@ -1,4 +1,6 @@
-"""The last stages of a preview graph: camera RGB in planes -> the picture. For the rules of its operations see `graph`."""
+"""The last stages of a preview graph: camera RGB in planes -> the picture. For the rules of its
+operations see `graph`.
+"""
 
 import numpy as np
 
@@ -6,29 +8,44 @@ from ...shared.display import SATURATED
 from . import contract
 from .pattern_graph import PatternGraph
 
-# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / s), s = sqrt(x + SHIFT) + KNEE, in codes of 8 bits.
-# Fitted: its error is at most 0.53 codes, 0.31 on average, and 0 at black and white.
+# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / s), s = sqrt(x + SHIFT) +
+# KNEE, in codes of 8 bits. Fitted: its error is at most 0.53 codes, 0.31 on average, and 0 at black
+# and white.
 _SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.002321567, 3, 221.8983454, 0.05906647, 0.1866531
 
 _BURNT = 50.0
-"""Multiple of the luminance of saturated cells that is shown: white where every channel has a fiftieth of what white has."""
+"""Multiple of the luminance of saturated cells that is shown: white where every channel has a
+fiftieth of what white has.
+"""
 
 
 def in_picture_units(g: PatternGraph, parts: str) -> str:
-    """Chromaticities that, times luminance in codes, give scene units in a linear graph, else fractions of display white.
+    """Chromaticities that, times luminance in codes, give scene units in a linear graph, else
+    fractions of display white.
 
-    parts: gamma_j c_j, (C, blocks).
+    Parameters
+    ----------
+    parts : str
+        gamma_j c_j, (C, blocks).
     """
     per_code = g("Div", g.unit, contract.GAMMA)
-    return g("Mul", parts, g("Unsqueeze", per_code if g.linear else g("Div", per_code, contract.WHITE), [1, 2]))
+    return g(
+        "Mul",
+        parts,
+        g("Unsqueeze", per_code if g.linear else g("Div", per_code, contract.WHITE), [1, 2]),
+    )
 
 
 def burnt_out(g: PatternGraph, cells: str) -> str:
-    """What the colour of each cell is divided by, (1, cells, patches): 1, or less where samples are saturated, so that it is white.
+    """Divisor of the colour of each cell, (1, cells, patches): 1, or less where samples are
+    saturated, so that it is white.
 
     There the measured luminance is too low, and chromaticity wrong (see `shared.display`).
 
-    cells: the mean light of each cell.
+    Parameters
+    ----------
+    cells : str
+        The mean light of each cell.
     """
     first, last = SATURATED
     fall = (1 - 1 / _BURNT) / (last - first)
@@ -37,10 +54,13 @@ def burnt_out(g: PatternGraph, cells: str) -> str:
 
 
 def display(g: PatternGraph, camera: str) -> str:
-    """Convert camera RGB relative to display white, (m, C, ...), to sRGB codes, uint8 (m, 3, n), as `ColourTransform` does."""
+    """Convert camera RGB relative to display white, (m, C, ...), to sRGB codes, uint8 (m, 3, n), as
+    `ColourTransform` does.
+    """
     flat = g("Reshape", g("Clip", camera, -1.0, 1.0), [0, 0, -1])
-    # A sum of C products, which the kernels of all processors add in order; the only place where a multiply-add may be fused. x86
-    # without that instruction rounds otherwise: some 90 bytes of a 12-megapixel picture differ by one.
+    # A sum of C products, which the kernels of all processors add in order; the only place where a
+    # multiply-add may be fused. x86 without that instruction rounds otherwise: some 90 bytes of a
+    # 12-megapixel picture differ by one.
     linear = g("Conv", flat, g("Unsqueeze", contract.MATRIX, [2]), np.full(3, _SHIFT))
     root = g("Add", g("Sqrt", g("Clip", linear, _SHIFT, 2.0)), _KNEE)
     curve = g("Sub", root, g("Div", _BEND, root))
@@ -48,11 +68,18 @@ def display(g: PatternGraph, camera: str) -> str:
 
 
 def interleave(g: PatternGraph, planes: list[str]) -> str:
-    """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels, cells, patches) in one tensor or more."""
+    """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels, cells,
+    patches) in one tensor or more.
+    """
     within, across, channels = g.geometry.within, g.geometry.across, g.shown
-    values = planes[0] if len(planes) == 1 else g("Concat", *(g("Reshape", each, [1, channels, -1]) for each in planes), axis=0)
+    values = (
+        planes[0]
+        if len(planes) == 1
+        else g("Concat", *(g("Reshape", each, [1, channels, -1]) for each in planes), axis=0)
+    )
     values = g.reshape(values, [within, within, channels, across, across, *g.patches])
-    # Depth to space in two steps: move whole rows of patches into place, then interleave the columns.
+    # Depth to space in two steps: move whole rows of patches into place, then interleave the
+    # columns.
     values = g("Transpose", values, perm=[5, 3, 0, 4, 1, 2, 6])
     values = g.reshape(values, [-1, within * across * channels, g.patches[1]])
     return g("Reshape", g("Transpose", values, perm=[0, 2, 1]), [0, -1, channels])

@@ -1,4 +1,6 @@
-"""Running a preview graph on a mosaic, in strips of rows, which fit into the cache of the processor."""
+"""Running a preview graph on a mosaic, in strips of rows, which fit into the cache of the
+processor.
+"""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -24,86 +26,134 @@ from .graph import build_preview
 from .listed_defects import without_defects
 
 _STRIP_PIXELS = 1 << 17
-"""Sensor pixels per strip at full resolution; five times as many for smaller pictures. Their planes fit into 2 MB of cache."""
+"""Sensor pixels per strip at full resolution; five times as many for smaller pictures. Their planes
+fit into 2 MB of cache.
+"""
 
 
 class Preview:
-    """A preview graph, loaded once, for any number of mosaics of its pattern, of any size and origin.
+    """A preview graph, loaded once, for any number of mosaics of its pattern, of any size and
+    origin.
 
-    pattern: the filter pattern; its origin does not matter.
-    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
-    linear: scene units instead of a picture for a screen.
-    threads: number of strips that are processed at a time; None = as `shared.processors.threads` says where it is run.
-    Raises InputError when the pattern has no preview of this scale.
+    Parameters
+    ----------
+    pattern : CfaPattern
+        The filter pattern; its origin does not matter.
+    scale : int, optional
+        Sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
+    linear : bool, optional
+        Scene units instead of a picture for a screen.
+    threads : int | None, optional
+        Number of strips that are processed at a time; None = as `shared.processors.threads` says
+        where it is run.
 
+    Raises
+    ------
+    InputError
+        When the pattern has no preview of this scale.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.device import Preview
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> pattern = CfaPattern.bayer(6)
-    >>> white = np.where(pattern.panchromatic_mask((120, 180)), 3.0, 1.0)  # a white surface, scene units
+    >>> white = np.where(pattern.panchromatic_mask((120, 180)), 3.0, 1.0)  # scene units
     >>> mosaic = Mosaic(white, pattern, SensorCalibration.of_bits(12))
     >>> picture = Preview.for_mosaic(mosaic, scale=3).run(mosaic)
     >>> picture.shape, picture[20, 30].tolist()
     ((40, 60, 3), [255, 255, 255])
     """
 
-    def __init__(self, pattern: CfaPattern, scale: int = 1, *, linear: bool = False, threads: int | None = None) -> None:
+    def __init__(
+        self,
+        pattern: CfaPattern,
+        scale: int = 1,
+        *,
+        linear: bool = False,
+        threads: int | None = None,
+    ) -> None:
         if threads is not None and threads < 1:
             raise InputError(f"`threads` is {threads}, expected 1 or more")
         self._geometry, self._linear = Geometry(pattern, scale), linear
-        # What was just computed is in the cache: 3 % less time. At full resolution, with a chain of nodes per pixel, it is more.
+        # What was just computed is in the cache: 3 % less time. At full resolution, with a chain of
+        # nodes per pixel, it is more.
         self._session = session(build_preview(pattern, scale, linear=linear), as_written=scale > 1)
         self._threads = threads
 
     @classmethod
-    def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
+    def for_mosaic(
+        cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None
+    ) -> "Preview":
         """The preview for all mosaics with the pattern of this one; for the rest see the class."""
         return cls(mosaic.pattern, scale, linear=linear, threads=threads)
 
     def run(self, mosaic: Mosaic) -> ByteArray | FloatArray:
-        """The picture of a mosaic: uint8 sRGB (h, w, 3), or float32 scene units (h, w, C) of a linear graph.
+        """The picture of a mosaic: uint8 sRGB (h, w, 3), or float32 scene units (h, w, C) of a
+        linear graph.
 
-        h = H // scale, w = W // scale (at least 1), in the orientation of the samples. Channels of unknown colours are shown in
-        grey.
-        Raises InputError for a mosaic of another pattern.
+        h = H // scale, w = W // scale (at least 1), in the orientation of the samples. Channels of
+        unknown colours are shown in grey.
+
+        Raises
+        ------
+        InputError
+            For a mosaic of another pattern.
         """
         pattern, scale, linear = mosaic.pattern, self._geometry.scale, self._linear
         self._check(pattern)
         rows, columns = (
             _Axis.of(size, origin, block, pattern.period, scale)
-            for size, origin, block in zip(mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True)
+            for size, origin, block in zip(
+                mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True
+            )
         )
         above, below, left, right = self._geometry.halo
         even, levels = even_light(mosaic)
         codes = without_defects(even, pattern, mosaic.calibration.defects)
         inputs = self._inputs(mosaic.calibration) | levels
         gain = None if linear else _gain(mosaic, rows, columns)
-        picture = np.empty((rows.size, columns.size, len(pattern.channels) if linear else 3), np.float32 if linear else np.uint8)
+        picture = np.empty(
+            (rows.size, columns.size, len(pattern.channels) if linear else 3),
+            np.float32 if linear else np.uint8,
+        )
         width = columns.patches * pattern.period
 
         def develop(patches: range, buffer: NDArray[Any]) -> None:
             cut = buffer[: above + len(patches) * pattern.period + below]
             top = rows.first + patches.start * pattern.period - above
             copy_extended(codes, pattern.period, top, columns.first - left, cut)
-            raised = {} if gain is None else {contract.GAIN: gain[patches.start : patches.stop] if len(gain) > 1 else gain}
-            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs, **raised})
+            raised = (
+                {}
+                if gain is None
+                else {contract.GAIN: gain[patches.start : patches.stop] if len(gain) > 1 else gain}
+            )
+            (strip,) = self._session.run(
+                [contract.PICTURE], {contract.MOSAIC: cut, **inputs, **raised}
+            )
             begin = patches.start * pattern.period // scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)
-            target[:] = strip[first : first + len(target), columns.skip : columns.skip + columns.size]
+            target[:] = strip[
+                first : first + len(target), columns.skip : columns.skip + columns.size
+            ]
 
         most = max(1, _STRIP_PIXELS * (1 if scale == 1 else 5) // (width * pattern.period))
         count = -(-rows.patches // most)
-        edges = [rows.patches * number // count for number in range(count + 1)]  # strips of nearly equal length
-        strips = iter([range(first, end) for first, end in pairwise(edges)])  # that of a list may be shared by threads
+        # strips of nearly equal length
+        edges = [rows.patches * number // count for number in range(count + 1)]
+        # that of a list may be shared by threads
+        strips = iter([range(first, end) for first, end in pairwise(edges)])
 
-        def work(_: int) -> None:  # one task per thread, not per strip: handing over each strip takes 6 % longer (12 MP)
+        # one task per thread, not per strip: handing over each strip takes 6 % longer (12 MP)
+        def work(_: int) -> None:
             tallest = above + min(rows.patches, most) * pattern.period + below
             buffer = np.empty((tallest, left + width + right), contract.mosaic_type(scale))
             for patches in strips:
                 develop(patches, buffer)
 
-        # A pool of its own for each picture: one that stays would wait for ever for a thread whose start is interrupted.
+        # A pool of its own for each picture: one that stays would wait for ever for a thread whose
+        # start is interrupted.
         threads = self._threads or processors.threads()
         with ThreadPoolExecutor(threads, "preview") as pool:
             list(pool.map(work, range(threads)))  # raises an error of a strip
@@ -113,9 +163,14 @@ class Preview:
         """Raise InputError unless the graph was made for this pattern."""
         ours = self._geometry.pattern
         tiles = contract.tile_name(ours), contract.tile_name(pattern)
-        for name, expected, found in (("pattern", *tiles), ("channels", ours.channels, pattern.channels)):
+        for name, expected, found in (
+            ("pattern", *tiles),
+            ("channels", ours.channels, pattern.channels),
+        ):
             if expected != found:
-                raise InputError(f"the preview is for the {name} {expected}, the mosaic has {found}")
+                raise InputError(
+                    f"the preview is for the {name} {expected}, the mosaic has {found}"
+                )
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
         """All inputs of the graph except the mosaic."""
@@ -127,7 +182,9 @@ class Preview:
             contract.NOISE: (noise.shot[-1], noise.read[-1] ** 2) if noise else (0, 0),
         }
         if not self._linear:
-            inputs |= dict(zip((contract.WHITE, contract.MATRIX), _balance(calibration), strict=True))
+            inputs |= dict(
+                zip((contract.WHITE, contract.MATRIX), _balance(calibration), strict=True)
+            )
         return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
 
 
@@ -137,7 +194,8 @@ class _Axis:
 
     first: sensor pixel at which the first patch begins, 0 or less.
     patches: number of patches.
-    skip: picture pixels that the patches have before the picture begins. The picture begins with the pixel that covers the middle
+    skip: picture pixels that the patches have before the picture begins. The picture begins with
+    the pixel that covers the middle
         of the first `scale` pixels of the frame.
     size: number of picture pixels.
     period: K.
@@ -158,7 +216,7 @@ class _Axis:
 
 
 def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:
-    """What the codes of each patch are raised by to undo shading, (patches down, across); (1, 1) without."""
+    """Gain that undoes shading in each patch, (patches down, across); (1, 1) without."""
     shading, ones = mosaic.calibration.shading, np.ones((1, 1), np.float32)
     if shading is None:
         return ones
@@ -170,7 +228,9 @@ def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:
 
 
 def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Display white, and the matrix from camera RGB relative to white -> linear sRGB. Unknown colours become grey."""
+    """Display white, and the matrix from camera RGB relative to white -> linear sRGB. Unknown
+    colours become grey.
+    """
     try:
         white, matrix = display_white(calibration)
     except InputError:

@@ -1,8 +1,9 @@
 """A burst on one page: frames -> motions -> merged luminance and displaced colour samples -> RGB.
 
-The tremor of a hand displaces every frame, and its colour sites with it: together they measure colour where one frame has no sites.
-Luminance is merged first. Then the reference is rendered like one frame, from the merged luminance, and with the samples of all
-frames in the sums of its blocks. At the end the samples of all frames correct the picture, each at its own place.
+The tremor of a hand displaces every frame, and its colour sites with it: together they measure
+colour where one frame has no sites. Luminance is merged first. Then the reference is rendered like
+one frame, from the merged luminance, and with the samples of all frames in the sums of its blocks.
+At the end the samples of all frames correct the picture, each at its own place.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,13 @@ from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..memory import burst_memory
 from ..parts import RowStage
-from ..render import BurstEvidence, colour_bands, estimate_colour, row_stages, with_updated_luminance
+from ..render import (
+    BurstEvidence,
+    colour_bands,
+    estimate_colour,
+    row_stages,
+    with_updated_luminance,
+)
 from ..settings import BEST, RenderSettings
 from ..units import check_frames
 from .align import Alignment, View, align
@@ -46,10 +53,17 @@ __all__ = [
 class MergedBurst:
     """A burst whose frames have been merged.
 
-    reference: index of the frame that the picture shows.
-    frames: what became of each frame, in the order given.
-    shares: float32 (H, W), variance of the noise of the merged luminance, relative to the reference's: 1 where it is alone.
-    measured, samples: what `render_burst_bands` needs.
+    Attributes
+    ----------
+    reference : int
+        Index of the frame that the picture shows.
+    frames : tuple[Judged, ...]
+        What became of each frame, in the order given.
+    shares : FloatArray
+        float32 (H, W), variance of the noise of the merged luminance, relative to the reference's:
+        1 where it is alone.
+    measured, samples : Measured, ColourSamples
+        What `render_burst_bands` needs.
     """
 
     reference: int
@@ -60,7 +74,9 @@ class MergedBurst:
 
     @property
     def lost(self) -> ByteArray | None:
-        """Pixels where all frames are clipped, uint8 (H, W), see `offline.frame.Cleaned`; None = nowhere."""
+        """Pixels where all frames are clipped, uint8 (H, W), see `offline.frame.Cleaned`; None =
+        nowhere.
+        """
         return self.measured.lost
 
 
@@ -74,52 +90,93 @@ def merge_burst(
 ) -> MergedBurst:
     """Align and merge the frames of a burst.
 
-    frames: of one camera; those that do not fit the reference are left out (`Judged.reason`).
-    reference: index of the frame that the picture shall show, 0 or more; None = the best of those that most others agree with.
-    motions: how each frame lies against the reference, which has to be named, where that is known; otherwise it is measured.
-    Raises InputError when there is no frame, when frames and motions differ in number, when the reference is no frame's index, and
-    for samples that are not in scene units.
+    Parameters
+    ----------
+    frames : Sequence[Mosaic]
+        Of one camera; those that do not fit the reference are left out (`Judged.reason`).
+    reference : int | None, optional
+        Index of the frame that the picture shall show, 0 or more; None = the best of those that
+        most others agree with.
+    motions : Sequence[Motion] | None, optional
+        How each frame lies against the reference, which has to be named, where that is known;
+        otherwise it is measured.
+
+    Raises
+    ------
+    InputError
+        When there is no frame, when frames and motions differ in number, when the reference is no
+        frame's index, and for samples that are not in scene units.
     """
     if not frames or (motions is not None and len(motions) != len(frames)):
-        raise InputError(f"{len(frames)} frames and {len(motions or ())} motions, expected one motion for each frame")
+        raise InputError(
+            f"{len(frames)} frames and {len(motions or ())} motions, expected one motion for "
+            "each frame"
+        )
     if reference is None and motions is not None:
-        raise InputError("reference is None, expected the index of the frame that the motions start from")
+        raise InputError(
+            "reference is None, expected the index of the frame that the motions start from"
+        )
     if reference is not None and reference not in range(len(frames)):
-        raise InputError(f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}")
+        raise InputError(
+            f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}"
+        )
     copied = copies(frames, reference)
     distinct = [number for number in range(len(frames)) if number not in copied]
     shots = [frames[number] for number in distinct]
     check_frames(shots)
     first = None if reference is None else distinct.index(reference)
-    comparison = compared(shots, settings, progress, first, motions and [motions[number] for number in distinct])
+    comparison = compared(
+        shots, settings, progress, first, motions and [motions[number] for number in distinct]
+    )
     judged = dict(zip(distinct, comparison.frames, strict=True))
     for copy, original in copied.items():
-        judged[copy] = Judged(f"is a copy of frames[{original}]: its samples are the same", copy_of=original)
+        judged[copy] = Judged(
+            f"is a copy of frames[{original}]: its samples are the same", copy_of=original
+        )
     progress.stage("merging", 1)
     merged = _merged(comparison, settings)
     progress.advance()
-    return MergedBurst(distinct[comparison.reference], tuple(judged[number] for number in range(len(frames))), *merged)
+    return MergedBurst(
+        distinct[comparison.reference],
+        tuple(judged[number] for number in range(len(frames))),
+        *merged,
+    )
 
 
-def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
-    """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does.
+def render_burst_bands(
+    merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT
+) -> Iterator[FloatArray]:
+    """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as
+    `render_bands` does.
 
-    Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than yield a value that is not finite.
+    Raises
+    ------
+    ConvergenceError
+        When a solver does not reach its tolerance.
+    RangeError
+        Rather than yield a value that is not finite.
     """
 
     def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
-        return [*row_stages(measured, settings, progress), Spreading(merged.samples, measured, progress)]
+        return [
+            *row_stages(measured, settings, progress),
+            Spreading(merged.samples, measured, progress),
+        ]
 
     return colour_bands(merged.measured, settings, progress, stages)
 
 
-def _merged(comparison: Comparison, settings: RenderSettings) -> tuple[FloatArray, Measured, ColourSamples]:
+def _merged(
+    comparison: Comparison, settings: RenderSettings
+) -> tuple[FloatArray, Measured, ColourSamples]:
     """`MergedBurst.shares`, `measured` and `samples`."""
     cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
     fine, shares = merged_luminance(kept, sites)
     plain = np.ascontiguousarray(fine[::2, ::2])
     luminance = denoised(plain, shares, cleaned.mosaic, settings)
-    samples = ColourSamples.of(kept, fine, sites).relit(luminance - plain).where_others(luminance, shares)
+    samples = (
+        ColourSamples.of(kept, fine, sites).relit(luminance - plain).where_others(luminance, shares)
+    )
     sums = samples.block_sums(sites) if len(kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
@@ -128,5 +185,7 @@ def _merged(comparison: Comparison, settings: RenderSettings) -> tuple[FloatArra
     if sites.pattern.is_scattered:
         alone = np.maximum(alone, sites.of(unseen(kept, sites)).mean(axis=2))
     others = BurstEvidence(sums, alone.astype(np.float32))
-    measured = with_updated_luminance(estimate_colour(cleaned, luminance, settings, SILENT, others), settings)
+    measured = with_updated_luminance(
+        estimate_colour(cleaned, luminance, settings, SILENT, others), settings
+    )
     return shares, measured, samples.relit(measured.luminance - luminance)

@@ -1,13 +1,17 @@
-"""Agreement of a frame with the reference at each pixel, beyond noise: 0 where something moved, was hidden or changed.
+"""Agreement of a frame with the reference at each pixel, beyond noise: 0 where something moved, was
+hidden or changed.
 
-They are compared where both measure luminance. The light has detail finer than a pixel, which each frame samples at other places
-(aliasing), so edges and texture differ even where nothing has changed: differences are tolerated in proportion to the contrast of
-both. Four signs show a change: another mean; differences as large as the texture; many small differences of one sign over a wide
-neighbourhood (a pale thing in noise); and differences that a shift explains (a branch that sways by a part of a pixel).
+They are compared where both measure luminance. The light has detail finer than a pixel, which each
+frame samples at other places (aliasing), so edges and texture differ even where nothing has
+changed: differences are tolerated in proportion to the contrast of both. Four signs show a change:
+another mean; differences as large as the texture; many small differences of one sign over a wide
+neighbourhood (a pale thing in noise); and differences that a shift explains (a branch that sways by
+a part of a pixel).
 
-Something may move in front of something else of the same luminance. The shares of the channels in its blocks then lie outside those
-of all blocks of the reference nearby. A thin coloured line may do the same to a single block, so a deviation counts where four
-blocks together show it, or most of a neighbourhood.
+Something may move in front of something else of the same luminance. The shares of the channels in
+its blocks then lie outside those of all blocks of the reference nearby. A thin coloured line may do
+the same to a single block, so a deviation counts where four blocks together show it, or most of a
+neighbourhood.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,30 +33,42 @@ CLIPPED = 0.98
 NEIGHBOURHOOD = 1.5
 """Pixels: standard deviation of the Gaussian neighbourhood in which contrast is measured.
 
-Chosen: half of it costs 0.4 dB, twice gains 0.07."""
+Chosen: half of it costs 0.4 dB, twice gains 0.07.
+"""
 FILL_ERROR = 0.3
-"""Error of filled luminance as a share of that contrast. Chosen: half and twice change moving things by 0.6 dB, in both ways."""
+"""Error of filled luminance as a share of that contrast. Chosen: half and twice change moving
+things by 0.6 dB, in both ways.
+"""
 
-# Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by 0.02 dB at most, or as said, and
-# photographs by 0.05. What each finds: tests/offline/burst/test_agree.py.
-_SHIFTED, _WIDE = 2.0, 5.0  # pixels: standard deviations of larger neighbourhoods (photographs: 0.1, 0.0 dB)
-_MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, a share of the contrast (photographs: 0.0, 0.3, 0.0 dB)
+# Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by
+# 0.02 dB at most, or as said, and photographs by 0.05. What each finds:
+# tests/offline/burst/test_agree.py. pixels: standard deviations of larger neighbourhoods
+# (photographs: 0.1, 0.0 dB)
+_SHIFTED, _WIDE = 2.0, 5.0
+# difference that is tolerated, a share of the contrast (photographs: 0.0, 0.3, 0.0 dB)
+_MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1
 _LIGHT = 0.01  # of the light: what a changed exposure or a cloud may do
 _SHIFT = 0.2  # pixels: what motion may be wrong by (parallax: 0.2 dB)
 _POWER = 0.3  # of the variance of noise: how much the power of differences may vary
 _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of a mean
-_LOW, _HIGH = 0.3, 0.8  # raw agreement that counts as none, and as all: half-true ghosts of many frames would add up (0.2, 1.5 dB)
+# raw agreement that counts as none, and as all: half-true ghosts of many frames would add up (0.2,
+# 1.5 dB)
+_LOW, _HIGH = 0.3, 0.8
 _FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
 _BRIGHT = 0.92  # of the limit: light that counts less (bracket: 0.3 dB if none does)
 _STRIP = 256  # rows that are compared at a time
-_HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2  # rows around them that they depend on
+# rows around them that they depend on
+_HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2
 
 
 @dataclass(frozen=True, eq=False)
 class Frame(View):
     """A frame with its defects mended.
 
-    colours: (block rows, block columns, S), the samples of its whole blocks.
+    Attributes
+    ----------
+    colours : FloatArray
+        (block rows, block columns, S), the samples of its whole blocks.
     """
 
     colours: FloatArray = field(kw_only=True)
@@ -60,12 +76,23 @@ class Frame(View):
     def darker(self, gain: float) -> "Frame":
         """Return the frame as if it had been exposed `gain` times less."""
         noise = self.noise and self.noise.in_units_of(gain)
-        return Frame(self.luminance / np.float32(gain), noise, self.limit / gain, colours=self.colours / np.float32(gain))
+        return Frame(
+            self.luminance / np.float32(gain),
+            noise,
+            self.limit / gain,
+            colours=self.colours / np.float32(gain),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The frame that others are compared with. shot: its mosaic."""
+    """The frame that others are compared with.
+
+    Attributes
+    ----------
+    shot : Mosaic
+        Its mosaic.
+    """
 
     shot: Mosaic
     frame: Frame
@@ -79,24 +106,41 @@ class Reference:
 def agreement(reference: Reference, frame: Frame, light: FloatArray, motion: Motion) -> ByteArray:
     """Agreement of luminance and of the colours of blocks at each pixel, 0 to 255, uint8 (H, W).
 
-    frame: in units of the reference. light: its luminance as the reference would see it; NaN where it sees nothing.
     Where the reference is clipped, a frame agrees that is not clipped and at least as bright.
+
+    Parameters
+    ----------
+    frame : Frame
+        In units of the reference.
+    light : FloatArray
+        Its luminance as the reference would see it; NaN where it sees nothing.
     """
     mask = reference.shot.pattern.panchromatic_mask(light.shape).astype(np.float32)
-    measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask  # rather than interpolated, in both
+    # rather than interpolated, in both
+    measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
     deviation, result = colour_change(reference, frame, motion), np.empty(light.shape, np.uint8)
     for rows in strips(len(light), _STRIP):
         first = max(rows.start - _HALO, 0)
         part = slice(first, rows.stop + _HALO)
         own = replace(reference.frame, luminance=reference.frame.luminance[part])
-        agrees = agreement_of_luminance(own, View(light[part], frame.noise, frame.limit), measured[part])
+        agrees = agreement_of_luminance(
+            own, View(light[part], frame.noise, frame.limit), measured[part]
+        )
         agrees = agrees[rows.start - first : rows.stop - first]
-        result[rows] = np.rint(agrees * _agreement_of(_on_pixels(deviation, motion, reference.shot, rows)))
+        result[rows] = np.rint(
+            agrees * _agreement_of(_on_pixels(deviation, motion, reference.shot, rows))
+        )
     return result
 
 
 def agreement_of_luminance(reference: View, frame: View, measured: FloatArray) -> ByteArray:
-    """Agreement by luminance alone. measured: (H, W), 0 to 1, how far both measure luminance there."""
+    """Agreement by luminance alone.
+
+    Parameters
+    ----------
+    measured : FloatArray
+        (H, W), 0 to 1, how far both measure luminance there.
+    """
     visible = np.isfinite(frame.luminance)
     frame = replace(frame, luminance=np.where(visible, frame.luminance, reference.luminance))
     shown, own_shown = unclipped(frame) * visible, unclipped(reference)
@@ -110,7 +154,9 @@ def unclipped(view: View) -> FloatArray:
     """1 for light well below the limit, 0 for clipped light, (H, W)."""
     if not np.isfinite(view.limit):
         return np.ones_like(view.luminance)
-    return np.clip((CLIPPED - view.luminance / np.float32(view.limit)) / np.float32(CLIPPED - _BRIGHT), 0, 1)
+    return np.clip(
+        (CLIPPED - view.luminance / np.float32(view.limit)) / np.float32(CLIPPED - _BRIGHT), 0, 1
+    )
 
 
 def _agreement_of(deviation: FloatArray) -> FloatArray:
@@ -123,22 +169,32 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     r, f = reference.luminance, frame.luminance
     own, other, apart = reference.variance(r), frame.variance(f), f - r
     noise = own + other
-    light, shown, power, power_shown, mean, rest = _means(weight, NEIGHBOURHOOD, r, f, r * r, f * f, apart, apart * apart)
-    contrast = np.maximum(np.minimum(power - light * light - own, power_shown - shown * shown - other), 0)
+    light, shown, power, power_shown, mean, rest = _means(
+        weight, NEIGHBOURHOOD, r, f, r * r, f * f, apart, apart * apart
+    )
+    contrast = np.maximum(
+        np.minimum(power - light * light - own, power_shown - shown * shown - other), 0
+    )
     even = np.square(_LIGHT * light)
     tolerated, left = _MEAN**2 * contrast + even, _noise_left(NEIGHBOURHOOD)
     largest = mean * mean / (tolerated + DEVIATIONS**2 * left * noise + TINY)
     rest = np.maximum(rest - (1 + DEVIATIONS * (2 * left) ** 0.5) * noise, 0)
-    np.maximum(largest, rest / (_TEXTURE**2 * contrast + 4 * even + _POWER * noise + TINY), out=largest)
+    np.maximum(
+        largest, rest / (_TEXTURE**2 * contrast + 4 * even + _POWER * noise + TINY), out=largest
+    )
     cap = DEVIATIONS * np.sqrt(noise + tolerated)
     mean, contrast = _means(weight, _WIDE, np.clip(apart, -cap, cap), contrast)
     scatter = DEVIATIONS**2 * _noise_left(_WIDE) * noise
     np.maximum(largest, mean * mean / (_FAR**2 * contrast + even + scatter + TINY), out=largest)
     down, across = (np.asarray(slope, np.float32) for slope in np.gradient((r + f) / 2))
-    dd, da, aa, d, a = _means(weight, _SHIFTED, down * down, down * across, across * across, down * apart, across * apart)
+    dd, da, aa, d, a = _means(
+        weight, _SHIFTED, down * down, down * across, across * across, down * apart, across * apart
+    )
     least = noise / 4 + TINY  # what noise makes of a gradient
     dd, aa = np.maximum(dd - noise / 4, 0) + least, np.maximum(aa - noise / 4, 0) + least
-    explained = (aa * d * d - 2 * da * d * a + dd * a * a) / np.maximum(dd * aa - da * da, 1e-3 * dd * aa)
+    explained = (aa * d * d - 2 * da * d * a + dd * a * a) / np.maximum(
+        dd * aa - da * da, 1e-3 * dd * aa
+    )
     scatter = DEVIATIONS**2 * _noise_left(_SHIFTED) * noise
     return np.maximum(largest, explained / (_SHIFT**2 * (dd + aa) + even + scatter + TINY))
 
@@ -154,12 +210,18 @@ def _noise_left(sigma: float) -> float:
     return _GAPS * float(np.square(gaussian(sigma)).sum()) ** 2
 
 
-# Chosen on a thing that only its colour shows: half and twice of each change its picture by the decibels in brackets.
-_BLOCK, _NEARBY = 0.03, 0.02  # share of the light by which a channel may differ: of one block, and over a neighbourhood (0.02, 0.2)
+# Chosen on a thing that only its colour shows: half and twice of each change its picture by the
+# decibels in brackets. share of the light by which a channel may differ: of one block, and over a
+# neighbourhood (0.02, 0.2)
+_BLOCK, _NEARBY = 0.03, 0.02
 _WIDTH = 1.5  # blocks: standard deviation of that neighbourhood (0.4)
-_RANGE = 1.5  # standard deviations by which noise makes nine figures exceed their middle: 1.49 is expected of the largest (0.3)
-_SHARED = 0.15  # variance of the middle of that range, relative to one figure's; neighbours share it (0.1)
-_RIM = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between (1.1)
+# standard deviations by which noise makes nine figures exceed their middle: 1.49 is expected of the
+# largest (0.3)
+_RANGE = 1.5
+# variance of the middle of that range, relative to one figure's; neighbours share it (0.1)
+_SHARED = 0.15
+# blocks: a deviation counts for its neighbours too, as the thing ends somewhere between (1.1)
+_RIM = 3
 
 
 class _BlockColours(NamedTuple):
@@ -178,7 +240,9 @@ class _BlockColours(NamedTuple):
 
 
 def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatArray:
-    """Squared deviation of each whole block of the frame, (block rows, block columns), in units of the tolerance."""
+    """Squared deviation of each whole block of the frame, (block rows, block columns), in units of
+    the tolerance.
+    """
     mosaic, sites = reference.shot, Sites.in_frame(reference.shot)
     first, period = np.array(sites.middle)[:, None, None], sites.grid.period
     rows, columns = first + period * np.indices(sites.shape)
@@ -188,12 +252,20 @@ def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatAr
         return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
 
     channels, light, rough, noise = reference.colours
-    shares, deviations = channels / np.maximum(light, TINY), np.sqrt(noise) / np.maximum(light, TINY)
+    shares, deviations = (
+        channels / np.maximum(light, TINY),
+        np.sqrt(noise) / np.maximum(light, TINY),
+    )
     low, high = minimum_filter(shares, (1, 3, 3)), maximum_filter(shares, (1, 3, 3))
-    middle, half = there((low + high) / 2), np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
+    middle, half = (
+        there((low + high) / 2),
+        np.maximum(there((high - low) / 2 - _RANGE * deviations), 0),
+    )
     noise, rough = there(noise), there(rough[None])
     own = _block_colours(frame, mosaic)
-    beyond = own.channels - np.clip(own.channels, (middle - half) * own.light, (middle + half) * own.light)
+    beyond = own.channels - np.clip(
+        own.channels, (middle - half) * own.light, (middle + half) * own.light
+    )
     filled = np.square(FILL_ERROR * middle) * (own.contrast + rough)
     spread = DEVIATIONS**2 * (own.noise + noise)
     alone = np.square(beyond) / (np.square(_BLOCK * own.light) + filled + spread + TINY)
@@ -201,32 +273,47 @@ def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatAr
     mean = smoothed(np.clip(beyond, -cap, cap), _WIDTH)
     left = float(np.square(gaussian(_WIDTH)).sum()) ** 2
     spread = DEVIATIONS**2 * (left * own.noise + _SHARED * noise)
-    around = np.square(mean) / (np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY)
+    around = np.square(mean) / (
+        np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY
+    )
     largest = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
     return maximum_filter(largest, _RIM).astype(np.float32)
 
 
 def _on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slice) -> FloatArray:
-    """The largest deviation of the four blocks around each pixel in some rows of the reference, (rows, W)."""
+    """The largest deviation of the four blocks around each pixel in some rows of the reference,
+    (rows, W).
+    """
     sites = Sites.in_frame(mosaic)
     worst = maximum_filter(np.pad(deviation, 1, mode="edge"), 2)[1:, 1:]
-    places = in_frame(motion, np.arange(rows.start, rows.stop)[:, None], np.arange(mosaic.shape[1]), mosaic.shape)
-    at = (places - np.array(sites.middle, np.float32)[:, None, None]) / sites.grid.period + np.float32(0.5)
+    places = in_frame(
+        motion, np.arange(rows.start, rows.stop)[:, None], np.arange(mosaic.shape[1]), mosaic.shape
+    )
+    at = (
+        places - np.array(sites.middle, np.float32)[:, None, None]
+    ) / sites.grid.period + np.float32(0.5)
     return map_coordinates(worst, at, order=0, mode="nearest")
 
 
 def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:
-    """The colours of the blocks of a frame, which is in units of the reference. mosaic: the reference."""
+    """The colours of the blocks of a frame, which is in units of the reference. mosaic: the
+    reference.
+    """
     gamma, sites = np.array(mosaic.calibration.gamma), Sites.in_frame(mosaic)
     light = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
     near = smoothed(frame.luminance, NEIGHBOURHOOD)
     rough = smoothed(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
-    light = np.maximum(light, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)  # in less light shares are noise
+    # in less light shares are noise
+    light = np.maximum(light, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)
     values = sites.means(frame.colours.astype(np.float64))
     channels, noise = gamma * values, np.zeros_like(values)
     if frame.noise:
-        own = frame.noise.variance(values, np.arange(len(gamma))) * gamma**2 / np.bincount(sites.channels)
+        own = (
+            frame.noise.variance(values, np.arange(len(gamma)))
+            * gamma**2
+            / np.bincount(sites.channels)
+        )
         filled = np.square(channels / np.maximum(light, TINY)[..., None]) / len(sites.channels)
         noise = own + filled * frame.variance(light)[..., None]
     return _BlockColours(np.moveaxis(channels, 2, 0), light, contrast, np.moveaxis(noise, 2, 0))

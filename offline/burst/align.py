@@ -1,8 +1,9 @@
 """Motion of a frame of a hand-held series against the reference, found from both, with OpenCV.
 
-Normalised correlation of small copies finds the shift. On each larger copy the enhanced correlation coefficient (ECC: Evangelidis
-and Psarakis 2008) finds shift and rotation to a small part of a pixel. Where the frames differ by much of their texture, something
-moves, and does not count. Where most of the picture lies elsewhere still (parallax), dense optical flow (DIS: Kroeger et al. 2016)
+Normalised correlation of small copies finds the shift. On each larger copy the enhanced correlation
+coefficient (ECC: Evangelidis and Psarakis 2008) finds shift and rotation to a small part of a
+pixel. Where the frames differ by much of their texture, something moves, and does not count. Where
+most of the picture lies elsewhere still (parallax), dense optical flow (DIS: Kroeger et al. 2016)
 gives local shifts.
 """
 
@@ -19,27 +20,38 @@ from ..numerics.gaussian import smoothed
 from .motion import Motion, displaced
 
 DEVIATIONS = 3.0
-"""Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them. Half of it costs 0.2 dB."""
+"""Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them. Half of it
+costs 0.2 dB.
+"""
 TINY = 1e-12
 """Keeps divisions finite."""
 
 # Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.
-_BLUR = 1.2  # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to texture
-_SPREAD = 4 * np.pi * _BLUR**2  # pixels whose mean has the variance that white noise has after that blur
-_STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
-_LARGEST, _SMALLEST = 1_500_000, 12  # pixels: larger planes are halved until they are smaller; shorter side of a frame
+# pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to
+# texture
+_BLUR = 1.2
+# pixels whose mean has the variance that white noise has after that blur
+_SPREAD = 4 * np.pi * _BLUR**2
+# squared gradient of blurred white noise, per variance
+_STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2
+# pixels: larger planes are halved until they are smaller; shorter side of a frame
+_LARGEST, _SMALLEST = 1_500_000, 12
 _COPY = 128  # pixels: longer side of the smallest copies
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
 _WIDE = 4.0  # pixels: standard deviation of the neighbourhood in which texture is measured
-_KEPT = 1 - 4 * _BLUR**2 / (2 * _BLUR**2 + _WIDE**2) + _BLUR**2 / (_BLUR**2 + _WIDE**2)  # of the variance of noise, in texture
-_MOVED, _USUAL = 0.3, 4.0  # squared differences that show that something moves: a share of texture, and times their median
+# of the variance of noise, in texture
+_KEPT = 1 - 4 * _BLUR**2 / (2 * _BLUR**2 + _WIDE**2) + _BLUR**2 / (_BLUR**2 + _WIDE**2)
+# squared differences that show that something moves: a share of texture, and times their median
+_MOVED, _USUAL = 0.3, 4.0
 _ROUNDS = 2  # on each copy, each without what the one before has seen moving
-_UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5  # iterations and change of the coefficient that end ECC
+# iterations and change of the coefficient that end ECC
+_UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5
 _ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
 _TILE = 32  # pixels between nodes of local shifts
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
-_NOTABLE = 0.15  # pixels: local shifts that are worth it explain the differences that such a shift makes,
+# pixels: local shifts that are worth it explain the differences that such a shift makes,
+_NOTABLE = 0.15
 _NOISY = 0.1  # and this share of the differences that they leave
 _LOST, _WON = 0.4, 0.7  # share of that which they must explain to be taken at all, and in full
 _LEAST_AGREEMENT = 0.3  # another scene agrees by less
@@ -50,9 +62,14 @@ _MOST_ERROR = 0.5  # pixels
 class View:
     """Luminance as one frame shows it.
 
-    luminance: float32 (H, W), scene units.
-    noise: of its samples; None = there is none, or it is unknown.
-    limit: scene units from which on it is clipped.
+    Attributes
+    ----------
+    luminance : FloatArray
+        float32 (H, W), scene units.
+    noise : NoiseModel | None
+        Of its samples; None = there is none, or it is unknown.
+    limit : float
+        Scene units from which on it is clipped.
     """
 
     luminance: FloatArray
@@ -68,10 +85,16 @@ class View:
 class Alignment:
     """Motion of a frame against the reference.
 
-    motion: where the reference's points lie in the frame.
-    gain: how many times as bright the frame is as the reference.
-    error: estimated error of the frame's shift, pixels, root mean square.
-    agreement: 0 to 1, the share of the reference's texture that the frame shows where the motion says.
+    Attributes
+    ----------
+    motion : Motion
+        Where the reference's points lie in the frame.
+    gain : float
+        How many times as bright the frame is as the reference.
+    error : float
+        Estimated error of the frame's shift, pixels, root mean square.
+    agreement : float
+        0 to 1, the share of the reference's texture that the frame shows where the motion says.
     """
 
     motion: Motion
@@ -83,17 +106,29 @@ class Alignment:
 def align(reference: View, frame: View) -> Alignment | str:
     """Find the motion of a frame, compared with the reference.
 
-    reference, frame: luminance of every pixel (`recover_luminance`). Noise decides only how much the two may differ.
-    Returns why the frame cannot be aligned, if it cannot: another size, another scene, or too little texture.
+    Parameters
+    ----------
+    reference, frame : View
+        Luminance of every pixel (`recover_luminance`). Noise decides only how much the two may
+        differ.
+
+    Returns
+    -------
+    Alignment | str
+        Why the frame cannot be aligned, if it cannot: another size, another scene, or too little
+        texture.
     """
     shape, other = reference.luminance.shape, frame.luminance.shape
     if other != shape:
-        return f"{other[1]} x {other[0]} pixels, expected {shape[1]} x {shape[0]} like the reference"
+        return (
+            f"{other[1]} x {other[0]} pixels, expected {shape[1]} x {shape[0]} like the reference"
+        )
     if min(shape) < _SMALLEST:
         return f"{shape[1]} x {shape[0]} pixels are too few to be aligned"
     gain = _gain(reference, frame)
     copies = list(_copies(reference, frame, gain))[::-1]
-    starts = Motion(), Motion(_shift(copies[0]))  # where a large thing moves, its shift may be the likeliest
+    # where a large thing moves, its shift may be the likeliest
+    starts = Motion(), Motion(_shift(copies[0]))
     best = max((_refined(copies[0], start) for start in starts), key=lambda fit: fit.agreement)
     for copy in copies[1:]:
         best = _refined(copy, best.motion.times(2))
@@ -101,9 +136,14 @@ def align(reference: View, frame: View) -> Alignment | str:
     if not best.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
     if (local := _local_shifts(copies[-1], best.motion)) is not None:
-        best = max(best, _fit(copies[-1], replace(best.motion, local=local)), key=lambda fit: fit.agreement)
+        best = max(
+            best, _fit(copies[-1], replace(best.motion, local=local)), key=lambda fit: fit.agreement
+        )
     if best.agreement < _LEAST_AGREEMENT:
-        share = f"{100 * best.agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} %"
+        share = (
+            f"{100 * best.agreement:.0f} % of the picture agrees with the reference, at "
+            f"least {100 * _LEAST_AGREEMENT:.0f} %"
+        )
         return f"another scene, or too little texture: {share} must"
     return Alignment(best.motion.times(scale), gain * best.gain, best.error * scale, best.agreement)
 
@@ -121,7 +161,9 @@ class _Copy(NamedTuple):
 
 
 class _Aligned(NamedTuple):
-    """A frame as the reference would see it: its light, what it is brighter by, and where both show the same thing, (H, W)."""
+    """A frame as the reference would see it: its light, what it is brighter by, and where both show
+    the same thing, (H, W).
+    """
 
     light: FloatArray
     gain: float
@@ -139,7 +181,9 @@ class _Fit(NamedTuple):
 
 
 def _gain(reference: View, frame: View) -> float:
-    """Exposure ratio of the frame, from a quantile of the luminance that is clipped in neither frame."""
+    """Exposure ratio of the frame, from a quantile of the luminance that is clipped in neither
+    frame.
+    """
     share = min(float((view.luminance < view.limit).mean()) for view in (reference, frame)) / 2
     own, other = (float(np.quantile(view.luminance, share)) for view in (reference, frame))
     return other / own if own > 0 and other > 0 else 1.0
@@ -148,7 +192,10 @@ def _gain(reference: View, frame: View) -> float:
 def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     """Smaller and smaller copies. Light that is clipped in one is in both."""
     limit = np.float32(min(reference.limit, frame.limit / gain))
-    planes = [np.minimum(reference.luminance, limit), np.minimum(frame.luminance / np.float32(gain), limit)]
+    planes = [
+        np.minimum(reference.luminance, limit),
+        np.minimum(frame.luminance / np.float32(gain), limit),
+    ]
     level = float(planes[0].mean())
     variance = float(reference.variance(level) + frame.variance(level * gain) / gain**2)
     scale = 1
@@ -160,15 +207,24 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
         if max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST:
             return
         even = height // 2 * 2, width // 2 * 2
-        planes = [cv2.resize(plane[: even[0], : even[1]], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for plane in planes]
+        planes = [
+            cv2.resize(
+                plane[: even[0], : even[1]], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA
+            )
+            for plane in planes
+        ]
         scale *= 2
 
 
 def _shift(copy: _Copy) -> tuple[float, float]:
-    """The likeliest shift, pixels of the copies: the middle of the reference is found in the frame."""
+    """The likeliest shift, pixels of the copies: the middle of the reference is found in the
+    frame.
+    """
     own, other = (_texture(plane) for plane in (copy.reference, copy.frame))
     down, across = (round(_FARTHEST * size) for size in own.shape)
-    likeness = cv2.matchTemplate(other, own[down : len(own) - down, across : own.shape[1] - across], cv2.TM_CCOEFF_NORMED)
+    likeness = cv2.matchTemplate(
+        other, own[down : len(own) - down, across : own.shape[1] - across], cv2.TM_CCOEFF_NORMED
+    )
     row, column = np.unravel_index(np.argmax(likeness), likeness.shape)
     return float(row - down), float(column - across)
 
@@ -184,18 +240,25 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     lit = inside & (own > 0) & (other > 0)
     gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
     light = np.where(inside, light / np.float32(gain), copy.reference)
-    differs = smoothed(np.square(_texture(light - copy.reference)), _WIDE)  # not another light on the scene
-    usual = _MOVED * smoothed(np.square(_texture(copy.reference)), _WIDE) + _USUAL * np.median(differs)
+    # not another light on the scene
+    differs = smoothed(np.square(_texture(light - copy.reference)), _WIDE)
+    usual = _MOVED * smoothed(np.square(_texture(copy.reference)), _WIDE) + _USUAL * np.median(
+        differs
+    )
     return _Aligned(light, gain, inside, inside & (differs < usual))
 
 
 def _refined(copy: _Copy, motion: Motion) -> _Fit:
-    """The shift and rotation by which the copies correlate most; those given if OpenCV finds no better ones."""
+    """The shift and rotation by which the copies correlate most; those given if OpenCV finds no
+    better ones.
+    """
     for _ in range(_ROUNDS):
         same = _aligned(copy, motion).same.astype(np.uint8)
         start = cv2.invertAffineTransform(_matrix(motion, same.shape)).astype(np.float32)
         try:  # the reference is what is displaced: the mask is its
-            matrix = cv2.findTransformECC(copy.frame, copy.reference, start, cv2.MOTION_EUCLIDEAN, _UNTIL, same, 1)[1]
+            matrix = cv2.findTransformECC(
+                copy.frame, copy.reference, start, cv2.MOTION_EUCLIDEAN, _UNTIL, same, 1
+            )[1]
         except cv2.error:  # too few pixels, or too little texture on this copy
             break
         motion = _motion(cv2.invertAffineTransform(matrix.astype(np.float64)), same.shape)
@@ -220,21 +283,35 @@ def _fit(copy: _Copy, motion: Motion) -> _Fit:
     aligned = _aligned(copy, motion)
     rest, count = _texture(aligned.light - copy.reference), max(int(aligned.same.sum()), 1)
     gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, aligned.same]
-    left = float(np.square(rest[aligned.same]).sum()) / (_KEPT * count) + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
-    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+    left = (
+        float(np.square(rest[aligned.same]).sum()) / (_KEPT * count)
+        + _ROUNDING * float(np.square(copy.reference).mean())
+        + TINY
+    )
+    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance
+    # as much as this.
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
-    wide = [plane - _around(plane, _TILE) for plane in (copy.reference, aligned.light - copy.reference)]
+    wide = [
+        plane - _around(plane, _TILE) for plane in (copy.reference, aligned.light - copy.reference)
+    ]
     texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
     return _Fit(motion, aligned.gain, error, max(1 - differs / texture, 0))
 
 
 def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
-    """Local shifts of nodes, (R, C, 2), pixels of the copies; None = most of the picture lies where the motion says."""
+    """Local shifts of nodes, (R, C, 2), pixels of the copies; None = most of the picture lies where
+    the motion says.
+    """
     shape, inside = copy.reference.shape, np.isfinite(displaced(copy.frame, motion))
-    nodes = np.ix_(*(np.rint(np.linspace(0, size - 1, max(round(size / _TILE) + 1, 2))).astype(np.intp) for size in shape))
+    nodes = np.ix_(
+        *(
+            np.rint(np.linspace(0, size - 1, max(round(size / _TILE) + 1, 2))).astype(np.intp)
+            for size in shape
+        )
+    )
     local = np.zeros((*np.broadcast(*nodes).shape, 2), np.float32)
     steep = np.square(np.gradient(copy.reference)).sum(axis=0)
     weight = (inside * steep / (steep + max(float(steep.mean()), TINY))).astype(np.float32)
@@ -243,9 +320,14 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
     moved = [_aligned(copy, motion).light]
     for _ in range(_FLOWS):
-        codes = [(plane - dark) * (255 / max(bright - dark, TINY)) for plane in (copy.reference, moved[-1])]
+        codes = [
+            (plane - dark) * (255 / max(bright - dark, TINY))
+            for plane in (copy.reference, moved[-1])
+        ]
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
-        flow = np.moveaxis(optical.calc(first, second, np.zeros((*shape, 2), np.float32)), 2, 0)[::-1]
+        flow = np.moveaxis(optical.calc(first, second, np.zeros((*shape, 2), np.float32)), 2, 0)[
+            ::-1
+        ]
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
         total, *sums = (_around(plane, _TILE)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
@@ -260,4 +342,6 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
 
 def _around(plane: FloatArray, reach: int) -> FloatArray:
     """Means of the square around each pixel."""
-    return np.asarray(cv2.blur(plane.astype(np.float32), (2 * reach + 1, 2 * reach + 1)), np.float32)
+    return np.asarray(
+        cv2.blur(plane.astype(np.float32), (2 * reach + 1, 2 * reach + 1)), np.float32
+    )

@@ -1,12 +1,14 @@
 """The colour samples of all frames of a burst, each at its own place in the reference.
 
-The sums of Eqs. 8-9 are additive: a sample that lies near a block of the reference is one more term of the block's sums, the more
-certain the nearer it is.
+The sums of Eqs. 8-9 are additive: a sample that lies near a block of the reference is one more term
+of the block's sums, the more certain the nearer it is.
 
-At the end, samples correct the picture too, each at its own place. A picture differs from each sample by some error. The correction
-of the picture's colour leaves little of these errors and changes little from pixel to pixel, except across edges of luminance: it
-minimises a sum of squares (`numerics.linked`) in each channel, times gamma. Without samples near a pixel its correction fades to
-nothing. The mean of the channels' corrections is taken off them, which leaves luminance as it is.
+At the end, samples correct the picture too, each at its own place. A picture differs from each
+sample by some error. The correction of the picture's colour leaves little of these errors and
+changes little from pixel to pixel, except across edges of luminance: it minimises a sum of squares
+(`numerics.linked`) in each channel, times gamma. Without samples near a pixel its correction fades
+to nothing. The mean of the channels' corrections is taken off them, which leaves luminance as it
+is.
 """
 
 import math
@@ -29,19 +31,30 @@ from .align import TINY
 from .motion import in_reference
 from .select import Kept
 
-# Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
-_GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)
-_INSIDE = 0.5  # squared distance from the middle of a 2 x 2 block, pixels, of its own sites: half a pixel both ways
-_ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full (0.0)
-_ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance (1.0)
-# Of the solution; fading relative to the weight of a usual sample, and the least of it, with which the solver takes hundreds of
-# iterations. Chosen on five photographs, in noise of 0 to 0.03: half and twice of smoothness change 0.15 dB, of fading 0.1.
+# Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets,
+# some scenes up and others down. change of chromaticity per pixel: uncertainty of a sample for a
+# block that it does not lie in (0.1)
+_GRADIENT = 0.04
+# squared distance from the middle of a 2 x 2 block, pixels, of its own sites: half a pixel both
+# ways
+_INSIDE = 0.5
+# times what others take off the variance: from there on the reference's own samples count in full
+# (0.0)
+_ENOUGH = 4.0
+# standard deviation of what a picture misses of a sample besides noise, a share of the mean
+# luminance (1.0)
+_ERROR = 2e-3
+# Of the solution; fading relative to the weight of a usual sample, and the least of it, with which
+# the solver takes hundreds of iterations. Chosen on five photographs, in noise of 0 to 0.03: half
+# and twice of smoothness change 0.15 dB, of fading 0.1.
 _SMOOTHNESS, _FADING, _LEAST_FADING = 0.08, 2e-3, 1e-5
 _EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance (0.7)
 SHARED = 0.3
-"""Variance of merged luminance relative to the reference's, from which on the reference counts as alone, up to 1, where it is.
+"""Variance of merged luminance relative to the reference's, from which on the reference counts as
+alone, up to 1, where it is.
 
-Chosen: half of it costs 0.5 dB, twice gains 0.02."""
+Chosen: half of it costs 0.5 dB, twice gains 0.02.
+"""
 HALO = 24
 """Pixels around a tile that are solved with it. Chosen."""
 TOLERANCE = 1e-3
@@ -52,13 +65,23 @@ TOLERANCE = 1e-3
 class ColourSamples:
     """M colour samples.
 
-    places: (M, 2), row and column in the reference, pixels.
-    channels: (M,).
-    values: (M,), scene units of the reference.
-    light: (M,), luminance there.
-    variance: (M,), of their noise; 0 where there is none.
-    weight: (M,), how far they count by the agreement of their frames and by what is known of luminance there, 0 to 1.
-    own: how many of them, the first ones, are the reference's.
+    Attributes
+    ----------
+    places : FloatArray
+        (M, 2), row and column in the reference, pixels.
+    channels : ByteArray
+        (M,).
+    values : FloatArray
+        (M,), scene units of the reference.
+    light : FloatArray
+        (M,), luminance there.
+    variance : FloatArray
+        (M,), of their noise; 0 where there is none.
+    weight : FloatArray
+        (M,), how far they count by the agreement of their frames and by what is known of luminance
+        there, 0 to 1.
+    own : int
+        How many of them, the first ones, are the reference's.
     """
 
     places: FloatArray
@@ -73,12 +96,25 @@ class ColourSamples:
     def of(cls, kept: Sequence[Kept], fine: FloatArray, sites: Sites) -> "ColourSamples":
         """The colour samples of all frames that lie in the reference.
 
-        kept: the reference first. fine: see `merged_luminance`. sites: of the reference.
+        Parameters
+        ----------
+        kept : Sequence[Kept]
+            The reference first.
+        fine : FloatArray
+            See `merged_luminance`.
+        sites : Sites
+            Of the reference.
         """
-        spline, last = spline_filter(fine, mode="mirror", output=np.float32), np.array(sites.grid.frame)[:, None, None, None] - 1
+        spline, last = (
+            spline_filter(fine, mode="mirror", output=np.float32),
+            np.array(sites.grid.frame)[:, None, None, None] - 1,
+        )
         parts = list[tuple[FloatArray, ...]]()
         for one in kept:
-            places, noise = in_reference(one.motion, *sites.pixels, sites.grid.frame), one.frame.noise
+            places, noise = (
+                in_reference(one.motion, *sites.pixels, sites.grid.frame),
+                one.frame.noise,
+            )
             near = np.rint(places).astype(np.intp).clip(0, last)
             agrees = one.agreement[*near] * ((places >= 0) & (places <= last)).all(axis=0)
             used = agrees > 0
@@ -86,24 +122,54 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            parts.append((places.T, channels.astype(np.uint8), values, light, variance, agrees[used] / np.float32(255)))
-        places, channels, values, light, variance, weight = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+            parts.append(
+                (
+                    places.T,
+                    channels.astype(np.uint8),
+                    values,
+                    light,
+                    variance,
+                    agrees[used] / np.float32(255),
+                )
+            )
+        places, channels, values, light, variance, weight = (
+            np.concatenate(arrays) for arrays in zip(*parts, strict=True)
+        )
         return cls(places, channels, values, light, variance, weight, len(parts[0][0]))
 
     def relit(self, change: FloatArray) -> "ColourSamples":
-        """The samples where luminance has changed. change: (H, W)."""
+        """The samples where luminance has changed.
+
+        Parameters
+        ----------
+        change : FloatArray
+            (H, W).
+        """
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
 
     def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
-        """The samples where the reference is not alone. Where it is, the picture stays that of one frame.
+        """The samples where the reference is not alone. Where it is, the picture stays that of one
+        frame.
 
-        luminance: (H, W). shares: (H, W), variance of merged luminance relative to the reference's.
-        Where few frames overlap, luminance between the reference's pixels is uncertain: beside edges a sample counts less there.
+        Where few frames overlap, luminance between the reference's pixels is uncertain: beside
+        edges a sample counts less there.
+
+        Parameters
+        ----------
+        luminance : FloatArray
+            (H, W).
+        shares : FloatArray
+            (H, W), variance of merged luminance relative to the reference's.
         """
-        mean, power = (smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance)))
+        mean, power = (
+            smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance))
+        )
         deviation = FILL_ERROR * alone_of(shares) * np.sqrt(np.maximum(power - np.square(mean), 0))
-        there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (deviation, shares))
+        there, alone = (
+            map_coordinates(plane, self.places.T, order=1, mode="nearest")
+            for plane in (deviation, shares)
+        )
         error = self.error + self.variance
         weight = self.weight * error / (error + np.square(there))
         weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
@@ -111,7 +177,9 @@ class ColourSamples:
 
     @property
     def level(self) -> float:
-        """Mean luminance. Lengths in light are shares of it, so that the exposure changes no picture but its brightness."""
+        """Mean luminance. Lengths in light are shares of it, so that the exposure changes no
+        picture but its brightness.
+        """
         return max(float(self.light.mean()), TINY) if self.light.size else 1.0
 
     @property
@@ -130,17 +198,30 @@ class ColourSamples:
         inside = ((block >= 0) & (block < shape)).all(axis=1)
         far = np.maximum(np.square((at - block) * period).sum(axis=1) - _INSIDE, 0)
         light, variance = self.light[rest].astype(np.float64), self.variance[rest] + self.error
-        share = inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
+        share = (
+            inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
+        )
         full = *shape, len(sites.pattern.channels)
-        place = np.ravel_multi_index((*block.clip(0, np.array(shape) - 1).T, self.channels[rest]), full)
-        sums = (np.bincount(place, share * light * factor, minlength=math.prod(full)) for factor in (light, self.values[rest]))
+        place = np.ravel_multi_index(
+            (*block.clip(0, np.array(shape) - 1).T, self.channels[rest]), full
+        )
+        sums = (
+            np.bincount(place, share * light * factor, minlength=math.prod(full))
+            for factor in (light, self.values[rest])
+        )
         return BlockSums(*(np.asarray(plane, np.float64).reshape(full) for plane in sums))
 
 
 def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Cleaned:
-    """The reference with saturated colour samples replaced by what other frames saw around their blocks.
+    """The reference with saturated colour samples replaced by what other frames saw around their
+    blocks.
 
-    luminance: merged, (H, W). sums: of the other frames (`ColourSamples.block_sums`).
+    Parameters
+    ----------
+    luminance : FloatArray
+        Merged, (H, W).
+    sums : BlockSums
+        Of the other frames (`ColourSamples.block_sums`).
     """
     if unclipped_blocks(frame).all():
         return frame
@@ -154,7 +235,9 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
 
 
 def alone_of(shares: FloatArray) -> FloatArray:
-    """Single-frame weight of the reference, 0 to 1, from the noise variance of the merged luminance relative to its own."""
+    """Single-frame weight of the reference, 0 to 1, from the noise variance of the merged luminance
+    relative to its own.
+    """
     return np.maximum(shares - SHARED, 0) / (1 - SHARED)
 
 
@@ -162,7 +245,14 @@ def alone_of(shares: FloatArray) -> FloatArray:
 class Spreading(RowStage):
     """Correct the chromaticity around colour samples by what they show.
 
-    samples: of all frames. measured: the reference. progress: hears what the solver did.
+    Attributes
+    ----------
+    samples : ColourSamples
+        Of all frames.
+    measured : Measured
+        The reference.
+    progress : Progress
+        Hears what the solver did.
     """
 
     samples: ColourSamples
@@ -179,40 +269,76 @@ class Spreading(RowStage):
 
     @cached_property
     def _in_rows(self) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """The order of the samples by their rows, these rows, and the precision of each sample, at most 1."""
+        """The order of the samples by their rows, these rows, and the precision of each sample, at
+        most 1.
+        """
         error, order = self.samples.error, np.argsort(self.samples.places[:, 0], kind="stable")
-        precision = error / (error + self.samples.variance * np.square(self.measured.gamma[self.samples.channels]))
+        precision = error / (
+            error + self.samples.variance * np.square(self.measured.gamma[self.samples.channels])
+        )
         return order, self.samples.places[order, 0], precision
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        """These rows. Raises ConvergenceError when conjugate gradients do not reach their tolerance."""
-        gamma, shown, (order, down, precision) = self.measured.gamma, part.rows(*rows), self._in_rows
-        near = order[np.searchsorted(down, part.first) : np.searchsorted(down, part.end - 1, "right")]
+        """These rows.
+
+        Raises
+        ------
+        ConvergenceError
+            When conjugate gradients do not reach their tolerance.
+        """
+        gamma, shown, (order, down, precision) = (
+            self.measured.gamma,
+            part.rows(*rows),
+            self._in_rows,
+        )
+        near = order[
+            np.searchsorted(down, part.first) : np.searchsorted(down, part.end - 1, "right")
+        ]
         samples = samples_of(part, self.samples, near, precision[near], gamma)
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = np.moveaxis(fitted(part.luminance, samples, prior, extent, "samples", self.progress), 0, 2)
+        fields = np.moveaxis(
+            fitted(part.luminance, samples, prior, extent, "samples", self.progress), 0, 2
+        )
         light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)
         return Part(shown.first, shown.luminance, (shown.chromaticity + change).astype(np.float32))
 
 
-def samples_of(part: Part, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray) -> Samples:
-    """Residuals of samples in a part of the picture, times gamma, distributed to the four pixels around each sample.
+def samples_of(
+    part: Part, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray
+) -> Samples:
+    """Residuals of samples in a part of the picture, times gamma, distributed to the four pixels
+    around each sample.
 
-    near: (N,), which samples. precision: (N,), of each.
+    Parameters
+    ----------
+    near : IndexArray
+        (N,), which samples.
+    precision : FloatArray
+        (N,), of each.
     """
     rows, columns = part.luminance.shape
     places = (samples.places[near] - (part.first, 0)).clip(0, (rows - 1, columns - 1))
     first = np.minimum(places.astype(np.intp), (rows - 2, columns - 2))
     (down, across), corner = (places - first).T, first @ (columns, 1)
-    shares = np.stack([(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1)
-    pixels, channels = corner[:, None] + (0, 1, columns, columns + 1), samples.channels[near].astype(np.intp)
-    colour = (part.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares).sum(axis=1)
+    shares = np.stack(
+        [(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1
+    )
+    pixels, channels = (
+        corner[:, None] + (0, 1, columns, columns + 1),
+        samples.channels[near].astype(np.intp),
+    )
+    colour = (
+        part.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares
+    ).sum(axis=1)
     residual = gamma[channels] * (samples.values[near] - colour * samples.light[near])
     weights = (samples.weight[near] * precision)[:, None] * shares
     shape = len(gamma), rows, columns
     at = (channels[:, None] * (rows * columns) + pixels).ravel()
-    sums = (np.bincount(at, plane.ravel(), math.prod(shape)) for plane in (weights, weights * residual[:, None]))
+    sums = (
+        np.bincount(at, plane.ravel(), math.prod(shape))
+        for plane in (weights, weights * residual[:, None])
+    )
     return Samples(*(plane.reshape(shape).astype(np.float32) for plane in sums))

@@ -1,9 +1,10 @@
 """Luminance from the panchromatic samples of all frames of a burst, each at its own place.
 
-The frames sample one light field at places that differ by fractions of a pixel: together they show more of it than one frame can.
-It is kept on a grid of half pixels. The start is the mean of the interpolated frames. Then, in several rounds, what the
-grid misses of the samples is added around them (iterated back-projection: Irani and Peleg 1991). Where that is no more than noise,
-nothing is changed, so that noise stays averaged and detail gets sharp.
+The frames sample one light field at places that differ by fractions of a pixel: together they show
+more of it than one frame can. It is kept on a grid of half pixels. The start is the mean of the
+interpolated frames. Then, in several rounds, what the grid misses of the samples is added around
+them (iterated back-projection: Irani and Peleg 1991). Where that is no more than noise, nothing is
+changed, so that noise stays averaged and detail gets sharp.
 """
 
 from collections.abc import Sequence
@@ -30,22 +31,37 @@ from .select import Kept
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, chosen for speed, and around it
 _ITERATIONS = 4  # rounds; chosen
 _FILLED = 0.05  # weight of interpolated light where a frame has colour sites; chosen
-_SPARSE = np.float32(0.05)  # samples per place of the grid, below which a correction is reduced; chosen
-_NARROW, _WIDE = gaussian(0.5), gaussian(2.0)  # places of the grid: what is spread, and where its power is compared with noise
+# samples per place of the grid, below which a correction is reduced; chosen
+_SPARSE = np.float32(0.05)
+# places of the grid: what is spread, and where its power is compared with noise
+_NARROW, _WIDE = gaussian(0.5), gaussian(2.0)
 _ZERO, _ONE, _LEAST = np.float32(0), np.float32(1), np.float32(1e-20)
-_MOST = 1e6  # relative precision, so that its square is a float: frames 10 stops brighter have less, and one without noise too
-_ALONE = np.float32(0.99999)  # relative variance from which on there is one frame: the rest is rounding
-_SOME_ALONE = 0.1  # of the logarithm of noise that merging took off, from which a frame is denoised twice; chosen: no scene changes
+# relative precision, so that its square is a float: frames 10 stops brighter have less, and one
+# without noise too
+_MOST = 1e6
+# relative variance from which on there is one frame: the rest is rounding
+_ALONE = np.float32(0.99999)
+# of the logarithm of noise that merging took off, from which a frame is denoised twice; chosen: no
+# scene changes
+_SOME_ALONE = 0.1
 
 
 class Frames(NamedTuple):
     """The F frames of a burst for kernels, the reference first.
 
-    planes: (F, H, W), luminance of each frame, filled in at the colour sites, in units of the reference.
-    agreement: (F, H, W), with the reference at each pixel of the reference, 0 to 255.
-    noise: (F, 2), shot and squared read noise of each plane; all zero: there is no noise.
-    panchromatic: (H, W), whether a pixel is.
-    motions: where the reference's points lie in each frame.
+    Attributes
+    ----------
+    planes : Floats3
+        (F, H, W), luminance of each frame, filled in at the colour sites, in units of the
+        reference.
+    agreement : Bytes3
+        (F, H, W), with the reference at each pixel of the reference, 0 to 255.
+    noise : Doubles2
+        (F, 2), shot and squared read noise of each plane; all zero: there is no noise.
+    panchromatic : Bools2
+        (H, W), whether a pixel is.
+    motions : Motions
+        Where the reference's points lie in each frame.
     """
 
     planes: Floats3
@@ -56,26 +72,45 @@ class Frames(NamedTuple):
 
 
 def merged_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, FloatArray]:
-    """Luminance of the reference from all frames, (2 H - 1, 2 W - 1), every half pixel, and its `shares`.
+    """Luminance of the reference from all frames, (2 H - 1, 2 W - 1), every half pixel, and its
+    `shares`.
 
-    kept: the reference first. sites: of the reference.
     shares: (H, W), variance of the noise of luminance, relative to the reference's.
+
+    Parameters
+    ----------
+    kept : Sequence[Kept]
+        The reference first.
+    sites : Sites
+        Of the reference.
     """
     shape = sites.grid.frame
     frames = Frames(
         np.stack([one.frame.luminance for one in kept]),
         np.stack([one.agreement for one in kept]),
-        np.array([(one.frame.noise.shot[-1], one.frame.noise.read[-1] ** 2) if one.frame.noise else (0.0, 0.0) for one in kept]),
+        np.array(
+            [
+                (one.frame.noise.shot[-1], one.frame.noise.read[-1] ** 2)
+                if one.frame.noise
+                else (0.0, 0.0)
+                for one in kept
+            ]
+        ),
         sites.pattern.panchromatic_mask(shape),
         Motions.of([one.motion for one in kept], shape),
     )
-    luminance, shares = np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32), np.empty(shape, np.float32)
+    luminance, shares = (
+        np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32),
+        np.empty(shape, np.float32),
+    )
     merge(frames, luminance, shares)
     return luminance, shares
 
 
 def unseen(kept: Sequence[Kept], sites: Sites) -> FloatArray:
-    """Degree, 0 to 1, to which no panchromatic sample of a frame that agrees covers each pixel, (H, W)."""
+    """Degree, 0 to 1, to which no panchromatic sample of a frame that agrees covers each pixel, (H,
+    W).
+    """
     mask = sites.pattern.panchromatic_mask(sites.grid.frame).astype(np.float32)
     total = np.zeros_like(mask)
     for one in kept:
@@ -83,29 +118,48 @@ def unseen(kept: Sequence[Kept], sites: Sites) -> FloatArray:
     return 1 - total.clip(0, 1)
 
 
-def denoised(luminance: FloatArray, shares: FloatArray, samples: Mosaic, settings: RenderSettings) -> FloatArray:
-    """Luminance, denoised by the noise that merging has left in most pixels, and by all of it where one frame is alone."""
+def denoised(
+    luminance: FloatArray, shares: FloatArray, samples: Mosaic, settings: RenderSettings
+) -> FloatArray:
+    """Luminance, denoised by the noise that merging has left in most pixels, and by all of it where
+    one frame is alone.
+    """
     noise = samples.calibration.noise
     if noise is None or not (noise.shot[-1] or noise.read[-1]) or settings.denoising.strength == 0:
         return luminance
     level = -np.log2(shares)
     most = max(float(np.median(level)), 1e-3)
     part = 0.5**most
-    less = NoiseModel(tuple(shot * part for shot in noise.shot), tuple(read * part**0.5 for read in noise.read))
+    less = NoiseModel(
+        tuple(shot * part for shot in noise.shot), tuple(read * part**0.5 for read in noise.read)
+    )
     quieter = replace(samples, calibration=replace(samples.calibration, noise=less.possible()))
     result, alone = denoise_luminance(luminance, quieter, settings.denoising), 1 - level / most
     if alone.max() > _SOME_ALONE:
-        result += alone.clip(0, 1) * (denoise_luminance(luminance, samples, settings.denoising) - result)
+        result += alone.clip(0, 1) * (
+            denoise_luminance(luminance, samples, settings.denoising) - result
+        )
     return result
 
 
 @parallel_kernel(pieces=lambda frames, *_: tiles(frames.planes.shape[1:], (_ROWS, _COLUMNS)))
 def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -> None:
-    """Merge the frames of a burst. luminance, shares: written, see `merged_luminance`."""
+    """Merge the frames of a burst.
+
+    Parameters
+    ----------
+    luminance, shares : Floats2
+        Written, see `merged_luminance`.
+    """
     _, height, width = frames.planes.shape
     for tile in range(pieces[0], pieces[1]):
         core = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
-        area = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height), max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
+        area = (
+            max(core[0] - _MARGIN, 0),
+            min(core[1] + _MARGIN, height),
+            max(core[2] - _MARGIN, 0),
+            min(core[3] + _MARGIN, width),
+        )
         extents = np.empty((len(frames.planes), 4), np.intp)
         fine = _start(frames, area, core, shares, extents)
         _sharpen(fine, samples_in(frames, area, extents))
@@ -116,9 +170,11 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
 
 @kernel
 def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Ints2) -> Floats2:
-    """The mean of the interpolated frames on the grid of half pixels of an area; write `shares` in its core, and `extents`.
+    """The mean of the interpolated frames on the grid of half pixels of an area; write `shares` in
+    its core, and `extents`.
 
-    extents: (F, 4), first and end row, first and end column, of each frame's pixels that may lie where it agrees in the area.
+    extents: (F, 4), first and end row, first and end column, of each frame's pixels that may lie
+    where it agrees in the area.
     """
     rows, columns = area[1] - area[0], area[3] - area[2]
     count, height, width = frames.planes.shape
@@ -132,15 +188,23 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
                 if agrees == 0:
                     continue
                 to_y, to_x = frame_place(frames.motions, frame, float(y), float(x))
-                top, bottom, left, right = min(top, to_y), max(bottom, to_y), min(left, to_x), max(right, to_x)
+                top, bottom, left, right = (
+                    min(top, to_y),
+                    max(bottom, to_y),
+                    min(left, to_x),
+                    max(right, to_x),
+                )
                 if not (-0.5 <= to_y < height - 0.5 and -0.5 <= to_x < width - 0.5):
                     continue
                 precision = _precision(frames.noise, frame, frames.planes[0, y, x])
                 share = (_FILLED + _measured(frames.panchromatic, to_y, to_x)) * agrees / 255.0
-                mean[row, column] += share * precision * interpolated(frames.planes[frame], to_y, to_x)
+                mean[row, column] += (
+                    share * precision * interpolated(frames.planes[frame], to_y, to_x)
+                )
                 totals[row, column] += share * precision
                 spreads[row, column] += share * share * precision
-        # A sample lies within half a pixel of a pixel of the reference: within two of its place in the frame, whatever the motion.
+        # A sample lies within half a pixel of a pixel of the reference: within two of its place in
+        # the frame, whatever the motion.
         extents[frame, 0], extents[frame, 1] = max(top - 2, 0.0), max(min(bottom + 3, height), 0.0)
         extents[frame, 2], extents[frame, 3] = max(left - 2, 0.0), max(min(right + 3, width), 0.0)
     for row in range(rows):
@@ -160,7 +224,10 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
 @kernel
 def _measured(panchromatic: Bools2, y: float, x: float) -> float:
     """Share of the light interpolated at a place of a frame that is measured there, 0 to 1."""
-    y, x = min(max(y, 0.0), panchromatic.shape[0] - 1.001), min(max(x, 0.0), panchromatic.shape[1] - 1.001)
+    y, x = (
+        min(max(y, 0.0), panchromatic.shape[0] - 1.001),
+        min(max(x, 0.0), panchromatic.shape[1] - 1.001),
+    )
     top, left = int(y), int(x)
     down, across = y - top, x - left
     upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, left + 1]
@@ -184,11 +251,15 @@ def _precision(noise: Doubles2, frame: int, light: Scalar) -> float:
 
 @kernel
 def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
-    """The panchromatic samples that lie in an area: (samples, 5), place on the grid (y, x), value, weight, variance."""
+    """The panchromatic samples that lie in an area: (samples, 5), place on the grid (y, x), value,
+    weight, variance.
+    """
     count, height, width = frames.planes.shape
     most = number = 0
     for frame in range(count):
-        most += max(extents[frame, 1] - extents[frame, 0], 0) * max(extents[frame, 3] - extents[frame, 2], 0)
+        most += max(extents[frame, 1] - extents[frame, 0], 0) * max(
+            extents[frame, 3] - extents[frame, 2], 0
+        )
     samples = np.empty((most, 5), np.float32)
     for frame in range(count):
         for row in range(extents[frame, 0], extents[frame, 1]):
@@ -198,11 +269,17 @@ def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
                 y, x = reference_place(frames.motions, frame, float(row), float(column))
                 if not (area[0] <= y <= area[1] - 1 and area[2] <= x <= area[3] - 1):
                     continue
-                agrees = frames.agreement[frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)]
+                agrees = frames.agreement[
+                    frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)
+                ]
                 if agrees == 0:
                     continue
                 value = frames.planes[frame, row, column]
-                samples[number, 0], samples[number, 1], samples[number, 2] = 2 * (y - area[0]), 2 * (x - area[2]), value
+                samples[number, 0], samples[number, 1], samples[number, 2] = (
+                    2 * (y - area[0]),
+                    2 * (x - area[2]),
+                    value,
+                )
                 samples[number, 3] = agrees / 255.0 * _precision(frames.noise, frame, value)
                 samples[number, 4] = _variance(frames.noise, frame, value)
                 number += 1
@@ -214,7 +291,12 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
     """Add what the grid misses of the samples to the places around them, in several rounds."""
     rows, columns = fine.shape
     error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
-    near, wide, missed_near, missed_wide = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
+    near, wide, missed_near, missed_wide = (
+        zeros(rows, columns),
+        zeros(rows, columns),
+        zeros(rows, columns),
+        zeros(rows, columns),
+    )
     for sample in range(len(samples)):
         _splat(count, samples[sample, 0], samples[sample, 1], samples[sample, 3])
     smooth_rows(count, _NARROW, 0, rows, near)

@@ -1,4 +1,6 @@
-"""Motion of one frame of a hand-held series against another: a shift, a rotation, and local shifts (parallax)."""
+"""Motion of one frame of a hand-held series against another: a shift, a rotation, and local shifts
+(parallax).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +15,9 @@ from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.interpolation import interpolated
 
-_ROUNDS = 5  # that invert local shifts, which differ by less than 0.1 from pixel to pixel: each divides the error by 10 or more
+# that invert local shifts, which differ by less than 0.1 from pixel to pixel: each divides the
+# error by 10 or more
+_ROUNDS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,17 +26,30 @@ class Motion:
 
     The point (centre + (v, u)), v down and u across, of the reference lies in the other frame at
 
-        centre + shift + (v cos(angle) - u sin(angle), v sin(angle) + u cos(angle)) + its local shift
+        centre + shift + (v cos(angle) - u sin(angle), v sin(angle) + u cos(angle)) + its local
+        shift
 
-    where centre is ((H - 1) / 2, (W - 1) / 2). `offline.burst.in_frame` and `in_reference` compute it and its inverse.
+    where centre is ((H - 1) / 2, (W - 1) / 2). `offline.burst.in_frame` and `in_reference` compute
+    it and its inverse.
 
-    shift: (down, across), pixels.
-    angle: radians; positive turns the picture counter-clockwise on a screen.
-    local: (node rows, node columns, 2), pixels (down, across), two or more nodes along each side; None: none. The nodes are a
-        regular grid, the outermost on the outermost pixels of the frame; shifts are bilinear between them.
+    Attributes
+    ----------
+    shift : tuple[float, float]
+        (down, across), pixels.
+    angle : float
+        Radians; positive turns the picture counter-clockwise on a screen.
+    local : FloatArray | None
+        (node rows, node columns, 2), pixels (down, across), two or more nodes along each side;
+        None: none. The nodes are a regular grid, the outermost on the outermost pixels of the
+        frame; shifts are bilinear between them.
 
-    Raises InputError for figures that are not finite, and for another shape of `local`.
+    Raises
+    ------
+    InputError
+        For figures that are not finite, and for another shape of `local`.
 
+    Examples
+    --------
     >>> from panchroma.offline.burst import Motion
     >>> turn, start = Motion((2.0, -1.0)).affine((101, 101))
     >>> (turn @ (10, 20) + start).tolist()
@@ -45,11 +62,21 @@ class Motion:
 
     def __post_init__(self) -> None:
         if not np.isfinite([*self.shift, self.angle]).all():
-            raise InputError(f"a motion of {self.shift} pixels and {self.angle} radians, expected finite numbers")
+            raise InputError(
+                f"a motion of {self.shift} pixels and {self.angle} radians, expected finite numbers"
+            )
         if self.local is not None:
             shape = self.local.shape
-            if len(shape) != 3 or min(shape[:2]) < 2 or shape[2] != 2 or not np.isfinite(self.local).all():
-                raise InputError(f"local shifts of shape {shape}, expected (2 or more, 2 or more, 2) and finite numbers")
+            if (
+                len(shape) != 3
+                or min(shape[:2]) < 2
+                or shape[2] != 2
+                or not np.isfinite(self.local).all()
+            ):
+                raise InputError(
+                    f"local shifts of shape {shape}, expected (2 or more, 2 or more, 2) and "
+                    "finite numbers"
+                )
 
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""
@@ -57,7 +84,14 @@ class Motion:
         return Motion((self.shift[0] * factor, self.shift[1] * factor), self.angle, local)
 
     def affine(self, shape: tuple[int, ...]) -> tuple[DoubleArray, DoubleArray]:
-        """(turn (2, 2), start (2,)): without local shifts the pixel p = (row, column) lies at turn @ p + start. shape: (H, W)."""
+        """(turn (2, 2), start (2,)): without local shifts the pixel p = (row, column) lies at turn
+        @ p + start.
+
+        Parameters
+        ----------
+        shape : tuple[int, ...]
+            (H, W).
+        """
         turn = np.array([[cos(self.angle), -sin(self.angle)], [sin(self.angle), cos(self.angle)]])
         centre = (np.array(shape) - 1) / 2
         return turn, centre + self.shift - turn @ centre
@@ -66,8 +100,16 @@ class Motion:
 class Motions(NamedTuple):
     """Motions of F frames for kernels, see `Motion`.
 
-    turns: (F, 2, 2). starts: (F, 2). shifts: (F, node rows, node columns, 2), 1 x 1 nodes if there are none. spacing: nodes per
-    pixel, down and across.
+    Attributes
+    ----------
+    turns : Doubles3
+        (F, 2, 2).
+    starts : Doubles2
+        (F, 2).
+    shifts : Floats4
+        (F, node rows, node columns, 2), 1 x 1 nodes if there are none.
+    spacing : tuple[float, float]
+        Nodes per pixel, down and across.
     """
 
     turns: Doubles3
@@ -79,23 +121,42 @@ class Motions(NamedTuple):
     def of(cls, motions: Sequence[Motion], shape: tuple[int, ...]) -> "Motions":
         """Motions of frames of this shape, whose local shifts have the same nodes."""
         turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
-        nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
-        shifts = np.array([np.zeros(nodes) if motion.local is None else motion.local for motion in motions], np.float32)
-        spacing = [(count - 1) / max(size - 1, 1) for count, size in zip(nodes, shape, strict=False)]
+        nodes = next(
+            (motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2)
+        )
+        shifts = np.array(
+            [np.zeros(nodes) if motion.local is None else motion.local for motion in motions],
+            np.float32,
+        )
+        spacing = [
+            (count - 1) / max(size - 1, 1) for count, size in zip(nodes, shape, strict=False)
+        ]
         return cls(np.array(turns), np.array(starts), shifts, (spacing[0], spacing[1]))
 
 
 @kernel
 def frame_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
     """Place in a frame of the point (y, x) of the reference."""
-    turn, start, local = motions.turns[frame], motions.starts[frame], _local_shift(motions, frame, y, x)
-    return turn[0, 0] * y + turn[0, 1] * x + start[0] + local[0], turn[1, 0] * y + turn[1, 1] * x + start[1] + local[1]
+    turn, start, local = (
+        motions.turns[frame],
+        motions.starts[frame],
+        _local_shift(motions, frame, y, x),
+    )
+    return turn[0, 0] * y + turn[0, 1] * x + start[0] + local[0], turn[1, 0] * y + turn[
+        1, 1
+    ] * x + start[1] + local[1]
 
 
 @kernel
 def reference_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
-    """Place in the reference of the point (y, x) of a frame: turn^T (point - start - local shift), iterated."""
-    turn, down, across = motions.turns[frame], y - motions.starts[frame, 0], x - motions.starts[frame, 1]
+    """Place in the reference of the point (y, x) of a frame: turn^T (point - start - local shift),
+    iterated.
+    """
+    turn, down, across = (
+        motions.turns[frame],
+        y - motions.starts[frame, 0],
+        x - motions.starts[frame, 1],
+    )
     place = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
     for _ in range(_ROUNDS if motions.shifts.shape[1] > 1 else 0):
         local = _local_shift(motions, frame, place[0], place[1])
@@ -106,11 +167,16 @@ def reference_place(motions: Motions, frame: int, y: float, x: float) -> tuple[f
 
 @kernel
 def _local_shift(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
-    """Local shift at a point of the reference, bilinear; beyond the outermost nodes it is theirs."""
+    """Local shift at a point of the reference, bilinear; beyond the outermost nodes it is
+    theirs.
+    """
     rows, columns = motions.shifts.shape[1], motions.shifts.shape[2]
     if rows < 2:
         return 0.0, 0.0
-    y, x = min(max(y * motions.spacing[0], 0.0), rows - 1.0), min(max(x * motions.spacing[1], 0.0), columns - 1.0)
+    y, x = (
+        min(max(y * motions.spacing[0], 0.0), rows - 1.0),
+        min(max(x * motions.spacing[1], 0.0), columns - 1.0),
+    )
     top, left = min(int(y), rows - 2), min(int(x), columns - 2)
     down, across = y - top, x - left
     upper, lower = motions.shifts[frame, top], motions.shifts[frame, top + 1]
@@ -121,16 +187,34 @@ def _local_shift(motions: Motions, frame: int, y: float, x: float) -> tuple[floa
 
 
 @parallel_kernel()
-def map_points(pieces: Pieces, motions: Motions, points: Doubles2, inverse: int, out: Floats2) -> None:
-    """Write the places in a frame of points (N, 2) of the reference, or with `inverse` the other way. motions: one."""
+def map_points(
+    pieces: Pieces, motions: Motions, points: Doubles2, inverse: int, out: Floats2
+) -> None:
+    """Write the places in a frame of points (N, 2) of the reference, or with `inverse` the other
+    way.
+
+    Parameters
+    ----------
+    motions : Motions
+        One.
+    """
     for point in range(pieces[0], pieces[1]):
         y, x = points[point, 0], points[point, 1]
-        out[point, 0], out[point, 1] = reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
+        out[point, 0], out[point, 1] = (
+            reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
+        )
 
 
 @parallel_kernel()
 def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> None:
-    """Write a frame's plane, (H, W), as the reference would see it; NaN where the frame sees nothing. motions: one."""
+    """Write a frame's plane, (H, W), as the reference would see it; NaN where the frame sees
+    nothing.
+
+    Parameters
+    ----------
+    motions : Motions
+        One.
+    """
     height, width = plane.shape
     for row in range(pieces[0], pieces[1]):
         for column in range(width):
@@ -140,10 +224,18 @@ def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> 
 
 
 def in_frame(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Places (down, across) in a frame of points (y, x) of the reference, pixels; float32 (2, *points).
+    """Places (down, across) in a frame of points (y, x) of the reference, pixels; float32 (2,
+    *points).
 
-    y, x: arrays of one shape, or that NumPy brings to one. shape: (H, W) of both frames. Points and places may lie outside.
+    Parameters
+    ----------
+    y, x : Any
+        Arrays of one shape, or that NumPy brings to one.
+    shape : tuple[int, ...]
+        (H, W) of both frames. Points and places may lie outside.
 
+    Examples
+    --------
     >>> from panchroma.offline.burst import Motion, in_frame
     >>> in_frame(Motion((2.0, -1.0)), 10, 20, (101, 101)).tolist()
     [12.0, 19.0]

@@ -1,4 +1,6 @@
-"""Find the copies in a burst, choose its reference, and judge whether each frame fits it, and how far it agrees at each pixel."""
+"""Find the copies in a burst, choose its reference, and judge whether each frame fits it, and how
+far it agrees at each pixel.
+"""
 
 import hashlib
 from collections.abc import Sequence
@@ -22,21 +24,29 @@ from .agree import CLIPPED, Frame, Reference, agreement, unclipped
 from .align import TINY, Alignment, View, align
 from .motion import Motion, displaced
 
-# Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
+# Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py
+# keeps and those that it refuses.
 _LEAST_AGREEMENT = 0.2  # share of the frame
 _LEAST_SHARPNESS = 0.85  # of the reference's detail; noise and aliasing leave 0.98 or more of it
-_DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond noise do not show sharpness
-_UNEVEN = 0.12  # a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
+# of what noise accounts for: tiles with less detail beyond noise do not show sharpness
+_DETAIL = 0.5
+# a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
+_UNEVEN = 0.12
 _LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared
-_GONE, _DARK = 0.9, 0.5  # share of clipped pixels; light in units of the noise: beyond, a frame shows nothing
-# Pixels: Gaussians whose difference shows detail that a soft frame has lost, and tiles that are compared.
+# share of clipped pixels; light in units of the noise: beyond, a frame shows nothing
+_GONE, _DARK = 0.9, 0.5
+# Pixels: Gaussians whose difference shows detail that a soft frame has lost, and tiles that are
+# compared.
 _FINE, _COARSE, _TILE = 0.8, 1.6, 32
 # Chosen: they decide between frames that would do.
 _CANDIDATES = 4  # frames that are tried as the reference
-_ALIKE = 0.02  # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
+# of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
+_ALIKE = 0.02
 _BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
 _AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
-_QUIETER = 16.0  # how much less variance than the frames' median a model may state: 16 times the ISO, four stops, explains as much
+# how much less variance than the frames' median a model may state: 16 times the ISO, four stops,
+# explains as much
+_QUIETER = 16.0
 _ROUNDING = 1 / 12  # variance of rounding, codes squared: that of an even distribution
 
 
@@ -44,13 +54,22 @@ _ROUNDING = 1 / 12  # variance of rounding, codes squared: that of an even distr
 class Judged:
     """The verdict on one frame.
 
-    reason: why it is not part of the picture; "" if it is.
-    copy_of: index of the frame that it is a copy of; None = of none.
-    motion: how it lies against the reference; None = unknown.
-    gain: how many times as bright it is as the reference.
-    error: estimated error of the motion, pixels.
-    agreement: share of the frame that agrees with the reference, 0 to 1.
-    sharpness: amplitude of its fine detail, relative to the reference's at the same places.
+    Attributes
+    ----------
+    reason : str
+        Why it is not part of the picture; "" if it is.
+    copy_of : int | None
+        Index of the frame that it is a copy of; None = of none.
+    motion : Motion | None
+        How it lies against the reference; None = unknown.
+    gain : float
+        How many times as bright it is as the reference.
+    error : float
+        Estimated error of the motion, pixels.
+    agreement : float
+        Share of the frame that agrees with the reference, 0 to 1.
+    sharpness : float
+        Amplitude of its fine detail, relative to the reference's at the same places.
     """
 
     reason: str = ""
@@ -71,8 +90,14 @@ class Judged:
 class Kept:
     """A frame that is merged.
 
-    frame: in units of the reference. motion: how it lies against the reference.
-    agreement: with the reference at each pixel, 0 to 255, uint8 (H, W).
+    Attributes
+    ----------
+    frame : Frame
+        In units of the reference.
+    motion : Motion
+        How it lies against the reference.
+    agreement : ByteArray
+        With the reference at each pixel, 0 to 255, uint8 (H, W).
     """
 
     frame: Frame
@@ -84,10 +109,17 @@ class Kept:
 class Comparison:
     """The reference of a burst, and how the other frames compare with it.
 
-    reference: its index.
-    cleaned: its samples, defects mended and highlights restored; `lost` where no other frame has seen its light.
-    frames: what became of each frame, in the order given.
-    kept: the reference and the frames that are used.
+    Attributes
+    ----------
+    reference : int
+        Its index.
+    cleaned : Cleaned
+        Its samples, defects mended and highlights restored; `lost` where no other frame has seen
+        its light.
+    frames : list[Judged]
+        What became of each frame, in the order given.
+    kept : list[Kept]
+        The reference and the frames that are used.
     """
 
     reference: int
@@ -97,44 +129,75 @@ class Comparison:
 
 
 def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, int]:
-    """The index of each frame whose samples are those of another one, and that of the frame which stays: the first of them.
+    """The index of each frame whose samples are those of another one, and that of the frame which
+    stays: the first of them.
 
     Their noise is the same, and does not fall when they are merged.
 
-    frames: of any cameras and sizes. reference: index of a frame that stays, whatever it is a copy of; None = of any.
+    Parameters
+    ----------
+    frames : Sequence[Mosaic]
+        Of any cameras and sizes.
+    reference : int | None, optional
+        Index of a frame that stays, whatever it is a copy of; None = of any.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline.burst import copies
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-    >>> one, other = (np.random.default_rng(seed).integers(5000, 6000, (24, 36), np.uint16) for seed in (1, 2))
-    >>> copies([Mosaic(codes, CfaPattern.bayer(6), SensorCalibration()) for codes in (one, other, one.copy())])
+    >>> one, other = (np.random.default_rng(seed).integers(5000, 6000, (24, 36), np.uint16) for seed
+    in (1, 2))
+    >>> copies([Mosaic(codes, CfaPattern.bayer(6), SensorCalibration()) for codes in (one, other,
+    one.copy())])
     {2: 0}
     """
     originals: dict[object, int] = {}
     original_of = {}
     for number in sorted(range(len(frames)), key=lambda index: index != reference):
         samples = np.ascontiguousarray(frames[number].samples)
-        content = frames[number].pattern, samples.shape, samples.dtype.str, hashlib.sha256(samples.data).digest()
+        content = (
+            frames[number].pattern,
+            samples.shape,
+            samples.dtype.str,
+            hashlib.sha256(samples.data).digest(),
+        )
         original_of[number] = originals.setdefault(content, number)
     return {number: original for number, original in original_of.items() if original != number}
 
 
 def compared(
-    shots: Sequence[Mosaic], settings: RenderSettings, progress: Progress, reference: int | None, motions: Sequence[Motion] | None
+    shots: Sequence[Mosaic],
+    settings: RenderSettings,
+    progress: Progress,
+    reference: int | None,
+    motions: Sequence[Motion] | None,
 ) -> Comparison:
-    """Compare all frames with the reference: the one that is named, or the best that most others agree with.
+    """Compare all frames with the reference: the one that is named, or the best that most others
+    agree with.
 
-    motions: where the reference's points lie in each frame, if that is known.
+    Parameters
+    ----------
+    motions : Sequence[Motion] | None
+        Where the reference's points lie in each frame, if that is known.
     """
     models = noise_models(shots, settings.noise)
-    frames = [frame_of(mend_frame(shot, model, settings), settings) for shot, model in zip(shots, models, strict=True)]
+    frames = [
+        frame_of(mend_frame(shot, model, settings), settings)
+        for shot, model in zip(shots, models, strict=True)
+    ]
     known: Sequence[Motion | None] = motions or [None] * len(shots)
     tried = list[Comparison]()
     for number in candidates_of(frames) if reference is None else [reference]:
         progress.stage("aligning", len(frames))
-        # Samples are mended again: to keep those of all frames takes more memory than anything else here.
-        cleaned = restore_frame(mend_frame(shots[number], models[number], settings), settings, SILENT)
-        base = replace(frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance))
+        # Samples are mended again: to keep those of all frames takes more memory than anything else
+        # here.
+        cleaned = restore_frame(
+            mend_frame(shots[number], models[number], settings), settings, SILENT
+        )
+        base = replace(
+            frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance)
+        )
         compared_with, verdicts, kept = Reference(shots[number], base), list[Judged](), list[Kept]()
         for index, (shot, frame, motion) in enumerate(zip(shots, frames, known, strict=True)):
             progress.advance()
@@ -147,15 +210,25 @@ def compared(
         for other in kept:
             np.maximum(agreed, other.agreement, out=agreed)
         agrees = (255 - np.rint((1 - unclipped(base)) * agreed)).astype(np.uint8)
-        cleaned = replace(cleaned, lost=None if cleaned.lost is None else np.minimum(cleaned.lost, agrees))
+        cleaned = replace(
+            cleaned, lost=None if cleaned.lost is None else np.minimum(cleaned.lost, agrees)
+        )
         tried.append(Comparison(number, cleaned, verdicts, [Kept(base, Motion(), agrees), *kept]))
         if 2 * len(tried[-1].kept) > len(shots):
             break
     return max(tried, key=lambda comparison: len(comparison.kept))
 
 
-def judge(reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | None) -> tuple[Judged, Kept | None]:
-    """Return the verdict on a frame, and what is merged of it; None = nothing. motion: against the reference; None = unknown."""
+def judge(
+    reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | None
+) -> tuple[Judged, Kept | None]:
+    """Return the verdict on a frame, and what is merged of it; None = nothing.
+
+    Parameters
+    ----------
+    motion : Motion | None
+        Against the reference; None = unknown.
+    """
     if reason := misfit(shot, reference.shot) or emptiness(frame):
         return Judged(reason, motion), None
     aligned = align(reference.frame, frame) if motion is None else Alignment(motion)
@@ -170,7 +243,10 @@ def judge(reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | Non
     share = float(agrees.mean()) / 255
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
-        detail = f"{100 * sharpness:.0f} % of the reference's detail, at least {100 * _LEAST_SHARPNESS:.0f} %"
+        detail = (
+            f"{100 * sharpness:.0f} % of the reference's detail, at least "
+            f"{100 * _LEAST_SHARPNESS:.0f} %"
+        )
         reason = f"is out of focus or shaken: {detail} must be there"
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
@@ -181,14 +257,21 @@ def judge(reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | Non
 
 
 def misfit(frame: Mosaic, reference: Mosaic) -> str:
-    """Why two shots are not of one burst; "" if they may be. Codes may differ, as long as the scene units are the same."""
+    """Why two shots are not of one burst; "" if they may be. Codes may differ, as long as the scene
+    units are the same.
+    """
     if frame.shape != reference.shape:
-        return "has {1} x {0} pixels, the reference {3} x {2}".format(*frame.shape, *reference.shape)
+        return "has {1} x {0} pixels, the reference {3} x {2}".format(
+            *frame.shape, *reference.shape
+        )
     if frame.pattern != reference.pattern:
         return "has another filter pattern than the reference"
     own, other = frame.calibration, reference.calibration
     if own.channels != other.channels or not np.allclose(own.gamma, other.gamma, rtol=1e-3):
-        return "was taken with another camera: its channels, or their weights (gamma), are not those of the reference"
+        return (
+            "was taken with another camera: its channels, or their weights (gamma), are not "
+            "those of the reference"
+        )
     return ""
 
 
@@ -202,10 +285,14 @@ def emptiness(frame: Frame) -> str:
 
 
 def candidates_of(frames: Sequence[Frame]) -> list[int]:
-    """The frames that may be the reference, the best first: neither clipped nor dark, and sharp; of frames that tie, the first."""
+    """The frames that may be the reference, the best first: neither clipped nor dark, and sharp; of
+    frames that tie, the first.
+    """
     usable, sharpness = np.zeros((2, len(frames)))
     for number, frame in enumerate(frames):
-        usable[number] = ((frame.luminance < CLIPPED * frame.limit) & (frame.luminance > _floor(frame))).mean()
+        usable[number] = (
+            (frame.luminance < CLIPPED * frame.limit) & (frame.luminance > _floor(frame))
+        ).mean()
         power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
         amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5 / max(_level(frame), TINY)
         sharpness[number] = 0 if emptiness(frame) else amplitude
@@ -231,16 +318,23 @@ def _floor(frame: View) -> float:
 
 
 def _detail(view: View, visible: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Power of fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0 where not all is visible."""
+    """Power of fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0
+    where not all is visible.
+    """
     fine = smoothed(view.luminance, _FINE) - smoothed(view.luminance, _COARSE)
     whole, coarse = _tile_means(visible) == 1, gaussian(_COARSE).astype(np.float64)
     taps = np.pad(gaussian(_FINE).astype(np.float64), (len(coarse) - len(gaussian(_FINE))) // 2)
-    of_noise = np.float32(np.square(np.outer(taps, taps) - np.outer(coarse, coarse)).sum())  # share of white noise that is left
-    return _tile_means(np.square(fine)) * whole, of_noise * _tile_means(view.variance(view.luminance)) * whole
+    # share of white noise that is left
+    of_noise = np.float32(np.square(np.outer(taps, taps) - np.outer(coarse, coarse)).sum())
+    return _tile_means(np.square(fine)) * whole, of_noise * _tile_means(
+        view.variance(view.luminance)
+    ) * whole
 
 
 def _sharpness(reference: View, frame: View, visible: BoolArray) -> float:
-    """Amplitude of the frame's fine detail relative to the reference's: the median over tiles, which count by it."""
+    """Amplitude of the frame's fine detail relative to the reference's: the median over tiles,
+    which count by it.
+    """
     (own, own_noise), (other, other_noise) = (_detail(view, visible) for view in (reference, frame))
     clear = own - own_noise > _DETAIL * np.maximum(own_noise, other_noise) + TINY
     if not clear.any():
@@ -251,8 +345,12 @@ def _sharpness(reference: View, frame: View, visible: BoolArray) -> float:
 
 
 def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
-    """Difference of the light of a quarter of the tiles from what the exposure explains, a share of it."""
-    share, own, other = (_tile_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance))
+    """Difference of the light of a quarter of the tiles from what the exposure explains, a share of
+    it.
+    """
+    share, own, other = (
+        _tile_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance)
+    )
     lit = (share > 0.5) & (own > _LIT * _floor(reference) * share) & (other > 0)
     if not lit.any():
         return 0.0
@@ -269,16 +367,24 @@ def _tile_means(plane: FloatArray | BoolArray) -> FloatArray:
 
 
 def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[NoiseModel | None]:
-    """The noise of each frame of a burst, scene units of the frame; None = there is none, or it is unknown in all of them.
+    """The noise of each frame of a burst, scene units of the frame; None = there is none, or it is
+    unknown in all of them.
 
-    A frame without a calibrated model has that of another frame. If none is calibrated, or all state no noise, frames of one
-    sensitivity (ISO) share one estimate. No model states so little noise that its frame would take all the weight, nor less than
-    rounding to codes makes.
+    A frame without a calibrated model has that of another frame. If none is calibrated, or all
+    state no noise, frames of one sensitivity (ISO) share one estimate. No model states so little
+    noise that its frame would take all the weight, nor less than rounding to codes makes.
     """
     known = [mosaic.calibration.noise for mosaic in mosaics]
-    if settings.estimate and None in known and not any(model and any(model.shot + model.read) for model in known):
+    if (
+        settings.estimate
+        and None in known
+        and not any(model and any(model.shot + model.read) for model in known)
+    ):
         speeds = [mosaic.metadata.iso for mosaic in mosaics]
-        alike = {iso: [mosaic for mosaic, its in zip(mosaics, speeds, strict=True) if its == iso] for iso in speeds}
+        alike = {
+            iso: [mosaic for mosaic, its in zip(mosaics, speeds, strict=True) if its == iso]
+            for iso in speeds
+        }
         estimates = {iso: estimate_noise(*group) for iso, group in alike.items()}
         known = [estimates[iso] for iso in speeds]
     other = next((model for model in known if model), None)
@@ -295,13 +401,21 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
 
 
 def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Cleaned:
-    """A frame without shading and defects. noise: see `noise_models`.
+    """A frame without shading and defects.
 
-    Frames are compared without shading, because a thing must look the same in the middle and in a corner. So samples may be
-    saturated from the level on at which those at the brightest place of the frame are.
+    Frames are compared without shading, because a thing must look the same in the middle and in a
+    corner. So samples may be saturated from the level on at which those at the brightest place of
+    the frame are.
+
+    Parameters
+    ----------
+    noise : NoiseModel | None
+        See `noise_models`.
     """
     calibration, shading = mosaic.calibration, mosaic.calibration.shading
-    known = replace(mosaic, calibration=replace(calibration, noise=noise and noise.possible())).in_scene_units()
+    known = replace(
+        mosaic, calibration=replace(calibration, noise=noise and noise.possible())
+    ).in_scene_units()
     bare = replace(known, calibration=replace(known.calibration, shading=None))
     limit = clipping_level(mosaic) * (min(float(shading.sketch.min()), 1.0) if shading else 1.0)
     return mend_defects(Cleaned(bare, limit, estimated=calibration.noise is None), settings.defects)
@@ -310,4 +424,6 @@ def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSetting
 def frame_of(cleaned: Cleaned, settings: RenderSettings) -> Frame:
     """A frame as it is compared and merged."""
     luminance = recover_luminance(cleaned.mosaic, settings.luminance)
-    return Frame(luminance, cleaned.noise, cleaned.clipping, colours=cleaned.sites.of(cleaned.signal))
+    return Frame(
+        luminance, cleaned.noise, cleaned.clipping, colours=cleaned.sites.of(cleaned.signal)
+    )

@@ -1,6 +1,8 @@
-"""Types of what kernels take: NumPy's for type checkers, and with the number of axes, from which Numba knows what to compile.
+"""Types of what kernels take: NumPy's for type checkers, and with the number of axes, from which
+Numba knows what to compile.
 
-A digit is the number of axes. Arrays are contiguous, except where a part of kernels is given a section of one.
+A digit is the number of axes. Arrays are contiguous, except where a part of kernels is given a
+section of one.
 """
 
 from typing import Annotated, Any, TypeAlias
@@ -17,7 +19,9 @@ Floats2 = Annotated[FloatArray, types.float32[:, ::1]]
 Floats3 = Annotated[FloatArray, types.float32[:, :, ::1]]
 Floats4 = Annotated[FloatArray, types.float32[:, :, :, ::1]]
 Frozen2 = Annotated[FloatArray, Floats2.__metadata__[0].copy(readonly=True)]
-"""Float32 that a kernel does not write, so that it may be given an array that must not be written; so is `Frozen3`."""
+"""Float32 that a kernel does not write, so that it may be given an array that must not be written;
+so is `Frozen3`.
+"""
 Frozen3 = Annotated[FloatArray, Floats3.__metadata__[0].copy(readonly=True)]
 Doubles1 = Annotated[DoubleArray, types.float64[::1]]
 Doubles2 = Annotated[DoubleArray, types.float64[:, ::1]]

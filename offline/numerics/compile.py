@@ -1,8 +1,10 @@
-"""Kernels: loops compiled by Numba, once per machine, that run in threads; and their cache on the disk.
+"""Kernels: loops compiled by Numba, once per machine, that run in threads; and their cache on the
+disk.
 
-Kernels are compiled for the types that their annotations name. Numba keeps the machine code in a file beside the source, or in the
-user's cache folder, and compiles again when the file of the kernel has changed; here also when a file of this package has, from
-which every kernel may take functions or constants.
+Kernels are compiled for the types that their annotations name. Numba keeps the machine code in a
+file beside the source, or in the user's cache folder, and compiles again when the file of the
+kernel has changed; here also when a file of this package has, from which every kernel may take
+functions or constants.
 
 Only public interfaces of Numba are used, and nothing global is changed.
 """
@@ -14,7 +16,17 @@ from contextvars import ContextVar
 from functools import cache
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, Concatenate, Generic, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Concatenate,
+    Generic,
+    ParamSpec,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numba
 import numpy as np
@@ -28,28 +40,37 @@ from .pieces import in_pieces
 F = TypeVar("F", bound=Callable[..., Any])
 P = ParamSpec("P")
 
-# Fused multiply-add, but nothing that changes the order of a sum: a kernel's result must not depend on where a row begins.
+# Fused multiply-add, but nothing that changes the order of a sum: a kernel's result must not depend
+# on where a row begins.
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
 _compiling = threading.Lock()
 _listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("listeners", default=())
 
 Pieces = Pair
-"""First piece and end, which every kernel takes before all other arguments: what it computes in one call."""
+"""First piece and end, which every kernel takes before all other arguments: what it computes in one
+call.
+"""
 
 LITTLE = 1 << 15
-"""A kernel none of whose arrays has more elements runs in the thread that calls it: to wake others costs more than it saves."""
-# Elements of the largest array per call: some milliseconds, and tenths of a second for the slowest kernels.
+"""A kernel none of whose arrays has more elements runs in the thread that calls it: to wake others
+costs more than it saves.
+"""
+# Elements of the largest array per call: some milliseconds, and tenths of a second for the slowest
+# kernels.
 _TOGETHER = 1 << 18
 
 
 class ParallelKernel(Generic[P]):
-    """A function that stages call. It is compiled, or read from the disk, when it is first called, for the types it names alone.
+    """A function that stages call. It is compiled, or read from the disk, when it is first called,
+    for the types it names alone.
 
-    Arguments of other types are converted if that is possible: an array that may be written can stand for one that may not, but
-    float64 never for float32. Otherwise a call raises TypeError.
+    Arguments of other types are converted if that is possible: an array that may be written can
+    stand for one that may not, but float64 never for float32. Otherwise a call raises TypeError.
     """
 
-    def __init__(self, function: Callable[Concatenate[Pieces, P], None], pieces: Callable[..., int]) -> None:
+    def __init__(
+        self, function: Callable[Concatenate[Pieces, P], None], pieces: Callable[..., int]
+    ) -> None:
         self._function, self._pieces = function, pieces
         self._compiled: Callable[..., None] | None = None
 
@@ -68,7 +89,9 @@ class ParallelKernel(Generic[P]):
         in_pieces(lambda *part: compiled(part, *arguments), pieces, together)
 
     def compile(self) -> Callable[..., None]:
-        """Read the machine code from the disk, or compile it and keep it there; return the function."""
+        """Read the machine code from the disk, or compile it and keep it there; return the
+        function.
+        """
         if self._compiled is None:
             with _compiling:
                 if self._compiled is None:
@@ -76,7 +99,9 @@ class ParallelKernel(Generic[P]):
         return self._compiled
 
     def kept(self) -> bool:
-        """True if there is machine code on the disk that is newer than the sources, perhaps of another processor."""
+        """True if there is machine code on the disk that is newer than the sources, perhaps of
+        another processor.
+        """
         newest = max(_newest_source(), Path(self._function.__code__.co_filename).stat().st_mtime)
         return any(path.stat().st_mtime >= newest for path in self._indexes())
 
@@ -109,7 +134,9 @@ class ParallelKernel(Generic[P]):
 
 
 def _folder_of(function: Callable[..., Any]) -> Path:
-    """The folder where Numba keeps a function. Raises RuntimeError when there is none that can be written."""
+    """The folder where Numba keeps a function. Raises RuntimeError when there is none that can be
+    written.
+    """
     return Path(numba.njit(cache=True)(function).stats.cache_path)
 
 
@@ -129,7 +156,9 @@ def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
 
 
 def _numba_type(annotation: Any) -> Any:
-    """Numba's type of an argument: an int, a float, one of `arrays`, or a tuple or named tuple of such."""
+    """Numba's type of an argument: an int, a float, one of `arrays`, or a tuple or named tuple of
+    such.
+    """
     if hasattr(annotation, "_fields"):
         fields = get_type_hints(annotation, include_extras=True).values()
         return types.BaseTuple.from_types(tuple(map(_numba_type, fields)), annotation)
@@ -147,9 +176,11 @@ kernels: dict[str, ParallelKernel[...]] = {}
 def kernel(function: F) -> F:
     """Make a function a part of the kernels that call it.
 
-    Parts are not kept on the disk: who compiles a kernel compiles its parts, and so two programs never write the same file.
+    Parts are not kept on the disk: who compiles a kernel compiles its parts, and so two programs
+    never write the same file.
 
-    In kernels and parts copy arrays element by element: for each `a[:] = b` Numba compiles a message about shapes that differ.
+    In kernels and parts copy arrays element by element: for each `a[:] = b` Numba compiles a
+    message about shapes that differ.
     """
     part: F = numba.njit(**_OPTIONS)(function)
     return part
@@ -162,12 +193,16 @@ def _length_of_last(*arguments: Any) -> int:
 def parallel_kernel(
     pieces: Callable[..., int] = _length_of_last,
 ) -> Callable[[Callable[Concatenate[Pieces, P], None]], Callable[P, None]]:
-    """Compile a function when it is first called, once per machine, and let threads call it for different pieces.
+    """Compile a function when it is first called, once per machine, and let threads call it for
+    different pieces.
 
     It is compiled for the types that its annotations name (see `arrays`).
 
-    pieces: the number of pieces, from the arguments after the first; by default the length of the last one, which is written. A
-        call computes those from the first of its `Pieces` to the end.
+    Parameters
+    ----------
+    pieces : Callable[..., int], optional
+        The number of pieces, from the arguments after the first; by default the length of the last
+        one, which is written. A call computes those from the first of its `Pieces` to the end.
     """
 
     def decorate(function: Callable[Concatenate[Pieces, P], None]) -> Callable[P, None]:
@@ -178,8 +213,15 @@ def parallel_kernel(
 
 
 def kernel_cache() -> Path:
-    """The folder in which compiled kernels are kept. Raises RuntimeError when there is no folder that can be written.
+    """The folder in which compiled kernels are kept.
 
+    Raises
+    ------
+    RuntimeError
+        When there is no folder that can be written.
+
+    Examples
+    --------
     >>> from panchroma.offline import kernel_cache
     >>> kernel_cache().is_absolute()
     True
@@ -189,17 +231,20 @@ def kernel_cache() -> Path:
 
 @contextmanager
 def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
-    """Call `begins(number, most)` before a kernel is compiled inside the `with` block, because it is new to this machine.
+    """Call `begins(number, most)` before a kernel is compiled inside the `with` block, because it
+    is new to this machine.
 
-    number: this is the `number`-th kernel that is ready or in work; those that a stage calls count, not their parts.
-    most: how many there are in all. Not every render needs all of them.
+    number: this is the `number`-th kernel that is ready or in work; those that a stage calls count,
+    not their parts. most: how many there are in all. Not every render needs all of them.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.offline import PAPER, compilation, render
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
-    >>> with compilation(lambda number, most: print("compiling", number, "of", most)):  # nothing if all are in the cache
-    ...     rendering = render(mosaic, PAPER)
+    >>> with compilation(lambda number, most: print("compiling", number, "of", most)):
+    ...     rendering = render(mosaic, PAPER)  # prints nothing if all kernels are in the cache
     """
     token = _listeners.set((*_listeners.get(), begins))
     try:

@@ -4,13 +4,15 @@ Fields x_f of a region solve, at every pixel n with its neighbours n',
 
     diagonal_f[n] x_f[n] - sum_n' link[n, n'] x_f[n'] = right side_f[n].
 
-The preconditioner is the diagonal; equations may come scaled to a diagonal of one, so that there is none to read. Every field takes
-steps of its own.
+The preconditioner is the diagonal; equations may come scaled to a diagonal of one, so that there is
+none to read. Every field takes steps of its own.
 
-A region lies in planes with two rows of zeros above and below. Rows follow each other without a gap: the neighbours of an element
-lie at constant distances from it, and those beyond the left and right edge belong to other rows, so that links to them have to be
-zero. Links are read once for `TOGETHER` fields. Sums run down columns first: compilers vectorise that without changing the order.
-Indices are unsigned: a signed one is tested for being negative, which keeps loops from being vectorised.
+A region lies in planes with two rows of zeros above and below. Rows follow each other without a
+gap: the neighbours of an element lie at constant distances from it, and those beyond the left and
+right edge belong to other rows, so that links to them have to be zero. Links are read once for
+`TOGETHER` fields. Sums run down columns first: compilers vectorise that without changing the order.
+Indices are unsigned: a signed one is tested for being negative, which keeps loops from being
+vectorised.
 """
 
 import math
@@ -24,7 +26,9 @@ from .compile import kernel
 from .functions import unset, zeros
 
 TOGETHER = 3
-"""Fields that are multiplied together; their number is a multiple of it, those too many are zero."""
+"""Fields that are multiplied together; their number is a multiple of it, those too many are
+zero.
+"""
 BORDER = 2
 """Rows of zeros above a region, and below it."""
 _WIDTH = 16  # elements: rows are a multiple of it, so that loops over them have no rest
@@ -35,8 +39,13 @@ _ZERO, _ONE, _NEXT = np.float32(0), np.float32(1), np.uintp(1)
 class System(NamedTuple):
     """The equations.
 
-    links: (4, ...), 0 or more, from each pixel to the one on its right, below, below right and below left.
-    diagonal: (F, ...), or none: 1.
+    Attributes
+    ----------
+    links : Floats3
+        (4, ...), 0 or more, from each pixel to the one on its right, below, below right and below
+        left.
+    diagonal : Floats3
+        (F, ...), or none: 1.
     """
 
     links: Floats3
@@ -46,8 +55,12 @@ class System(NamedTuple):
 class Limits(NamedTuple):
     """Bounds of a solver.
 
-    tolerance: norm of the residual that is small enough, relative to a given one.
-    iterations: the most that are allowed.
+    Attributes
+    ----------
+    tolerance : float
+        Norm of the residual that is small enough, relative to a given one.
+    iterations : int
+        The most that are allowed.
     """
 
     tolerance: float
@@ -91,7 +104,12 @@ def cut(links: Floats3, size: Pair) -> None:
 @kernel
 def linked_sum(links: Floats3, values: Floats2, out: Floats2) -> None:
     """Write the sum of the neighbours' values, each times the link to it."""
-    flat, x, sums, (_, rows, width) = links.reshape(-1), values.reshape(-1), out.reshape(-1), links.shape
+    flat, x, sums, (_, rows, width) = (
+        links.reshape(-1),
+        values.reshape(-1),
+        out.reshape(-1),
+        links.shape,
+    )
     below, plane = np.uintp(width), np.uintp(rows * width)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
@@ -111,25 +129,46 @@ def product(one: Floats2, other: Floats2) -> float:
 
 
 @kernel
-def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, norm: float) -> tuple[float, int]:
+def solve(
+    system: System, residual: Floats3, solution: Floats3, limits: Limits, norm: float
+) -> tuple[float, int]:
     """Improve a solution until its residual is small enough.
 
-    residual: (F, ...), right side minus matrix times `solution`; changed.
-    solution: (F, ...), changed.
-    norm: squared norm to which the largest residual is relative, in that of the preconditioner; 0 = that of the start.
-    Returns the norm of the largest residual, relative to `norm`, and the iterations used. NaN if a value is not finite.
+    NaN if a value is not finite.
+
+    Parameters
+    ----------
+    residual : Floats3
+        (F, ...), right side minus matrix times `solution`; changed.
+    solution : Floats3
+        (F, ...), changed.
+    norm : float
+        Squared norm to which the largest residual is relative, in that of the preconditioner; 0 =
+        that of the start.
+
+    Returns
+    -------
+    tuple[float, int]
+        The norm of the largest residual, relative to `norm`, and the iterations used.
     """
     count, scaled = len(residual), len(system.diagonal) == 0
-    # Together, so that planes do not lie a multiple of a page apart: those would share lines of the cache.
+    # Together, so that planes do not lie a multiple of a page apart: those would share lines of the
+    # cache.
     work = zeros((2 if scaled else 3) * count, *residual.shape[1:])
-    direction, applied, better = work[:count], work[count : 2 * count], residual if scaled else work[2 * count :]
+    direction, applied, better = (
+        work[:count],
+        work[count : 2 * count],
+        residual if scaled else work[2 * count :],
+    )
     inverse = _inverses(system.diagonal)
     steps, squared, before = np.zeros(count), np.zeros(count), np.zeros(count)
     used = 0
     while True:
         for field in range(count):
             step = np.float32(steps[field])
-            squared[field] = _advance(solution[field], residual[field], direction[field], applied[field], step)
+            squared[field] = _advance(
+                solution[field], residual[field], direction[field], applied[field], step
+            )
             if not scaled:
                 _precondition(residual[field], inverse[field], better[field])
                 squared[field] = product(residual[field], better[field])
@@ -139,7 +178,11 @@ def solve(system: System, residual: Floats3, solution: Floats3, limits: Limits, 
             return math.sqrt(worst / norm) if norm != 0 else 0.0, used
         used += 1
         for field in range(count):
-            _turn(direction[field], better[field], np.float32(squared[field] / before[field] if before[field] > 0 else 0))
+            _turn(
+                direction[field],
+                better[field],
+                np.float32(squared[field] / before[field] if before[field] > 0 else 0),
+            )
         _multiply(system.links, _ONE if scaled else _ZERO, direction, applied)
         for field in range(count):
             if not scaled:
@@ -174,7 +217,10 @@ def _multiply(links: Floats3, diagonal: Scalar, values: Floats3, product: Floats
     (count, rows, width), flat = values.shape, links.reshape(-1)
     below, plane = np.uintp(width), np.uintp(rows * width)
     for group in range(0, count, TOGETHER):
-        x, out = values[group : group + TOGETHER].reshape(-1), product[group : group + TOGETHER].reshape(-1)
+        x, out = (
+            values[group : group + TOGETHER].reshape(-1),
+            product[group : group + TOGETHER].reshape(-1),
+        )
         for row in range(BORDER, rows - BORDER):
             for column in range(width):
                 first = np.uintp(row * width) + np.uintp(column)
@@ -214,9 +260,16 @@ def _around(edges: Edges, values: Floats1, index: Unsigned, below: Unsigned) -> 
 
 
 @kernel
-def _advance(solution: Floats2, residual: Floats2, direction: Floats2, applied: Floats2, step: Scalar) -> float:
+def _advance(
+    solution: Floats2, residual: Floats2, direction: Floats2, applied: Floats2, step: Scalar
+) -> float:
     """Go a step. Returns the square of the residual."""
-    x, r, p, q = solution.reshape(-1), residual.reshape(-1), direction.reshape(-1), applied.reshape(-1)
+    x, r, p, q = (
+        solution.reshape(-1),
+        residual.reshape(-1),
+        direction.reshape(-1),
+        applied.reshape(-1),
+    )
     (rows, width), sums = solution.shape, zeros(solution.shape[1])
     for row in range(BORDER, rows - BORDER):
         for column in range(width):

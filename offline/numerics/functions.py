@@ -1,4 +1,6 @@
-"""Functions that several kernels call: exp and 1/sqrt that are fast, mirrored indices, aligned arrays."""
+"""Functions that several kernels call: exp and 1/sqrt that are fast, mirrored indices, aligned
+arrays.
+"""
 
 import numpy as np
 
@@ -7,13 +9,19 @@ from .arrays import Area, Pair, Scalar
 from .compile import kernel
 from .lanes import BYTES, WIDTH, Lanes, root_seed
 
-# x^(-1/2) from its seed y: r = x y^2 is within 0.875 .. 0.993, and y times this cubic in r is off by 5.4e-7 at most (minimax fit).
+# x^(-1/2) from its seed y: r = x y^2 is within 0.875 .. 0.993, and y times this cubic in r is off
+# by 5.4e-7 at most (minimax fit).
 _ROOT = tuple(np.float32(c) for c in (2.2662262, -2.4310766, 1.5637192, -0.39887085))
 
-# e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by 9.2e-8 at most (minimax fit). ln 2 in
-# two parts, the first short enough that n times it is exact.
-_PER_LN2, _LN2_HIGH, _LN2_LOW = (np.float32(c) for c in (1.4426950408889634, 0.693359375, -2.12194440e-4))
-_EXP = tuple(np.float32(c) for c in (1.0, 0.9999997072, 0.4999914950, 0.1666763623, 0.0418979339, 0.0082903139))
+# e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by
+# 9.2e-8 at most (minimax fit). ln 2 in two parts, the first short enough that n times it is exact.
+_PER_LN2, _LN2_HIGH, _LN2_LOW = (
+    np.float32(c) for c in (1.4426950408889634, 0.693359375, -2.12194440e-4)
+)
+_EXP = tuple(
+    np.float32(c)
+    for c in (1.0, 0.9999997072, 0.4999914950, 0.1666763623, 0.0418979339, 0.0082903139)
+)
 _ROUND = np.float32(1.5 * 2**23)  # added and taken off again, rounds to an integer
 LEAST_EXPONENT = np.float32(-87.0)  # e^-87 is about the least normal float32
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -21,15 +29,20 @@ ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 @kernel
 def scaled_reciprocal_root(x: Lanes, scale: Scalar) -> Lanes:
-    """A scalar times x^(-1/2), x >= 0; relative error at most 1e-6, and a finite number of 1e18 or more at 0."""
+    """A scalar times x^(-1/2), x >= 0; relative error at most 1e-6, and a finite number of 1e18 or
+    more at 0.
+    """
     y = root_seed(x)
     r = x * y * y
-    return y * (scale * _ROOT[0] + r * (scale * _ROOT[1] + r * (scale * _ROOT[2] + r * (scale * _ROOT[3]))))
+    return y * (
+        scale * _ROOT[0] + r * (scale * _ROOT[1] + r * (scale * _ROOT[2] + r * (scale * _ROOT[3])))
+    )
 
 
 @kernel
 def exponential(x: Scalar) -> Scalar:
-    """e^x, float32, for x up to 87; relative error at most 1e-6. Below -87 it stays at e^-87, never zero.
+    """e^x, float32, for x up to 87; relative error at most 1e-6. Below -87 it stays at e^-87, never
+    zero.
 
     Loops that call it vectorise: with NumPy's they take ten times as long.
     """
@@ -44,7 +57,9 @@ def exponential(x: Scalar) -> Scalar:
 
 @kernel
 def mirrored(index: int, size: int) -> int:
-    """The pixel 0..size-1 that `index` refers to: the border of `shared.arrays.BORDER`, however far outside."""
+    """The pixel 0..size-1 that `index` refers to: the border of `shared.arrays.BORDER`, however far
+    outside.
+    """
     if size == 1:
         return 0
     turn = 2 * size - 2
@@ -54,7 +69,9 @@ def mirrored(index: int, size: int) -> int:
 
 @kernel
 def tile_at(number: int, shape: Pair, tile: Pair) -> Area:
-    """First row, end, first column and end of one of the tiles that cover a shape, row by row: as many as `pieces.tiles` says."""
+    """First row, end, first column and end of one of the tiles that cover a shape, row by row: as
+    many as `pieces.tiles` says.
+    """
     along = (shape[1] + tile[1] - 1) // tile[1]
     top, left = number // along * tile[0], number % along * tile[1]
     return top, min(top + tile[0], shape[0]), left, min(left + tile[1], shape[1])
@@ -62,7 +79,9 @@ def tile_at(number: int, shape: Pair, tile: Pair) -> Area:
 
 @kernel
 def unset(*shape: int) -> FloatArray:
-    """An array of float32, of arbitrary values, aligned to the size of a vector, where reading is fastest."""
+    """An array of float32, of arbitrary values, aligned to the size of a vector, where reading is
+    fastest.
+    """
     size = 1
     for length in shape:
         size *= length

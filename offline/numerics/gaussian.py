@@ -15,16 +15,26 @@ TRUNCATE = 4
 
 
 def gaussian(sigma: float) -> FloatArray:
-    """Taps of a Gaussian, which sum to one: float32, an odd number of them. sigma: > 0, standard deviation in samples."""
+    """Taps of a Gaussian, which sum to one: float32, an odd number of them.
+
+    Parameters
+    ----------
+    sigma : float
+        > 0, standard deviation in samples.
+    """
     radius = int(TRUNCATE * sigma + 0.5)
     taps = np.exp(-(np.arange(-radius, radius + 1) ** 2) / (2 * sigma**2))
     return (taps / taps.sum()).astype(np.float32)
 
 
 def smoothed(planes: NDArray[Any], sigma: float) -> FloatArray:
-    """`planes` (..., rows, columns) convolved with a Gaussian along rows and columns, mirrored at the border; float32.
+    """`planes` (..., rows, columns) convolved with a Gaussian along rows and columns, mirrored at
+    the border; float32.
 
-    sigma: standard deviation in samples; 0 changes nothing.
+    Parameters
+    ----------
+    sigma : float
+        Standard deviation in samples; 0 changes nothing.
     """
     return filtered(planes, gaussian(sigma)) if sigma else np.ascontiguousarray(planes, np.float32)
 
@@ -45,7 +55,14 @@ _STRIP = 64  # rows that one piece of work smooths; chosen for speed
 def smooth(pieces: Pieces, plane: Frozen2, taps: Floats1, out: Floats2) -> None:
     """Smooth a plane along rows and columns; it is mirrored at its border.
 
-    plane: (H, W). taps: of a symmetric filter, an odd number. out: (H, W), written; not `plane` itself.
+    Parameters
+    ----------
+    plane : Frozen2
+        (H, W).
+    taps : Floats1
+        Of a symmetric filter, an odd number.
+    out : Floats2
+        (H, W), written; not `plane` itself.
     """
     for strip in range(pieces[0], pieces[1]):
         smooth_rows(plane, taps, strip * _STRIP, min((strip + 1) * _STRIP, len(plane)), out)

@@ -33,7 +33,9 @@ def interpolated(plane: Floats2, y: Scalar, x: Scalar) -> Scalar:
 
 @kernel
 def cubic_taps(t: Scalar) -> Taps:
-    """Weights of four neighbours (Keys 1981, a = -1/2) for a place 0 <= t < 1 after the second, in the precision of `t`."""
+    """Weights of four neighbours (Keys 1981, a = -1/2) for a place 0 <= t < 1 after the second, in
+    the precision of `t`.
+    """
     half = np.float32(0.5)
     square, cube = t * t, t * t * t
     return (
@@ -45,11 +47,17 @@ def cubic_taps(t: Scalar) -> Taps:
 
 
 @parallel_kernel()
-def interpolate(pieces: Pieces, values: Floats2, first: tuple[float, float], period: int, plane: Floats2) -> None:
+def interpolate(
+    pieces: Pieces, values: Floats2, first: tuple[float, float], period: int, plane: Floats2
+) -> None:
     """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
 
-    values: (rows, columns), the samples; the first lies at the pixel `first`.
-    plane: (H, W), written. Bicubic (Keys 1981, a = -1/2); constant beyond the outermost samples.
+    Parameters
+    ----------
+    values : Floats2
+        (rows, columns), the samples; the first lies at the pixel `first`.
+    plane : Floats2
+        (H, W), written. Bicubic (Keys 1981, a = -1/2); constant beyond the outermost samples.
     """
     width = plane.shape[1]
     rows, columns = values.shape
@@ -68,5 +76,8 @@ def interpolate(pieces: Pieces, values: Floats2, first: tuple[float, float], per
             weights = cubic_taps(at - across)
             total = np.float32(0)
             for tap in range(_TAPS):
-                total += np.float32(weights[tap]) * across_line[min(max(across + tap - 1, 0), columns - 1)]
+                total += (
+                    np.float32(weights[tap])
+                    * across_line[min(max(across + tap - 1, 0), columns - 1)]
+                )
             plane[row, column] = total

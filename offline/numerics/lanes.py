@@ -1,11 +1,14 @@
-"""Explicit SIMD for kernels: sixteen neighbouring float32 of an array that are used like one number.
+"""Explicit SIMD for kernels: sixteen neighbouring float32 of an array that are used like one
+number.
 
-Inside a kernel `load(array, index)` reads them from `index` on along the last axis, +, - and * work on lanes and with float32, and
-`store(array, index, lanes)` writes them. Loops over the elements of a line vectorise, are as fast, and plainer. Lanes are for what
-such loops cannot do: keep sums over many short lines in registers. Without them isolated blocks of holes take 2.4 times as long,
-and discrete cosine transforms twice as long (measured).
+Inside a kernel `load(array, index)` reads them from `index` on along the last axis, +, - and * work
+on lanes and with float32, and `store(array, index, lanes)` writes them. Loops over the elements of
+a line vectorise, are as fast, and plainer. Lanes are for what such loops cannot do: keep sums over
+many short lines in registers. Without them isolated blocks of holes take 2.4 times as long, and
+discrete cosine transforms twice as long (measured).
 
-Nothing is checked: an array must be C-contiguous and have room for all lanes at every index that is used.
+Nothing is checked: an array must be C-contiguous and have room for all lanes at every index that is
+used.
 """
 
 import operator
@@ -26,7 +29,8 @@ Lanes: TypeAlias = Any
 _INTEGER = ir.IntType(32)
 _FLOATS, _INTEGERS = ir.VectorType(ir.FloatType(), WIDTH), ir.VectorType(_INTEGER, WIDTH)
 _UNDEFINED = ir.Constant(_FLOATS, ir.Undefined)
-# A product and a sum may become one instruction, as in every kernel. Nothing assumes finite numbers: spare lanes hold any value.
+# A product and a sum may become one instruction, as in every kernel. Nothing assumes finite
+# numbers: spare lanes hold any value.
 _FLAGS = ("contract",)
 
 
@@ -60,7 +64,9 @@ def _repeated(builder: Any, value: Any, kind: Any) -> Any:
 
 
 def _elementwise(generate: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what `intrinsic` needs for an operation on lanes and float32: its signature, and its code."""
+    """Return what `intrinsic` needs for an operation on lanes and float32: its signature, and its
+    code.
+    """
     if not _fits(*arguments):
         return None
 
@@ -94,7 +100,11 @@ def _pointer(context: Any, builder: Any, signature: Any, values: Any) -> Any:
     """Pointer to the lanes at values[1], an index, of values[0], an array."""
     kind, axes = signature.args[0], signature.args[1]
     single = isinstance(axes, types.Integer)
-    if kind.layout != "C" or kind.dtype != types.float32 or kind.ndim != (1 if single else len(axes)):
+    if (
+        kind.layout != "C"
+        or kind.dtype != types.float32
+        or kind.ndim != (1 if single else len(axes))
+    ):
         raise TypeError(f"no lanes in {kind} at {axes}")
     array = context.make_array(kind)(context, builder, values[0])
     place = values[1] if single else ir.Constant(ir.IntType(64), 0)
@@ -120,7 +130,9 @@ def _store(_: Any, array: Any, index: Any, lanes: Any) -> Any:
 
 
 def _pick(comparison: str) -> Any:
-    return _binary(lambda builder, a, b: builder.select(builder.fcmp_ordered(comparison, a, b), a, b))
+    return _binary(
+        lambda builder, a, b: builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
+    )
 
 
 def _where_less(_: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
@@ -137,7 +149,9 @@ def _root(builder: Any, x: Any) -> Any:
 
 def _seed(builder: Any, x: Any) -> Any:
     halved = builder.lshr(builder.bitcast(x, _INTEGERS), ir.Constant(_INTEGERS, [1] * WIDTH))
-    return builder.bitcast(builder.sub(ir.Constant(_INTEGERS, [0x5F300000] * WIDTH), halved), _FLOATS)
+    return builder.bitcast(
+        builder.sub(ir.Constant(_INTEGERS, [0x5F300000] * WIDTH), halved), _FLOATS
+    )
 
 
 load, store, where_less = intrinsic(_load), intrinsic(_store), intrinsic(_where_less)

@@ -1,9 +1,11 @@
-"""Fields that fit samples and are smooth except across edges of luminance: the minimum of a sum of squares, tile by tile.
+"""Fields that fit samples and are smooth except across edges of luminance: the minimum of a sum of
+squares, tile by tile.
 
-Each field x minimises, with w the weights of its samples and b these times what is sampled, s the smoothness, f the fading, t an
-edge and l the luminance,
+Each field x minimises, with w the weights of its samples and b these times what is sampled, s the
+smoothness, f the fading, t an edge and l the luminance,
 
-    sum_n (w[n] x[n]^2 - 2 b[n] x[n] + f x[n]^2) + sum_nn' s / (1 + ((l[n] - l[n']) / t)^2) (x[n] - x[n'])^2
+    sum_n (w[n] x[n]^2 - 2 b[n] x[n] + f x[n]^2) + sum_nn' s / (1 + ((l[n] - l[n']) / t)^2) (x[n] -
+    x[n'])^2
 
 over neighbours n, n', diagonal ones with half the smoothness.
 """
@@ -27,7 +29,9 @@ _ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
 class Prior(NamedTuple):
-    """Smoothness and fading, relative to the weight of a sample, and the difference of luminance, scene units, that is an edge."""
+    """Smoothness and fading, relative to the weight of a sample, and the difference of luminance,
+    scene units, that is an edge.
+    """
 
     smoothness: float
     fading: float
@@ -35,14 +39,18 @@ class Prior(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Samples of F fields, (F, rows, W): weights, 0 where there are none, and these times the values."""
+    """Samples of F fields, (F, rows, W): weights, 0 where there are none, and these times the
+    values.
+    """
 
     weights: Floats3
     products: Floats3
 
 
 class Extent(NamedTuple):
-    """First and end row to solve, where tiles begin at the first; pixels around a tile that are solved with it; tolerance."""
+    """First and end row to solve, where tiles begin at the first; pixels around a tile that are
+    solved with it; tolerance.
+    """
 
     first: int
     end: int
@@ -53,8 +61,12 @@ class Extent(NamedTuple):
 class Solution(NamedTuple):
     """Results, written.
 
-    fields: (F, rows, W).
-    residuals, used: (tiles,), relative residual of the worst field, and iterations.
+    Attributes
+    ----------
+    fields : Floats3
+        (F, rows, W).
+    residuals, used : Doubles1, Ints1
+        (tiles,), relative residual of the worst field, and iterations.
     """
 
     fields: Floats3
@@ -62,15 +74,31 @@ class Solution(NamedTuple):
     used: Ints1
 
 
-def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent, solver: str, progress: Progress) -> FloatArray:
+def fitted(
+    luminance: FloatArray,
+    samples: Samples,
+    prior: Prior,
+    extent: Extent,
+    solver: str,
+    progress: Progress,
+) -> FloatArray:
     """Fields of some rows of a part of the picture, float32 (F, rows, W).
 
-    luminance: (rows, W), of the part.
-    solver: its name, for progress. Raises ConvergenceError when conjugate gradients do not reach their tolerance.
+    Parameters
+    ----------
+    luminance : FloatArray
+        (rows, W), of the part.
+    solver : str
+        Its name, for progress. Raises ConvergenceError when conjugate gradients do not reach their
+        tolerance.
     """
     rows, width = extent.end - extent.first, luminance.shape[1]
     tiles = -(-rows // TILE) * -(-width // TILE)
-    solution = Solution(np.empty((len(samples.weights), rows, width), np.float32), np.empty(tiles), np.empty(tiles, np.intp))
+    solution = Solution(
+        np.empty((len(samples.weights), rows, width), np.float32),
+        np.empty(tiles),
+        np.empty(tiles, np.intp),
+    )
     contiguous = Samples(*map(np.ascontiguousarray, samples))
     solve_tiles(np.ascontiguousarray(luminance), contiguous, prior, extent, solution)
     report(progress, solver, solution.used, solution.residuals, extent.tolerance)
@@ -78,17 +106,32 @@ def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent
 
 
 @parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
-def solve_tiles(pieces: Pieces, luminance: Frozen2, samples: Samples, prior: Prior, extent: Extent, solution: Solution) -> None:
+def solve_tiles(
+    pieces: Pieces,
+    luminance: Frozen2,
+    samples: Samples,
+    prior: Prior,
+    extent: Extent,
+    solution: Solution,
+) -> None:
     """Solve the tiles of some rows, see `fitted`."""
     height, width = luminance.shape
     for number in range(pieces[0], pieces[1]):
         top, bottom, left, end = tile_at(number, (extent.end - extent.first, width), (TILE, TILE))
-        above, below = max(extent.first + top - extent.halo, 0), min(extent.first + bottom + extent.halo, height)
+        above, below = (
+            max(extent.first + top - extent.halo, 0),
+            min(extent.first + bottom + extent.halo, height),
+        )
         before, after = max(left - extent.halo, 0), min(end + extent.halo, width)
         links = zeros(4, below - above, after - before)
         link(luminance[above:below, before:after], prior, links)
-        weights, products = samples.weights[:, above:below, before:after], samples.products[:, above:below, before:after]
-        fields, residual, used = _solved(weights, products, links, np.float32(prior.fading), extent.tolerance)
+        weights, products = (
+            samples.weights[:, above:below, before:after],
+            samples.products[:, above:below, before:after],
+        )
+        fields, residual, used = _solved(
+            weights, products, links, np.float32(prior.fading), extent.tolerance
+        )
         solution.residuals[number], solution.used[number] = residual, used
         for field in range(len(weights)):
             for row in range(top, bottom):
@@ -99,29 +142,47 @@ def solve_tiles(pieces: Pieces, luminance: Frozen2, samples: Samples, prior: Pri
 
 @kernel
 def link(light: Floats2, prior: Prior, links: Floats3) -> None:
-    """Write how much each pixel is to be like those to the right, below, below right and below left; little across edges.
+    """Write how much each pixel is to be like those to the right, below, below right and below
+    left; little across edges.
 
-    links: (4, H, W), zeros at first.
+    Parameters
+    ----------
+    links : Floats3
+        (4, H, W), zeros at first.
     """
-    smoothness, per_edge, rows = np.float32(prior.smoothness), np.float32(1 / prior.edge**2), len(light)
+    smoothness, per_edge, rows = (
+        np.float32(prior.smoothness),
+        np.float32(1 / prior.edge**2),
+        len(light),
+    )
     for row in range(rows):
         _link_row(light[row, :-1], light[row, 1:], smoothness, per_edge, links[0, row])
         if row + 1 < rows:
             _link_row(light[row], light[row + 1], smoothness, per_edge, links[1, row])
-            _link_row(light[row, :-1], light[row + 1, 1:], _HALF * smoothness, per_edge, links[2, row])
-            _link_row(light[row, 1:], light[row + 1, :-1], _HALF * smoothness, per_edge, links[3, row, 1:])
+            _link_row(
+                light[row, :-1], light[row + 1, 1:], _HALF * smoothness, per_edge, links[2, row]
+            )
+            _link_row(
+                light[row, 1:], light[row + 1, :-1], _HALF * smoothness, per_edge, links[3, row, 1:]
+            )
 
 
 @kernel
-def _link_row(here: Floats1, there: Floats1, weight: Scalar, per_edge: Scalar, links: Floats1) -> None:
+def _link_row(
+    here: Floats1, there: Floats1, weight: Scalar, per_edge: Scalar, links: Floats1
+) -> None:
     for column in range(len(here)):
         step = there[column] - here[column]
         links[column] = weight / (_ONE + step * step * per_edge)
 
 
 @kernel
-def _solved(weights: Floats3, products: Floats3, links: Floats3, fading: Scalar, tolerance: float) -> tuple[FloatArray, float, int]:
-    """The fields of a region, in planes of `conjugate_gradients`, its relative residual and the iterations used."""
+def _solved(
+    weights: Floats3, products: Floats3, links: Floats3, fading: Scalar, tolerance: float
+) -> tuple[FloatArray, float, int]:
+    """The fields of a region, in planes of `conjugate_gradients`, its relative residual and the
+    iterations used.
+    """
     parts, rows, columns = weights.shape
     count = (parts + TOGETHER - 1) // TOGETHER * TOGETHER
     graph, degree = planes(4, (rows, columns)), planes(1, (rows, columns))[0]
@@ -140,7 +201,9 @@ def _solved(weights: Floats3, products: Floats3, links: Floats3, fading: Scalar,
             line, sums = diagonal[field, row], degree[row]
             for column in range(columns):
                 line[column] += sums[column] + fading
-    left, used = solve(System(graph, diagonal), residual, fields, Limits(tolerance, _ITERATIONS), 0.0)
+    left, used = solve(
+        System(graph, diagonal), residual, fields, Limits(tolerance, _ITERATIONS), 0.0
+    )
     return fields, left, used
 
 

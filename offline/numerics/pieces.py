@@ -1,8 +1,8 @@
 """Distribution of work among threads, in pieces that do not depend on each other.
 
-The thread that calls works too. The others are started for each call, which takes 0.1 ms, and end with it: threads that stay would
-be lost in a child made by fork, and keep a program from ending that is interrupted while one starts. Several threads may call at a
-time.
+The thread that calls works too. The others are started for each call, which takes 0.1 ms, and end
+with it: threads that stay would be lost in a child made by fork, and keep a program from ending
+that is interrupted while one starts. Several threads may call at a time.
 """
 
 import threading
@@ -25,10 +25,18 @@ BLOCK_ROWS = 32
 def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1) -> None:
     """Call `work(first, end)` for ranges that together are 0 to `pieces`, in `threads()` threads.
 
-    together: the most pieces in a range. When an interrupt or an error comes, only ranges that have begun are finished.
     Raises what `work` raises.
+
+    Parameters
+    ----------
+    together : int, optional
+        The most pieces in a range. When an interrupt or an error comes, only ranges that have begun
+        are finished.
     """
-    ranges = zip(range(0, pieces, together), [*range(together, pieces, together), pieces], strict=False)  # shared by all
+    # shared by all
+    ranges = zip(
+        range(0, pieces, together), [*range(together, pieces, together), pieces], strict=False
+    )
     errors: list[BaseException] = []
 
     count = min(threads(), -(-pieces // together))
@@ -45,7 +53,9 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
         finally:
             chosen.count = before
 
-    others = [threading.Thread(target=drain, name="panchroma", daemon=True) for _ in range(count - 1)]
+    others = [
+        threading.Thread(target=drain, name="panchroma", daemon=True) for _ in range(count - 1)
+    ]
     try:
         for other in others:
             other.start()
@@ -66,12 +76,20 @@ def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -
 
 
 def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
-    """A copy of an array: new memory takes as long to get as to write, and every thread gets its part."""
+    """A copy of an array: new memory takes as long to get as to write, and every thread gets its
+    part.
+    """
     made = np.empty(plane.shape, plane.dtype)
     in_strips(lambda rows: np.copyto(made[rows], plane[rows]), len(plane), STRIP // 4)
     return made
 
 
 def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:
-    """Number of tiles that cover a shape, the last of a row and of a column in part. tile: its height and width."""
+    """Number of tiles that cover a shape, the last of a row and of a column in part.
+
+    Parameters
+    ----------
+    tile : tuple[int, int]
+        Its height and width.
+    """
     return -(-shape[0] // tile[0]) * -(-shape[1] // tile[1])

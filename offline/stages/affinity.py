@@ -1,18 +1,23 @@
-"""Affinity of every pixel to the blocks around it (section 3.3, Eqs. 11-13): harmonic fields that edges of luminance cut.
+"""Affinity of every pixel to the blocks around it (section 3.3, Eqs. 11-13): harmonic fields that
+edges of luminance cut.
 
-Edges, Eq. 13: e_h = sum_s |G_hs * l|^2, the energy of horizontal derivatives of luminance l at the scales s, over its mean in the
-K x K patch (errata: the mean, not the sum); e_v alike, and e_d = max(e_h, e_v) along diagonals (errata).
-Weights, Eq. 12: c[n, n'] = exp(-max(e[n], e[n'])), e that of the direction from n to n'.
-Fields, Eq. 11: alpha minimises the sum over neighbours of c[n, n'] (alpha[n] - alpha[n'])^2, with alpha given at the blocks: at all
-other pixels alpha[n] is the mean of its neighbours, weighted by c.
+Edges, Eq. 13: e_h = sum_s |G_hs * l|^2, the energy of horizontal derivatives of luminance l at the
+scales s, over its mean in the K x K patch (errata: the mean, not the sum); e_v alike, and e_d =
+max(e_h, e_v) along diagonals (errata). Weights, Eq. 12: c[n, n'] = exp(-max(e[n], e[n'])), e that
+of the direction from n to n'. Fields, Eq. 11: alpha minimises the sum over neighbours of c[n, n']
+(alpha[n] - alpha[n'])^2, with alpha given at the blocks: at all other pixels alpha[n] is the mean
+of its neighbours, weighted by c.
 
-There is one field per parity class of blocks (even or odd block row and column): 1 at blocks of the class, 0 at all others. The
-four blocks at the corners of a patch belong to four different classes, so the four fields hold every map that the patch needs. They
-sum to one at every pixel, so only three are solved (errata: "three maps out of every four").
+There is one field per parity class of blocks (even or odd block row and column): 1 at blocks of the
+class, 0 at all others. The four blocks at the corners of a patch belong to four different classes,
+so the four fields hold every map that the patch needs. They sum to one at every pixel, so only
+three are solved (errata: "three maps out of every four").
 
-The fields are those of the whole frame, solved region by region. A region is a core of patches and a halo around it, cut where the
-domain ends; cores form a grid that starts with the first patch. Blocks hold the fields at every corner of every patch, so influence
-falls about tenfold with each patch it has to cross: what lies beyond the halo changes the core by less than the solver's tolerance.
+The fields are those of the whole frame, solved region by region. A region is a core of patches and
+a halo around it, cut where the domain ends; cores form a grid that starts with the first patch.
+Blocks hold the fields at every corner of every patch, so influence falls about tenfold with each
+patch it has to cross: what lies beyond the halo changes the core by less than the solver's
+tolerance.
 
 Literally: tests/reference/affinity.py.
 """
@@ -28,7 +33,16 @@ from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.conjugate_gradients import BORDER, Limits, System, cut, linked_sum, planes, product, solve
+from ..numerics.conjugate_gradients import (
+    BORDER,
+    Limits,
+    System,
+    cut,
+    linked_sum,
+    planes,
+    product,
+    solve,
+)
 from ..numerics.functions import exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..numerics.solvers import report
@@ -45,17 +59,25 @@ _SOLVED = CLASSES - 1
 class AffinitySettings(StageSettings):
     """Affinity maps, Eqs. 11-13.
 
-    scales: standard deviations of the derivative filters, pixels (the paper gives none: errata).
-    tolerance, iterations: of conjugate gradients, residual relative to the right-hand side, 0 to 1, and largest number.
+    Attributes
+    ----------
+    scales : Annotated[tuple[float, ...], _SCALES]
+        Standard deviations of the derivative filters, pixels (the paper gives none: errata).
+    tolerance, iterations : Between, Count
+        Of conjugate gradients, residual relative to the right-hand side, 0 to 1, and largest
+        number.
     """
 
     scales: Annotated[tuple[float, ...], _SCALES] = (0.5, 1.0)
     tolerance: Between = 1e-3
-    iterations: Count = 20_000  # photographs take 120 at most; pages without noise, where blocks differ by rounding, took 1056
+    # photographs take 120 at most; pages without noise, where blocks differ by rounding, took 1056
+    iterations: Count = 20_000
 
 
 class Filters(NamedTuple):
-    """Gaussians and their slopes, (scales, reach + 1), at distances 0, 1, ... pixels; at 0 half of them, for each of two sides."""
+    """Gaussians and their slopes, (scales, reach + 1), at distances 0, 1, ... pixels; at 0 half of
+    them, for each of two sides.
+    """
 
     smooth: Floats2
     slope: Floats2
@@ -64,8 +86,13 @@ class Filters(NamedTuple):
 class Frame(NamedTuple):
     """The frame as a domain of whole patches, mirrored beyond its edges.
 
-    luminance: (H, W), scene units.
-    rows, columns: the frame's row at each row of the domain, and its column at each column; the filters' reach more at both ends.
+    Attributes
+    ----------
+    luminance : Floats2
+        (H, W), scene units.
+    rows, columns : Ints1
+        The frame's row at each row of the domain, and its column at each column; the filters' reach
+        more at both ends.
     """
 
     luminance: Floats2
@@ -76,9 +103,14 @@ class Frame(NamedTuple):
 class Regions(NamedTuple):
     """Regions that are solved.
 
-    period: K, pixels.
-    first, end, across: first and end row of their cores, and the columns of the domain, in patches.
-    down, along: patches of a core; `first` is a multiple of `down`.
+    Attributes
+    ----------
+    period : int
+        K, pixels.
+    first, end, across : int
+        First and end row of their cores, and the columns of the domain, in patches.
+    down, along : int
+        Patches of a core; `first` is a multiple of `down`.
     """
 
     period: int
@@ -90,7 +122,9 @@ class Regions(NamedTuple):
 
 
 class Pins(NamedTuple):
-    """Values at the blocks, (4, 2 K, 2 K + columns): a table that repeats in both directions, and where in it a region begins."""
+    """Values at the blocks, (4, 2 K, 2 K + columns): a table that repeats in both directions, and
+    where in it a region begins.
+    """
 
     values: Floats3
     row: int
@@ -100,8 +134,12 @@ class Pins(NamedTuple):
 class Solutions(NamedTuple):
     """Results, written.
 
-    fields: (4, pixel rows, domain columns).
-    residuals, used: (regions,), relative residual of the worst field, and iterations.
+    Attributes
+    ----------
+    fields : Floats3
+        (4, pixel rows, domain columns).
+    residuals, used : Doubles1, Ints1
+        (regions,), relative residual of the worst field, and iterations.
     """
 
     fields: Floats3
@@ -116,14 +154,23 @@ def solve_affinities(
     rows: tuple[int, int] | None = None,
     progress: Progress = SILENT,
 ) -> FloatArray:
-    """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks with row parity p, column parity q.
+    """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks with
+    row parity p, column parity q.
 
     The domain is the frame mirrored out to whole patches (`BlockGrid`).
 
-    luminance: (H, W), the whole frame.
-    rows: first and end of the frame's rows whose patches are solved; they begin and end where cores do (`tiling.bands`), or where
-        the frame does. None = all.
-    Raises ConvergenceError when conjugate gradients do not reach the tolerance.
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), the whole frame.
+    rows : tuple[int, int] | None, optional
+        First and end of the frame's rows whose patches are solved; they begin and end where cores
+        do (`tiling.bands`), or where the frame does. None = all.
+
+    Raises
+    ------
+    ConvergenceError
+        When conjugate gradients do not reach the tolerance.
     """
     grid = pattern.grid((luminance.shape[0], luminance.shape[1]))
     period, across = grid.period, grid.patches[1]
@@ -136,29 +183,45 @@ def solve_affinities(
     solutions = Solutions(fields, np.empty(count), np.empty(count, np.intp))
     regions = Regions(period, first, end, across, down, along)
     limits = Limits(settings.tolerance, settings.iterations)
-    solve_regions(Frame(luminance, *places), regions, _pins(pattern, grid, (along + 2 * HALO) * period), filters, limits, solutions)
+    solve_regions(
+        Frame(luminance, *places),
+        regions,
+        _pins(pattern, grid, (along + 2 * HALO) * period),
+        filters,
+        limits,
+        solutions,
+    )
     report(progress, "affinity", solutions.used, solutions.residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
 
 def derivative_filters(scales: tuple[float, ...]) -> Filters:
     """Gaussian filters at these scales, standard deviations in pixels."""
-    distance, deviation = np.arange(int(TRUNCATE * max(scales) + 0.5) + 1), np.array(scales)[:, None]
-    smooth = np.exp(-(distance**2) / (2 * deviation**2)) * (distance <= (TRUNCATE * deviation + 0.5).astype(int))
+    distance, deviation = (
+        np.arange(int(TRUNCATE * max(scales) + 0.5) + 1),
+        np.array(scales)[:, None],
+    )
+    smooth = np.exp(-(distance**2) / (2 * deviation**2)) * (
+        distance <= (TRUNCATE * deviation + 0.5).astype(int)
+    )
     smooth /= smooth[:, :1] + 2 * smooth[:, 1:].sum(axis=1, keepdims=True)
     smooth[:, 0] /= 2  # the middle counts on both sides
     return Filters(smooth.astype(np.float32), (smooth * distance / deviation**2).astype(np.float32))
 
 
 def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
-    """Values at the blocks, from the domain's corner on, repeating in both directions: (4, 2 K, 2 K + a region's columns).
+    """Values at the blocks, from the domain's corner on, repeating in both directions: (4, 2 K, 2 K
+    + a region's columns).
 
     1 at the blocks of class 0, 1 and 2, and last at all blocks.
     """
     (above, _), (left, _) = grid.padding
     shape = 2 * grid.period, 2 * grid.period + columns
     pinned = pattern.filter_map(shape, first=(-above, -left)) < len(pattern.channels)
-    down, across = ((np.arange(size) + block // 2) // grid.period % 2 for size, block in zip(shape, grid.block_shape, strict=True))
+    down, across = (
+        (np.arange(size) + block // 2) // grid.period % 2
+        for size, block in zip(shape, grid.block_shape, strict=True)
+    )
     classes: BoolArray = pinned & (2 * down[:, None] + across == np.arange(CLASSES)[:, None, None])
     classes[_SOLVED] = pinned
     return classes.astype(np.float32)
@@ -171,33 +234,55 @@ _LEAST = np.float32(1e-37)
 
 @parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
 def solve_regions(
-    pieces: Pieces, frame: Frame, regions: Regions, pins: Floats3, filters: Filters, limits: Limits, solutions: Solutions
+    pieces: Pieces,
+    frame: Frame,
+    regions: Regions,
+    pins: Floats3,
+    filters: Filters,
+    limits: Limits,
+    solutions: Solutions,
 ) -> None:
     """Solve the fields of some rows of patches.
 
-    pins: see `_pins`.
-    limits: norm of the residual relative to that of the right-hand side, both over the roots of the diagonal, and iterations.
+    Parameters
+    ----------
+    pins : Floats3
+        See `_pins`.
+    limits : Limits
+        Norm of the residual relative to that of the right-hand side, both over the roots of the
+        diagonal, and iterations.
     """
     period, reach = regions.period, filters.smooth.shape[1] - 1
     height = (len(frame.rows) - 2 * reach) // period
     across = (regions.across + regions.along - 1) // regions.along
     for region in range(pieces[0], pieces[1]):
         top, left = regions.first + region // across * regions.down, region % across * regions.along
-        bottom, right = min(top + regions.down, regions.end), min(left + regions.along, regions.across)
+        bottom, right = (
+            min(top + regions.down, regions.end),
+            min(left + regions.along, regions.across),
+        )
         above, before = max(top - HALO, 0), max(left - HALO, 0)
-        size = (min(bottom + HALO, height) - above) * period, (min(right + HALO, regions.across) - before) * period
-        light = _window(frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach))
+        size = (
+            (min(bottom + HALO, height) - above) * period,
+            (min(right + HALO, regions.across) - before) * period,
+        )
+        light = _window(
+            frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach)
+        )
         given = Pins(pins, above % 2 * period, before % 2 * period)
         links = planes(4, size)
         _weigh(transmission(light, period, filters), links)
         cut(links, size)
-        # Together, so that planes do not lie a multiple of a page apart: those would share lines of the cache.
+        # Together, so that planes do not lie a multiple of a page apart: those would share lines of
+        # the cache.
         scale, unknowns = planes(1, size)[0], zeros(2 * _SOLVED, links.shape[1], links.shape[2])
         solution, residual = unknowns[:_SOLVED], unknowns[_SOLVED:]
         norm = _start(links, given, size[1], scale, residual)
         _scale(links, scale)
         system = System(links, links[:0])
-        solutions.residuals[region], solutions.used[region] = solve(system, residual, solution, limits, norm)
+        solutions.residuals[region], solutions.used[region] = solve(
+            system, residual, solution, limits, norm
+        )
         for row in range((bottom - top) * period):
             place = (top - regions.first) * period + row, left * period
             inner = (top - above) * period + row, (left - before) * period
@@ -207,7 +292,9 @@ def solve_regions(
 @kernel
 def _given(pins: Pins, field: int, row: int, columns: int) -> Floats1:
     """Values at the blocks in a row of a region."""
-    return pins.values[field, (pins.row + row) % pins.values.shape[1]][pins.column : pins.column + columns]
+    return pins.values[field, (pins.row + row) % pins.values.shape[1]][
+        pins.column : pins.column + columns
+    ]
 
 
 @kernel
@@ -224,10 +311,17 @@ def _window(frame: Frame, place: Pair, size: Pair) -> FloatArray:
 
 @kernel
 def _weigh(through: Floats3, links: Floats3) -> None:
-    """Compute the weights of Eq. 12 as least transmissions: an exponential for each pixel, not for each pair."""
+    """Compute the weights of Eq. 12 as least transmissions: an exponential for each pixel, not for
+    each pair.
+    """
     (_, rows, width), one = through.shape, np.uintp(1)
     h, v, below = through[0].reshape(-1), through[1].reshape(-1), np.uintp(width)
-    right, down, down_right, down_left = links[0].reshape(-1), links[1].reshape(-1), links[2].reshape(-1), links[3].reshape(-1)
+    right, down, down_right, down_left = (
+        links[0].reshape(-1),
+        links[1].reshape(-1),
+        links[2].reshape(-1),
+        links[3].reshape(-1),
+    )
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
             here = np.uintp(row * width) + np.uintp(column)
@@ -240,9 +334,13 @@ def _weigh(through: Floats3, links: Floats3) -> None:
 
 @kernel
 def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
-    """exp(-e_h) and exp(-e_v) of whole patches, two planes (see `planes`). A patch without gradients has 1.
+    """exp(-e_h) and exp(-e_v) of whole patches, two planes (see `planes`). A patch without
+    gradients has 1.
 
-    light: luminance, with the filters' reach more on every side.
+    Parameters
+    ----------
+    light : Floats2
+        Luminance, with the filters' reach more on every side.
     """
     reach, width = filters.smooth.shape[1] - 1, light.shape[1]
     rows, columns = light.shape[0] - 2 * reach, width - 2 * reach
@@ -251,7 +349,9 @@ def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
         energy[:] = _ZERO
         around = light[top : top + period + 2 * reach].reshape(-1)
         for scale in range(len(filters.smooth)):
-            _add_energy(around, width, filters.smooth[scale], filters.slope[scale], energy.reshape(2, -1))
+            _add_energy(
+                around, width, filters.smooth[scale], filters.slope[scale], energy.reshape(2, -1)
+            )
         for axis in range(2):
             relative = _over_mean(energy[axis], columns)
             for row in range(period):
@@ -262,22 +362,40 @@ def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
 
 
 @kernel
-def _add_energy(light: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2) -> None:
-    """Add |G_hs * l|^2 and |G_vs * l|^2 of some rows; these follow each other without a gap, columns too many have no meaning.
+def _add_energy(
+    light: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2
+) -> None:
+    """Add |G_hs * l|^2 and |G_vs * l|^2 of some rows; these follow each other without a gap,
+    columns too many have no meaning.
 
     Slopes are sums of differences of symmetric pairs, so that flat input gives exactly 0.
     """
     reach, count = len(smooth) - 1, energy.shape[1]
-    smoothed, sloped, across, down = zeros(count + 2 * reach), zeros(count + 2 * reach), zeros(count), zeros(count)
+    smoothed, sloped, across, down = (
+        zeros(count + 2 * reach),
+        zeros(count + 2 * reach),
+        zeros(count),
+        zeros(count),
+    )
     for step in range(reach + 1):
-        above, below, weight, rise = light[(reach - step) * width :], light[(reach + step) * width :], smooth[step], slope[step]
+        above, below, weight, rise = (
+            light[(reach - step) * width :],
+            light[(reach + step) * width :],
+            smooth[step],
+            slope[step],
+        )
         if weight == _ZERO:  # beyond the end of a smaller scale
             break
         for index in range(count):
             smoothed[index] += weight * (above[index] + below[index])
             sloped[index] += rise * (below[index] - above[index])
     for step in range(reach + 1):
-        left, right, weight, rise = smoothed[reach - step :], smoothed[reach + step :], smooth[step], slope[step]
+        left, right, weight, rise = (
+            smoothed[reach - step :],
+            smoothed[reach + step :],
+            smooth[step],
+            slope[step],
+        )
         if weight == _ZERO:  # beyond the end of a smaller scale
             break
         before, after = sloped[reach - step :], sloped[reach + step :]
@@ -292,7 +410,9 @@ def _add_energy(light: Floats1, width: int, smooth: Floats1, slope: Floats1, ene
 
 @kernel
 def _over_mean(energy: Floats2, columns: int) -> FloatArray:
-    """-1 over the mean energy of each patch in a row of patches, 0 without energy (its inverse is no float32), at all columns."""
+    """-1 over the mean energy of each patch in a row of patches, 0 without energy (its inverse is
+    no float32), at all columns.
+    """
     period, sums = len(energy), zeros(columns)
     for row in range(period):
         source = energy[row]
@@ -310,11 +430,13 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
 
 @kernel
 def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: Floats3) -> float:
-    """Write what scales the equations to a diagonal of one, and the start's residuals. Returns the largest square of a right side.
+    """Write what scales the equations to a diagonal of one, and the start's residuals. Returns the
+    largest square of a right side.
 
-    The diagonal is the sum d of a pixel's links, the right side the sum of c[n, n'] times the values given at blocks n'. The start
-    is the same in all four fields, a quarter at every other pixel: a pixel that edges cut off from every block is then shared by
-    all, not left to the fourth.
+    The diagonal is the sum d of a pixel's links, the right side the sum of c[n, n'] times the
+    values given at blocks n'. The start is the same in all four fields, a quarter at every other
+    pixel: a pixel that edges cut off from every block is then shared by all, not left to the
+    fourth.
 
     scale: d^(-1/2), 0 at the blocks.
     """
@@ -338,7 +460,9 @@ def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: F
 
 
 @kernel
-def _right_side(links: Floats3, pins: Pins, field: int, columns: int, scale: Floats2, out: Floats2) -> None:
+def _right_side(
+    links: Floats3, pins: Pins, field: int, columns: int, scale: Floats2, out: Floats2
+) -> None:
     """Write the scaled sum of the links to blocks."""
     values = zeros(*scale.shape)
     for row in range(scale.shape[0] - 2 * BORDER):
@@ -355,12 +479,18 @@ def _right_side(links: Floats3, pins: Pins, field: int, columns: int, scale: Flo
 def _scale(links: Floats3, scale: Floats2) -> None:
     """Scale the links."""
     (rows, width), one, below = scale.shape, np.uintp(1), np.uintp(scale.shape[1])
-    right, down, down_right, down_left = links[0].reshape(-1), links[1].reshape(-1), links[2].reshape(-1), links[3].reshape(-1)
+    right, down, down_right, down_left = (
+        links[0].reshape(-1),
+        links[1].reshape(-1),
+        links[2].reshape(-1),
+        links[3].reshape(-1),
+    )
     roots = scale.reshape(-1)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
             here = np.uintp(row * width) + np.uintp(column)
-            # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
+            # From left to right: both roots may be as large as 3e18, their product with a weight is
+            # at most one.
             right[here] = right[here] * roots[here] * roots[here + one]
             down[here] = down[here] * roots[here] * roots[here + below]
             down_right[here] = down_right[here] * roots[here] * roots[here + below + one]
@@ -368,15 +498,31 @@ def _scale(links: Floats3, scale: Floats2) -> None:
 
 
 @kernel
-def _finish(solution: Floats3, scale: Floats2, pins: Pins, inner: Pair, fields: Floats3, place: Pair, columns: int) -> None:
-    """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding and tolerance.
+def _finish(
+    solution: Floats3,
+    scale: Floats2,
+    pins: Pins,
+    inner: Pair,
+    fields: Floats3,
+    place: Pair,
+    columns: int,
+) -> None:
+    """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding
+    and tolerance.
 
     inner, place: row and first column in the region, and in `fields`.
     """
     row, left = inner
-    sums, pinned, roots = zeros(columns), _given(pins, _SOLVED, row, left + columns)[left:], scale[BORDER + row][left:]
+    sums, pinned, roots = (
+        zeros(columns),
+        _given(pins, _SOLVED, row, left + columns)[left:],
+        scale[BORDER + row][left:],
+    )
     for field in range(_SOLVED):
-        source, pin = solution[field, BORDER + row][left:], _given(pins, field, row, left + columns)[left:]
+        source, pin = (
+            solution[field, BORDER + row][left:],
+            _given(pins, field, row, left + columns)[left:],
+        )
         out = fields[field, place[0]][place[1] :]
         for column in range(columns):
             start = pin[column] + _QUARTER * (_ONE - pinned[column])

@@ -1,17 +1,21 @@
-"""One chromaticity per colour block by constrained least squares, and oriented medians against outliers (section 3.2, Eqs. 6-9).
+"""One chromaticity per colour block by constrained least squares, and oriented medians against
+outliers (section 3.2, Eqs. 6-9).
 
-A block is taken for one material: m[n_i] = c_i l[n_i] at each site of channel i (Eq. 6), and sum_i gamma_i c_i = 1 (Eq. 7). So
+A block is taken for one material: m[n_i] = c_i l[n_i] at each site of channel i (Eq. 6), and sum_i
+gamma_i c_i = 1 (Eq. 7). So
 
-    c = argmin_c sum_i (sum_(n_i) (l[n_i] c_i - m[n_i])^2 + sigma_z^2 (c_i - 1 / sum gamma)^2),   sum_i gamma_i c_i = 1    (8, 9)
+    c = argmin_c sum_i (sum_(n_i) (l[n_i] c_i - m[n_i])^2 + sigma_z^2 (c_i - 1 / sum gamma)^2)   (8)
+    under sum_i gamma_i c_i = 1                                                                 (9)
 
-where sigma_z, the noise, pulls dark blocks towards grey. `blocks.BlockSums` solves it. Medians of five blocks along four
-orientations then propose values for each block, channel by channel; the nearest proposal replaces its chromaticity, until nothing
-changes.
-tests/reference/chromaticity.py transcribes this literally.
+where sigma_z, the noise, pulls dark blocks towards grey. `blocks.BlockSums` solves it. Medians of
+five blocks along four orientations then propose values for each block, channel by channel; the
+nearest proposal replaces its chromaticity, until nothing changes. tests/reference/chromaticity.py
+transcribes this literally.
 
-Not in the paper: medians remove fine detail of colour with the errors. An error of a block also violates Eq. 7 (its samples do not
-add up to its luminance), detail does not. With r the chromaticity that the medians removed, e the violation, n the variance of
-noise, all times light and averaged over the blocks around, the share max(0, 1 - (e^2 / detail + n) / r^2) of r is returned.
+Not in the paper: medians remove fine detail of colour with the errors. An error of a block also
+violates Eq. 7 (its samples do not add up to its luminance), detail does not. With r the
+chromaticity that the medians removed, e the violation, n the variance of noise, all times light and
+averaged over the blocks around, the share max(0, 1 - (e^2 / detail + n) / r^2) of r is returned.
 """
 
 from dataclasses import dataclass
@@ -34,9 +38,15 @@ from ..stage import CountOrNone, Finite, Range, StageSettings
 class ChromaticitySettings(StageSettings):
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
-    taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
-    repetitions: largest number of repetitions of the medians ("till convergence" in the paper).
-    detail: how much of what the medians removed is returned where blocks add up to their luminance, 0 or more; 0 = nothing.
+    Attributes
+    ----------
+    taps : Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, 'an odd number')]
+        Length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
+    repetitions : CountOrNone
+        Largest number of repetitions of the medians ("till convergence" in the paper).
+    detail : Finite
+        How much of what the medians removed is returned where blocks add up to their luminance, 0
+        or more; 0 = nothing.
     """
 
     taps: Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
@@ -49,12 +59,16 @@ class ChromaticitySettings(StageSettings):
         return ("oriented_median",) * (self.taps > 1) + ("smooth",) * (self.detail > 0)
 
 
-# Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
+# Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no
+# other.
 _LEAST_SIGMA = 1e-6
-# sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by twice at most.
+# sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by
+# twice at most.
 _LEAST_TOTAL = 0.5
 _TINY = 1e-30  # keeps quotients finite
-_DETAIL_WIDTH = 2.0  # blocks: standard deviation of the neighbourhood in which detail is told from errors; half or twice: 0.07 dB
+# blocks: standard deviation of the neighbourhood in which detail is told from errors; half or
+# twice: 0.07 dB
+_DETAIL_WIDTH = 2.0
 
 
 def estimate_chromaticities(
@@ -64,23 +78,31 @@ def estimate_chromaticities(
     progress: Progress = SILENT,
     others: BlockSums | None = None,
 ) -> FloatArray:
-    """c_j of every block of the grid, float32 (block rows, block columns, C); sum_i gamma_i c_i = 1 in each.
+    """c_j of every block of the grid, float32 (block rows, block columns, C); sum_i gamma_i c_i = 1
+    in each.
 
     Blocks that lie partly or wholly outside the frame take the value of the nearest whole block.
 
-    luminance: (H, W), scene units.
-    others: what other frames add to the sums of each whole block.
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), scene units.
+    others : BlockSums | None, optional
+        What other frames add to the sums of each whole block.
     """
     progress.stage("chromaticity", settings.repetitions)
     gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
     if others is not None:
-        chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(sigma, gamma)
+        chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(
+            sigma, gamma
+        )
     unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
-    # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back. Far off the plane, where
-    # estimates are wild (darkness), scaling would blow them up: there the nearest point of the plane is the safe way back.
+    # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors
+    # back. Far off the plane, where estimates are wild (darkness), scaling would blow them up:
+    # there the nearest point of the plane is the safe way back.
     scaled = np.empty_like(chromaticity)
 
     def constrain(rows: slice) -> None:
@@ -96,18 +118,30 @@ def estimate_chromaticities(
     return frame.sites.grid.extend(scaled.astype(np.float32))
 
 
-def _detail(removed: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, gain: float) -> DoubleArray:
+def _detail(
+    removed: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, gain: float
+) -> DoubleArray:
     """Return the share of what the medians removed that is detail, (rows, columns, C)."""
     light, certain = sums.weight.mean(axis=2), sums.weight + sigma**2
     violation = ((sums.product + sigma**2 / gamma.sum()) / certain) @ gamma - 1
-    energies = light * violation**2, (sigma**2 * light[..., None] / certain).sum(axis=2), light * (removed**2).sum(axis=2)
+    energies = (
+        light * violation**2,
+        (sigma**2 * light[..., None] / certain).sum(axis=2),
+        light * (removed**2).sum(axis=2),
+    )
     error, noise, power = smoothed(np.stack(energies).astype(np.float32), _DETAIL_WIDTH)
     share = np.clip(1 - (error / gain + noise) / np.maximum(power, np.float32(_TINY)), 0, 1)
     return share[..., None] * removed
 
 
 def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
-    """The sums of Eqs. 8-9 of each whole block. luminance: (H, W), scene units."""
+    """The sums of Eqs. 8-9 of each whole block.
+
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), scene units.
+    """
     shape = *frame.sites.shape, len(frame.gamma)
     weight, product, signal = np.zeros(shape), np.zeros(shape), frame.signal
 
@@ -122,9 +156,11 @@ def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
 
 
 def sigma_z(frame: Cleaned) -> float:
-    """sigma_z of Eqs. 8-9, scene units: the noise of all channels at the mean sample of the whole blocks.
+    """sigma_z of Eqs. 8-9, scene units: the noise of all channels at the mean sample of the whole
+    blocks.
 
-    An estimate counts as no noise here: texture raises it, and single scenes then lose 0.2 dB, while the mean gains 0.01 dB.
+    An estimate counts as no noise here: texture raises it, and single scenes then lose 0.2 dB,
+    while the mean gains 0.01 dB.
     """
     if frame.estimated or (noise := frame.noise) is None:
         return _LEAST_SIGMA
@@ -133,12 +169,21 @@ def sigma_z(frame: Cleaned) -> float:
     return max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
 
 
-def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, progress: Progress = SILENT) -> DoubleArray:
-    """Replace each vector by the nearest of its 1-D medians along four orientations, and repeat until nothing changes.
+def oriented_medians(
+    chromaticity: DoubleArray, taps: int, repetitions: int, progress: Progress = SILENT
+) -> DoubleArray:
+    """Replace each vector by the nearest of its 1-D medians along four orientations, and repeat
+    until nothing changes.
 
-    chromaticity: (rows, columns, C), the coarse image, mirrored at its border. Channels are filtered one by one.
-    taps: length of the medians, odd, 3 or more.
-    repetitions: largest number of repetitions.
+    Parameters
+    ----------
+    chromaticity : DoubleArray
+        (rows, columns, C), the coarse image, mirrored at its border. Channels are filtered one by
+        one.
+    taps : int
+        Length of the medians, odd, 3 or more.
+    repetitions : int
+        Largest number of repetitions.
     """
     (rows, columns), half = chromaticity.shape[:2], taps // 2
     iterations = 0
@@ -159,14 +204,24 @@ _FIVE = 5  # taps, as in the paper: those have a network of comparisons of their
 
 
 @parallel_kernel()
-def oriented_median(pieces: Pieces, before: Doubles3, after: Doubles3, taps: int, changed: Bools1, changes: Bools1) -> None:
+def oriented_median(
+    pieces: Pieces, before: Doubles3, after: Doubles3, taps: int, changed: Bools1, changes: Bools1
+) -> None:
     """Replace each vector by whichever of its four oriented 1-D medians is nearest to it.
 
-    before: (C, rows, taps // 2 + columns + taps // 2), with mirrored columns.
-    after: same shape, written, with mirrored columns.
-    taps: length of the medians, odd, 3 or more.
-    changed: bool (rows,), rows of `before` that the previous step changed; rows that see none of them are copied.
-    changes: bool (rows,), set for the rows that this one changes.
+    Parameters
+    ----------
+    before : Doubles3
+        (C, rows, taps // 2 + columns + taps // 2), with mirrored columns.
+    after : Doubles3
+        Same shape, written, with mirrored columns.
+    taps : int
+        Length of the medians, odd, 3 or more.
+    changed : Bools1
+        bool (rows,), rows of `before` that the previous step changed; rows that see none of them
+        are copied.
+    changes : Bools1
+        bool (rows,), set for the rows that this one changes.
     """
     (channels, rows, width), half = before.shape, taps // 2
     columns = width - 2 * half
@@ -185,12 +240,19 @@ def oriented_median(pieces: Pieces, before: Doubles3, after: Doubles3, taps: int
                 plane = before[channel]
                 if taps == _FIVE:
                     _median_of_five(
-                        plane[near[2 - 2 * down], 2 - 2 * across :], plane[near[2 - down], 2 - across :], plane[row, 2:],
-                        plane[near[2 + down], 2 + across :], plane[near[2 + 2 * down], 2 + 2 * across :], medians[channel]
-                    )  # fmt: skip
+                        plane[near[2 - 2 * down], 2 - 2 * across :],
+                        plane[near[2 - down], 2 - across :],
+                        plane[row, 2:],
+                        plane[near[2 + down], 2 + across :],
+                        plane[near[2 + 2 * down], 2 + 2 * across :],
+                        medians[channel],
+                    )
                 else:
                     for step in range(-half, half + 1):
-                        _copy(plane[near[half + step * down], half + step * across :], lines[half + step])
+                        _copy(
+                            plane[near[half + step * down], half + step * across :],
+                            lines[half + step],
+                        )
                     _sort(lines, half)
                     _copy(lines[half], medians[channel])
                 _add_squares(medians[channel], before[channel, row, half:], distance)
@@ -221,7 +283,9 @@ def _differ(line: Doubles1, other: Doubles1) -> bool:
 
 
 @kernel
-def _median_of_five(a: Doubles1, b: Doubles1, c: Doubles1, d: Doubles1, e: Doubles1, out: Doubles1) -> None:
+def _median_of_five(
+    a: Doubles1, b: Doubles1, c: Doubles1, d: Doubles1, e: Doubles1, out: Doubles1
+) -> None:
     """Neither the least nor the greatest of the first four can be the median."""
     for column in range(len(out)):
         low = max(min(a[column], b[column]), min(c[column], d[column]))

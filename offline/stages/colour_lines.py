@@ -1,34 +1,45 @@
-"""Colour as a function of luminance around each block: print, and every other place where two surfaces meet.
+"""Colour as a function of luminance around each block: print, and every other place where two
+surfaces meet.
 
-Where ink lies on paper, a pixel is a mixture of both, and every channel is a linear function of luminance: a colour line. That of
-many blocks is known far better than the chromaticity of one, whose luminance is filled in and wrong under strokes, and it holds for
-strokes that meet no block. It is wrong where one luminance has several colours. The paper has none of this.
+Where ink lies on paper, a pixel is a mixture of both, and every channel is a linear function of
+luminance: a colour line. That of many blocks is known far better than the chromaticity of one,
+whose luminance is filled in and wrong under strokes, and it holds for strokes that meet no block.
+It is wrong where one luminance has several colours. The paper has none of this.
 
-Observation. In a block, channel i (of C, times gamma_i) has mean luminance x_i at its sites and reads y_i; x is the mean of x_i.
+Observation. In a block, channel i (of C, times gamma_i) has mean luminance x_i at its sites and
+reads y_i; x is the mean of x_i.
 
-    y_i = o_i + s_i x_i + error of variance v,   sum o = 0,   sum s = 1,   v = 2 a^2 + u,   u = n + (EVEN x)^2
+    y_i = o_i + s_i x_i + error of variance v,   sum o = 0,   sum s = 1,
+    v = 2 a^2 + u,   u = n + (EVEN x)^2
 
-a is the error of luminance under a block, STROKES times the range of the panchromatic samples around it, over C. n is the variance
-of the noise in y_i. Surfaces that look even differ by EVEN.
+a is the error of luminance under a block, STROKES times the range of the panchromatic samples
+around it, over C. n is the variance of the noise in y_i. Surfaces that look even differ by EVEN.
 
-Line. <.> is the mean over blocks, weighted by 1 / v and a Gaussian of WIDTH. The prior is one chromaticity k_i ~ <y_i> / <x_i>.
+Line. <.> is the mean over blocks, weighted by 1 / v and a Gaussian of WIDTH. The prior is one
+chromaticity k_i ~ <y_i> / <x_i>.
 
-    s = (cov(x_i, y_i) + <u> k_i) / (var(x_i) + <u>),   d = s / sum s - k,   s' = k + d max(1 - SHRINK^2 E / |d|^2, 0)
+    s = (cov(x_i, y_i) + <u> k_i) / (var(x_i) + <u>),   d = s / sum s - k,
+    s' = k + d max(1 - SHRINK^2 E / |d|^2, 0)
 
-The slope by least squares is shrunk by what errors may cause (James and Stein); E is the variance of d. The line goes through <x>.
+The slope by least squares is shrunk by what errors may cause (James and Stein); E is the variance
+of d. The line goes through <x>.
 
-Confidence. The estimated chromaticity z of a block lies t = z x - line(x) from the line, and its samples r = y_i - line(x_i), both
-less their mean over channels. Strokes explain a chi-square of about 1 per block, so that more than LIMIT speaks against the line.
-Neighbours were pooled: estimates beside strokes are wrong too, and only the fraction f of t counts that samples confirm, give or
-take ERRORS standard errors. What pooling leaves of the noise is expected where there is print, p = <a^2> / (<a^2> + PRINT n).
+Confidence. The estimated chromaticity z of a block lies t = z x - line(x) from the line, and its
+samples r = y_i - line(x_i), both less their mean over channels. Strokes explain a chi-square of
+about 1 per block, so that more than LIMIT speaks against the line. Neighbours were pooled:
+estimates beside strokes are wrong too, and only the fraction f of t counts that samples confirm,
+give or take ERRORS standard errors. What pooling leaves of the noise is expected where there is
+print, p = <a^2> / (<a^2> + PRINT n).
 
     X = mean of min(|t|^2 / (2 a^2 + (EVEN x)^2 + p^2 n), WORST),   f = <t . r> / <t . t>
     confidence = 1 / (1 + (f X / LIMIT)^STEEPNESS)
 
-Ink. A red word may stand between black ones, and one line for all would be black. So the line has a rival, which turns about the
-bright end b of the nearest blocks (INK) by h, their own least squares with a prior of deviation SLOPES: s' = s + h, o' = o - h b.
-By the logarithm of its likelihood ratio per block, L, it counts as 1 - 1 / (1 + (L / GAIN)^STEEPNESS); y_i is normal about a line
-with variance (C a s_i)^2 + u. Under black ink red samples are as uncertain as luminance, under red ink they are bright in any case.
+Ink. A red word may stand between black ones, and one line for all would be black. So the line has a
+rival, which turns about the bright end b of the nearest blocks (INK) by h, their own least squares
+with a prior of deviation SLOPES: s' = s + h, o' = o - h b. By the logarithm of its likelihood ratio
+per block, L, it counts as 1 - 1 / (1 + (L / GAIN)^STEEPNESS); y_i is normal about a line with
+variance (C a s_i)^2 + u. Under black ink red samples are as uncertain as luminance, under red ink
+they are bright in any case.
 """
 
 from dataclasses import dataclass, replace
@@ -50,35 +61,50 @@ from ..stage import Switch
 
 @dataclass(frozen=True)
 class LinesSettings(Switch):
-    """Colour as a linear function of luminance, where that explains the samples; not in the paper."""
+    """Colour as a linear function of luminance, where that explains the samples; not in the
+    paper.
+    """
 
     kernels = ("smooth",)
 
 
 # Chosen on photographs and on pages of print.
-_WIDTH = 4.0  # blocks: standard deviation of the neighbourhood of a line; with 3, print has more tint
-_STROKES = 0.1  # error of luminance under a block, a fraction of the range of the samples around it; 0.07 and 0.14 double the tint
-_ERRORS = 3.0  # standard errors that count as none: of a range, of a channel brighter than all light, of what samples confirm
+# blocks: standard deviation of the neighbourhood of a line; with 3, print has more tint
+_WIDTH = 4.0
+# error of luminance under a block, a fraction of the range of the samples around it; 0.07 and 0.14
+# double the tint
+_STROKES = 0.1
+# standard errors that count as none: of a range, of a channel brighter than all light, of what
+# samples confirm
+_ERRORS = 3.0
 _SHRINK = 2.0  # standard errors by which slopes must differ from those of one chromaticity
 _LIMIT = 0.8  # chi-square per block at which a line is half believed
 _WORST = 3.0  # chi-square of a single block at most: outliers; with 4, print has more tint
 _STEEPNESS = 4  # power at which confidence falls; with 6, photographs lose
-_PRINT = 80.0  # mean a^2 in units of n at which the noise of estimates is half expected; with 160, white print is tinted
+# mean a^2 in units of n at which the noise of estimates is half expected; with 160, white print is
+# tinted
+_PRINT = 80.0
 _SLOPES = 0.1  # standard deviation of the slopes of inks on one paper
-_GAIN = 0.7  # log likelihood ratio per block at which an ink counts by half; with 0.3, black print gains too
+# log likelihood ratio per block at which an ink counts by half; with 0.3, black print gains too
+_GAIN = 0.7
 
-_INK = _WIDTH / 3  # blocks: standard deviation of those that share an ink; with more, the lines of print beside it are mixed in
-_LEAST_LIGHT, _LEAST_SLOPES = 1e-3, 0.3  # of the mean panchromatic sample; of the sum of slopes, 1 without errors
+# blocks: standard deviation of those that share an ink; with more, the lines of print beside it are
+# mixed in
+_INK = _WIDTH / 3
+# of the mean panchromatic sample; of the sum of slopes, 1 without errors
+_LEAST_LIGHT, _LEAST_SLOPES = 1e-3, 0.3
 _CLIPPED = 1e-6  # weight of a block beside a clipped sample
 _TINY = 1e-20  # keeps quotients finite
 _STRIP = 512  # rows of blocks whose lines are computed together, for memory
-_REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _INK, _WIDTH))  # rows of blocks: of a line, an ink, its gain
+# rows of blocks: of a line, an ink, its gain
+_REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _INK, _WIDTH))
 
 
 class _Blocks(NamedTuple):
     """Whole blocks of some rows, float32; C planes (C, rows, columns), others (rows, columns).
 
-    light, samples: x_i and y_i. estimate: z x. mean: x. strokes, noise: a^2 and n. weight: 1, or little beside a clipped sample.
+    light, samples: x_i and y_i. estimate: z x. mean: x. strokes, noise: a^2 and n. weight: 1, or
+    little beside a clipped sample.
     """
 
     light: FloatArray
@@ -100,14 +126,26 @@ class _Blocks(NamedTuple):
         return self.weight / (2 * self.strokes + self.surface + self.noise)
 
 
-def colour_lines(frame: Cleaned, luminance: FloatArray, blocks: FloatArray, settings: Switch) -> ColourLines | None:
-    """Return the lines around all whole blocks, and their confidence; None where the settings do not use them.
+def colour_lines(
+    frame: Cleaned, luminance: FloatArray, blocks: FloatArray, settings: Switch
+) -> ColourLines | None:
+    """Return the lines around all whole blocks, and their confidence; None where the settings do
+    not use them.
 
-    luminance: (H, W), filled in and denoised, scene units. blocks: chromaticity of every block, (block rows, block columns, C).
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), filled in and denoised, scene units.
+    blocks : FloatArray
+        Chromaticity of every block, (block rows, block columns, C).
     """
     if not settings.used:
         return None
-    sites, gamma, dark = frame.sites, frame.gamma.astype(np.float32)[:, None, None], np.float32(_LEAST_LIGHT * frame.level)
+    sites, gamma, dark = (
+        frame.sites,
+        frame.gamma.astype(np.float32)[:, None, None],
+        np.float32(_LEAST_LIGHT * frame.level),
+    )
     light, samples = (_means(sites, plane) for plane in (luminance, frame.signal))
     samples *= gamma
     mean = np.maximum(light.mean(axis=0), dark)
@@ -133,7 +171,9 @@ def _means(sites: Sites, plane: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.moveaxis(sites.means(sites.of(plane)), 2, 0), np.float32)
 
 
-def _errors(frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _errors(
+    frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return a^2 and n, float32 (rows, columns). light, samples, mean: see `_Blocks`."""
     sites, noise, gamma, channels = frame.sites, frame.noise, frame.gamma, frame.sites.channels
     around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
@@ -142,11 +182,16 @@ def _errors(frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatA
     variance = np.zeros_like(span)
     if noise is not None:
         span = np.maximum(span - np.float32(_ERRORS) * np.sqrt(noise.variance(mean)), 0)
-        of_sites = noise.variance(sites.of(frame.signal), channels) * (gamma / np.bincount(channels))[channels] ** 2
+        of_sites = (
+            noise.variance(sites.of(frame.signal), channels)
+            * (gamma / np.bincount(channels))[channels] ** 2
+        )
         variance = of_sites.sum(axis=2).astype(np.float32) / np.float32(len(gamma))
-    # A stroke hides two sites of a channel, errors of more average out: 2.4 dB with the six of Kaizu's tile.
+    # A stroke hides two sites of a channel, errors of more average out: 2.4 dB with the six of
+    # Kaizu's tile.
     deviation = np.float32(_STROKES / max(np.bincount(channels).min() / 2, 1)) * span
-    # A channel that is brighter than all light there shows by how much that is wrong, at least: a star that meets no other pixel.
+    # A channel that is brighter than all light there shows by how much that is wrong, at least: a
+    # star that meets no other pixel.
     beyond = (samples - light).max(axis=0) - np.float32(_ERRORS) * np.sqrt(deviation**2 + variance)
     return (deviation / np.float32(len(gamma))) ** 2 + np.maximum(beyond, 0) ** 2, variance
 
@@ -154,32 +199,46 @@ def _errors(frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatA
 def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
     """Return lines by weighted least squares, believed for now.
 
-    dark: luminance without a colour. most: the largest precision of the frame, the unit of weights, whose squares are floats then.
+    dark: luminance without a colour. most: the largest precision of the frame, the unit of weights,
+    whose squares are floats then.
     """
     count, weight = len(near.light), near.precision / most
     total, noise = smoothed(np.stack([weight, weight * (near.noise + near.surface)]), _WIDTH)
     noise /= total
-    levels, means = (np.stack([smoothed(weight * plane, _WIDTH) / total for plane in planes]) for planes in near[:2])
-    # The sites of a channel have their own luminance: on a ramp of one colour only the ratios are the same.
+    levels, means = (
+        np.stack([smoothed(weight * plane, _WIDTH) / total for plane in planes])
+        for planes in near[:2]
+    )
+    # The sites of a channel have their own luminance: on a ramp of one colour only the ratios are
+    # the same.
     ratios, level = means / np.maximum(levels, dark), levels.mean(axis=0)
     sums = ratios.sum(axis=0)
-    mixture = np.where(sums > _LEAST_SLOPES, ratios / np.maximum(sums, np.float32(_LEAST_SLOPES)), np.float32(1 / count))
+    mixture = np.where(
+        sums > _LEAST_SLOPES,
+        ratios / np.maximum(sums, np.float32(_LEAST_SLOPES)),
+        np.float32(1 / count),
+    )
     slope, error = np.empty_like(means), np.zeros_like(total)
-    for channel, (x, y, level_x, level_y, single) in enumerate(zip(*near[:2], levels, means, mixture, strict=True)):
+    for channel, (x, y, level_x, level_y, single) in enumerate(
+        zip(*near[:2], levels, means, mixture, strict=True)
+    ):
         planes = (weight * plane for plane in (x**2, x * y, y**2))  # one at a time, for memory
         square, product, power = (smoothed(plane, _WIDTH) / total for plane in planes)
         spread, together = np.maximum(square - level_x**2, 0) + noise, product - level_x * level_y
         slope[channel] = (together + noise * single) / spread
         rest = np.maximum(power - level_y**2 - slope[channel] * together, 0)
         error += (rest + (np.float32(EVEN) * level) ** 2) / spread
-    # Number of blocks that a line rests on: the square of the weights' sum over the sum of their squares.
+    # Number of blocks that a line rests on: the square of the weights' sum over the sum of their
+    # squares.
     squares = np.maximum(smoothed(weight**2, _WIDTH / 2**0.5), np.float32(_TINY**1.5))
     number = np.maximum(np.float32(4 * np.pi * _WIDTH**2) * total**2 / squares, 1)
     sums = np.maximum(slope.sum(axis=0), np.float32(_LEAST_SLOPES))
     odd = slope / sums - mixture
     odd -= odd.mean(axis=0)
     error /= number * sums**2
-    odd *= np.maximum(1 - np.float32(_SHRINK**2) * error / np.maximum((odd**2).sum(axis=0), np.float32(_TINY)), 0)
+    odd *= np.maximum(
+        1 - np.float32(_SHRINK**2) * error / np.maximum((odd**2).sum(axis=0), np.float32(_TINY)), 0
+    )
     return ColourLines(-odd * level, mixture + odd, np.ones_like(total))
 
 
@@ -188,10 +247,12 @@ def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArr
     rest, apart = _residuals(lines, near), near.estimate - lines.at(near.mean)
     apart -= apart.mean(axis=0)
     power, printed = _square(apart), smoothed(near.strokes, _WIDTH)
-    # Pooling leaves a rest of noise in estimates. In print that is no evidence; in shadows without strokes it may be colour.
+    # Pooling leaves a rest of noise in estimates. In print that is no evidence; in shadows without
+    # strokes it may be colour.
     printed /= printed + np.float32(_PRINT) * near.noise + np.float32(_TINY)
     expected = 2 * near.strokes + near.surface + near.noise * printed**2
-    sure = near.weight / (expected + near.noise + dark**2)  # black blocks, exact as they seem, would decide alone
+    # black blocks, exact as they seem, would decide alone
+    sure = near.weight / (expected + near.noise + dark**2)
     chi = near.weight * np.minimum(power / expected, np.float32(_WORST))
     planes = chi, sure * power, sure * np.einsum("iyx,iyx->yx", apart, rest), near.weight
     chi, power, common, total = smoothed(np.stack(planes), _WIDTH)
@@ -202,7 +263,9 @@ def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArr
 
 
 def _inked(lines: ColourLines, near: _Blocks) -> ColourLines:
-    """Return lines with the ink of the nearest blocks, as far as it explains their samples, and those around, better."""
+    """Return lines with the ink of the nearest blocks, as far as it explains their samples, and
+    those around, better.
+    """
     rest, weight = _residuals(lines, near), near.precision
     middle, square = (smoothed(weight * near.mean**power, _INK) for power in (1, 2))
     bright = square / (middle + np.float32(_TINY))
@@ -217,10 +280,18 @@ def _inked(lines: ColourLines, near: _Blocks) -> ColourLines:
 
 
 def _likelihood(lines: ColourLines, near: _Blocks) -> FloatArray:
-    """Return the logarithm of the likelihood of the samples of blocks, (rows, columns), but for a constant."""
-    of_light, own = near.strokes * np.float32(len(near.light) ** 2), (near.noise + near.surface) / near.weight
+    """Return the logarithm of the likelihood of the samples of blocks, (rows, columns), but for a
+    constant.
+    """
+    of_light, own = (
+        near.strokes * np.float32(len(near.light) ** 2),
+        (near.noise + near.surface) / near.weight,
+    )
     variance = lines.slope**2 * of_light + own
-    return -(np.log(variance) + np.square(near.samples - lines.at(near.light)) / variance).sum(axis=0) / 2
+    return (
+        -(np.log(variance) + np.square(near.samples - lines.at(near.light)) / variance).sum(axis=0)
+        / 2
+    )
 
 
 def _residuals(lines: ColourLines, near: _Blocks) -> FloatArray:
@@ -241,7 +312,15 @@ def _believed(value: FloatArray, limit: float) -> FloatArray:
 
 @dataclass(eq=False)
 class LineProjection(RowStage):
-    """Lead chromaticity to the lines, as far as they are believed. sites, lines: of the frame. gamma: (C,), of Eq. 7."""
+    """Lead chromaticity to the lines, as far as they are believed.
+
+    Attributes
+    ----------
+    sites, lines : Sites, ColourLines
+        Of the frame.
+    gamma : FloatArray
+        (C,), of Eq. 7.
+    """
 
     sites: Sites
     lines: ColourLines
@@ -260,15 +339,24 @@ class LineProjection(RowStage):
         picture, (down, across) = part.rows(*rows), self.sites.middle
         lines = LinePlanes(self._planes, (down - picture.first, across), self.sites.grid.period)
         result = np.empty(picture.chromaticity.shape, np.float32)
-        lead_to_lines(picture.luminance, np.ascontiguousarray(picture.chromaticity), lines, self.gamma, result)
+        lead_to_lines(
+            picture.luminance, np.ascontiguousarray(picture.chromaticity), lines, self.gamma, result
+        )
         return replace(picture, chromaticity=result)
 
 
 class LinePlanes(NamedTuple):
     """Lines on the grid of blocks.
 
-    values: confidence of each line, then that times its offsets and times its slopes, (1 + 2 C, block rows, block columns).
-    first: row and column of the first block in a part of the picture, pixels; it may lie outside. period: pixels between blocks.
+    Attributes
+    ----------
+    values : Floats3
+        Confidence of each line, then that times its offsets and times its slopes, (1 + 2 C, block
+        rows, block columns).
+    first : tuple[float, float]
+        Row and column of the first block in a part of the picture, pixels; it may lie outside.
+    period : int
+        Pixels between blocks.
     """
 
     values: Floats3
@@ -282,11 +370,19 @@ ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
 @parallel_kernel()
-def lead_to_lines(pieces: Pieces, light: Floats2, colour: Floats3, lines: LinePlanes, gamma: Floats1, out: Floats3) -> None:
+def lead_to_lines(
+    pieces: Pieces, light: Floats2, colour: Floats3, lines: LinePlanes, gamma: Floats1, out: Floats3
+) -> None:
     """Take chromaticities to those of lines that are interpolated between blocks.
 
-    light, colour: luminance (rows, W) and chromaticity (rows, W, C) of a part of the picture.
-    gamma: (C,). out: (rows, W, C), written.
+    Parameters
+    ----------
+    light, colour : Floats2, Floats3
+        Luminance (rows, W) and chromaticity (rows, W, C) of a part of the picture.
+    gamma : Floats1
+        (C,).
+    out : Floats3
+        (rows, W, C), written.
     """
     (parts, down, across), width, count = lines.values.shape, light.shape[1], len(gamma)
     row_of_lines, target = unset(parts, across), unset(count)
@@ -297,7 +393,9 @@ def lead_to_lines(pieces: Pieces, light: Floats2, colour: Floats3, lines: LinePl
         for part in range(parts):
             for column in range(across):
                 start = lines.values[part, above, column]
-                row_of_lines[part, column] = start + near * (lines.values[part, below, column] - start)
+                row_of_lines[part, column] = start + near * (
+                    lines.values[part, below, column] - start
+                )
         for column in range(width):
             at = min(max((column - lines.first[1]) / lines.period, 0.0), across - 1.0)
             left = min(int(at), max(across - 2, 0))
@@ -309,14 +407,20 @@ def lead_to_lines(pieces: Pieces, light: Floats2, colour: Floats3, lines: LinePl
                     offset, slope = row_of_lines[1 + channel], row_of_lines[1 + count + channel]
                     value = offset[left] + near * (offset[right] - offset[left])
                     value += bright * (slope[left] + near * (slope[right] - slope[left]))
-                    # A line has positive colours: beyond the darkest one it is that of the channels that are left.
+                    # A line has positive colours: beyond the darkest one it is that of the channels
+                    # that are left.
                     target[channel] = max(value, ZERO)
                     total += target[channel]
             on_line, apart = total > ZERO and total > HALF * share * bright, ZERO
             if on_line:
                 for channel in range(count):
-                    target[channel] = target[channel] / (gamma[channel] * total) - colour[row, column, channel]
+                    target[channel] = (
+                        target[channel] / (gamma[channel] * total) - colour[row, column, channel]
+                    )
                     apart += (gamma[channel] * target[channel]) ** 2
-                share *= ONE - _SQUARE / max(apart, _SQUARE)  # less than an even surface has is not taken off
+                # less than an even surface has is not taken off
+                share *= ONE - _SQUARE / max(apart, _SQUARE)
             for channel in range(count):
-                out[row, column, channel] = colour[row, column, channel] + (share * target[channel] if on_line else ZERO)
+                out[row, column, channel] = colour[row, column, channel] + (
+                    share * target[channel] if on_line else ZERO
+                )

@@ -1,23 +1,27 @@
-"""Correction of chromaticity by a network that was trained on photographs, for what one block in K x K pixels cannot measure.
+"""Correction of chromaticity by a network that was trained on photographs, for what one block in K
+x K pixels cannot measure.
 
-The frame is cut into cells, K x K pixels with a block in the middle, and the pixels of a cell are the network's channels (space to
-depth). With e1 = (1, -1, 0) / sqrt 2 and e2 = (1, 1, -2) / sqrt 6, which keep luminance, a pixel has l = (R + G + B) / 3 and
-colour p_k = e_k . (R, G, B), channels times gamma. Around a cell, with the mean <.> of 3 x 3 cells, the residuals r_s of the render
-at the S sites before they were corrected, and the variance v of the noise in r:
+The frame is cut into cells, K x K pixels with a block in the middle, and the pixels of a cell are
+the network's channels (space to depth). With e1 = (1, -1, 0) / sqrt 2 and e2 = (1, 1, -2) / sqrt 6,
+which keep luminance, a pixel has l = (R + G + B) / 3 and colour p_k = e_k . (R, G, B), channels
+times gamma. Around a cell, with the mean <.> of 3 x 3 cells, the residuals r_s of the render at the
+S sites before they were corrected, and the variance v of the noise in r:
 
-    t_k = <p_k> / <l>                                           mean colour
-    d_0 = l - <l>,  d_k = p_k - l t_k                           departures from one luminance, and from one colour
-    E = < mean r^2 + mean d_k^2 >                               evidence of colour
-    a = sqrt(E + 0.25 < mean d_0^2 >)                           activity
-    b = min(a, 4 sqrt(max(E - 0.2 <v>, 0)))                     bound: a place of one colour, grey or another, is left alone
+    t_k = <p_k> / <l>   mean colour
+    d_0 = l - <l>,  d_k = p_k - l t_k   departures from one luminance, and from one colour
+    E = < mean r^2 + mean d_k^2 >   evidence of colour
+    a = sqrt(E + 0.25 < mean d_0^2 >)   activity
+    b = min(a, 4 sqrt(max(E - 0.2 <v>, 0)))   bound: a place of one colour is left alone
 
-The network sees d_0 / a, d_k / a, r / a, t_k, log2(1 + sqrt v / a), 0.3 log2(1 + <l> / a) and b / a. Its answer times b is added to
-p_k, but leads no chromaticity p_k / l out of the range of those in 3 x 3 cells. Clipped blocks have an infinite v, so that b is 0
-around them. `tools/training/network.py` has the same formulas for training, `models/README.md` the pictures that were learned from.
+The network sees d_0 / a, d_k / a, r / a, t_k, log2(1 + sqrt v / a), 0.3 log2(1 + <l> / a) and b /
+a. Its answer times b is added to p_k, but leads no chromaticity p_k / l out of the range of those
+in 3 x 3 cells. Clipped blocks have an infinite v, so that b is 0 around them.
+`tools/training/network.py` has the same formulas for training, `models/README.md` the pictures that
+were learned from.
 
-A file in `models/` serves a block and its mirror images: cells are mirrored on the way in and out. Tiles of cells have one size and
-fixed places, so that neither threads nor bands change a bit; in a tile the network runs on the smallest box around the cells that
-are worth it.
+A file in `models/` serves a block and its mirror images: cells are mirrored on the way in and out.
+Tiles of cells have one size and fixed places, so that neither threads nor bands change a bit; in a
+tile the network runs on the smallest box around the cells that are worth it.
 """
 
 from dataclasses import dataclass, replace
@@ -42,22 +46,31 @@ REACH = 5
 MARGIN = 2
 """Cells around a cell on which its inputs depend."""
 SURROUNDINGS = 5
-"""Inputs of the network beside those of pixels and sites: mean colour, noise, mean luminance, bound."""
+"""Inputs of the network beside those of pixels and sites: mean colour, noise, mean luminance,
+bound.
+"""
 UNKNOWN = 1e6
 """Variance, scene units squared, of the residuals of a clipped block: above any contrast."""
 GATE = 0.2
-"""Multiple of the noise variance that is taken off the evidence. The networks, trained with 0.8, already tell noise from colour:
-0.2 is 0.03 dB better on 20 noisy photographs."""
+"""Multiple of the noise variance that is taken off the evidence. The networks, trained with 0.8,
+already tell noise from colour: 0.2 is 0.03 dB better on 20 noisy photographs.
+"""
 BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.float32)
 """The two components of colour."""
 WEIGHTS = np.concatenate([np.full((1, 3), 1 / 3, np.float32), BASIS])
 """Luminance and the two components of colour, by channels times gamma."""
 LUMINANCE, EVIDENCE, RANGE = 0.25, 4.0, 8.0
-"""Weight of luminance in activity; bound in units of the standard deviation of colour; limit of the inputs: as in training."""
+"""Weight of luminance in activity; bound in units of the standard deviation of colour; limit of the
+inputs: as in training.
+"""
 _LEAST_LIGHT, _LEAST_ACTIVITY = 1e-4, 1e-30  # scene units, and squared: they keep quotients finite
-_DIM, _LEAST_DIM = 0.2, 1e-5  # fraction of the mean luminance, and scene units: a darker pixel's chromaticity tells little
-_FAINT = 0.01  # bound, a fraction of luminance, below which a correction is not worth its time, as below the noise: loses nothing
-_TILE, _WIDEST = 48, 96  # cells of a tile down and, at most, across: wider ones leave the processor's cache
+# fraction of the mean luminance, and scene units: a darker pixel's chromaticity tells little
+_DIM, _LEAST_DIM = 0.2, 1e-5
+# bound, a fraction of luminance, below which a correction is not worth its time, as below the
+# noise: loses nothing
+_FAINT = 0.01
+# cells of a tile down and, at most, across: wider ones leave the processor's cache
+_TILE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
 
 Span = tuple[int, int]
@@ -65,8 +78,11 @@ Span = tuple[int, int]
 
 
 def network_name(pattern: CfaPattern) -> str | None:
-    """Return the name of the network that corrects colour for a pattern, in the preset BEST; None if there is none for it.
+    """Return the name of the network that corrects colour for a pattern, in the preset BEST; None
+    if there is none for it.
 
+    Examples
+    --------
     >>> from panchroma.offline import network_name
     >>> from panchroma.shared import CfaPattern
     >>> network_name(CfaPattern.bayer(6)), network_name(CfaPattern.bayer(7))
@@ -80,9 +96,15 @@ def network_name(pattern: CfaPattern) -> str | None:
 class ColourNetwork(RowStage):
     """Correct chromaticity by a network.
 
-    path: one of `models/`, read when the first rows are computed: raises InputError if that is impossible.
-    samples: of a frame whose pattern has the network's block and period.
-    gamma: (C,), the weights of Eq. 7.
+    Attributes
+    ----------
+    path : Path
+        One of `models/`, read when the first rows are computed: raises InputError if that is
+        impossible.
+    samples : BlockSamples
+        Of a frame whose pattern has the network's block and period.
+    gamma : FloatArray
+        (C,), the weights of Eq. 7.
     """
 
     path: Path
@@ -107,23 +129,37 @@ class ColourNetwork(RowStage):
         cells, network = self._cells, load_network(self.path)
         residuals, size = Residuals(cells, part, self.samples, self.gamma), _TILE * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
-        count = 2 * -(-cells.shape[1] // (2 * _WIDEST))  # an even number of tiles in a row: two threads end together
+        # an even number of tiles in a row: two threads end together
+        count = 2 * -(-cells.shape[1] // (2 * _WIDEST))
         sides = _TILE, -(-cells.shape[1] // count)
         result = part.rows(*rows)
         result = replace(result, chromaticity=copy_array(result.chromaticity))
 
         def correct(tile: tuple[int, int]) -> None:
-            region = [(index * side - _HALO, (index + 1) * side + _HALO) for index, side in zip(tile, sides, strict=True)]
+            region = [
+                (index * side - _HALO, (index + 1) * side + _HALO)
+                for index, side in zip(tile, sides, strict=True)
+            ]
             error, variance, unexplained = residuals.of(*region)
-            contrast = Contrast.of(cells.cut(part, self.gamma, region[0], region[1]), error, variance)
+            contrast = Contrast.of(
+                cells.cut(part, self.gamma, region[0], region[1]), error, variance
+            )
             contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
-            box = [np.flatnonzero(worth[REACH:-REACH, REACH:-REACH].any(axis=axis)) for axis in (1, 0)]
+            box = [
+                np.flatnonzero(worth[REACH:-REACH, REACH:-REACH].any(axis=axis)) for axis in (1, 0)
+            ]
             if box[0].size:
                 down, across = ((int(cells[0]), int(cells[-1]) + 1) for cells in box)
-                (answer,) = network.run(None, {"features": contrast.around(down, across, REACH).inputs()[None]})
-                spans = [cells.span(axis, region[axis], span) for axis, span in enumerate((down, across))]
-                cells.add(contrast.around(down, across, 1).change(answer[0]), spans, result, self.gamma)
+                (answer,) = network.run(
+                    None, {"features": contrast.around(down, across, REACH).inputs()[None]}
+                )
+                spans = [
+                    cells.span(axis, region[axis], span) for axis, span in enumerate((down, across))
+                ]
+                cells.add(
+                    contrast.around(down, across, 1).change(answer[0]), spans, result, self.gamma
+                )
 
         tiles = [(down, across) for down in range(first, last + 1) for across in range(count)]
         in_pieces(lambda first, _: correct(tiles[first]), len(tiles))
@@ -131,12 +167,23 @@ class ColourNetwork(RowStage):
 
 
 class Contrast(NamedTuple):
-    """Pixels and blocks of h x w cells in terms of their surroundings, float32; the formulas are those of the module.
+    """Pixels and blocks of h x w cells in terms of their surroundings, float32; the formulas are
+    those of the module.
 
-    pixels, departures: luminance and the two components of colour of all pixels, and d, (3, K^2, h, w).
-    error: residuals at the sites, (S, h, w). variance: of the noise in them, (h, w).
-    own, light: mean luminance of a cell, and of 3 x 3 cells, (h, w). colour: t, (2, h, w).
-    activity, bound: (h, w), scene units.
+    Attributes
+    ----------
+    pixels, departures : FloatArray
+        Luminance and the two components of colour of all pixels, and d, (3, K^2, h, w).
+    error : FloatArray
+        Residuals at the sites, (S, h, w).
+    variance : FloatArray
+        Of the noise in them, (h, w).
+    own, light : FloatArray
+        Mean luminance of a cell, and of 3 x 3 cells, (h, w).
+    colour : FloatArray
+        T, (2, h, w).
+    activity, bound : FloatArray
+        (h, w), scene units.
     """
 
     pixels: FloatArray
@@ -159,25 +206,46 @@ class Contrast(NamedTuple):
         departures = pixels[:, :, 1:-1, 1:-1].copy()
         departures[1:] -= departures[0] * colour[:, None]
         departures[0] -= light
-        squares = np.einsum("cpyx,cpyx->cyx", departures, departures) / np.float32(departures.shape[1])
+        squares = np.einsum("cpyx,cpyx->cyx", departures, departures) / np.float32(
+            departures.shape[1]
+        )
         evidence = _mean_around(np.square(_inner(error)).mean(axis=0) + squares[1:].mean(axis=0))
         activity = evidence + np.float32(LUMINANCE) * _mean_around(squares[0])
         activity = np.sqrt(np.maximum(activity, np.float32(_LEAST_ACTIVITY)))
         beyond = np.maximum(evidence - np.float32(GATE) * _inner(_mean_around(variance)), 0)
         bound = np.minimum(activity, np.float32(EVIDENCE) * np.sqrt(beyond))
-        pixels, error, variance, own = (_inner(planes, MARGIN) for planes in (pixels, error, variance, means[0]))
-        return cls(pixels, _inner(departures), error, variance, own, _inner(light), _inner(colour), activity, bound)
+        pixels, error, variance, own = (
+            _inner(planes, MARGIN) for planes in (pixels, error, variance, means[0])
+        )
+        return cls(
+            pixels,
+            _inner(departures),
+            error,
+            variance,
+            own,
+            _inner(light),
+            _inner(colour),
+            activity,
+            bound,
+        )
 
     def around(self, rows: Span, columns: Span, cells: int) -> "Contrast":
-        """Return some of the cells inside the outermost `REACH`, with some `cells` more on each side."""
-        down, across = (slice(REACH + first - cells, REACH + end + cells) for first, end in (rows, columns))
+        """Return some of the cells inside the outermost `REACH`, with some `cells` more on each
+        side.
+        """
+        down, across = (
+            slice(REACH + first - cells, REACH + end + cells) for first, end in (rows, columns)
+        )
         return Contrast(*(planes[..., down, across] for planes in self))
 
     def inputs(self) -> FloatArray:
         """Return what the network sees, float32 (3 K^2 + S + SURROUNDINGS, h, w)."""
         pixels, sites = self.departures.shape[0] * self.departures.shape[1], len(self.error)
         inputs = np.empty((pixels + sites + SURROUNDINGS, *self.bound.shape), np.float32)
-        scale, positive = np.reciprocal(self.activity), np.maximum(self.light, np.float32(_LEAST_LIGHT))
+        scale, positive = (
+            np.reciprocal(self.activity),
+            np.maximum(self.light, np.float32(_LEAST_LIGHT)),
+        )
         np.multiply(self.departures, scale, out=inputs[:pixels].reshape(self.departures.shape))
         np.multiply(self.error, scale, out=inputs[pixels : pixels + sites])
         inputs[-5:-3] = self.colour
@@ -187,18 +255,32 @@ class Contrast(NamedTuple):
         return np.clip(inputs, -RANGE, RANGE, out=inputs)
 
     def change(self, answer: FloatArray) -> FloatArray:
-        """Return the change of R, G and B, times gamma, in all but the outermost cells, (3, K^2, h - 2, w - 2).
+        """Return the change of R, G and B, times gamma, in all but the outermost cells, (3, K^2, h
+        - 2, w - 2).
 
-        answer: of the network, (2 K^2, h - 2, w - 2).
+        Parameters
+        ----------
+        answer : FloatArray
+            Of the network, (2 K^2, h - 2, w - 2).
         """
-        safe = np.maximum(np.maximum(self.pixels[0], np.float32(_DIM) * self.own), np.float32(_LEAST_DIM))
+        safe = np.maximum(
+            np.maximum(self.pixels[0], np.float32(_DIM) * self.own), np.float32(_LEAST_DIM)
+        )
         chromaticity = self.pixels[1:] / safe
-        low, high = (_extreme(of, of.reduce(chromaticity, axis=1))[:, None] for of in (np.minimum, np.maximum))
+        low, high = (
+            _extreme(of, of.reduce(chromaticity, axis=1))[:, None]
+            for of in (np.minimum, np.maximum)
+        )
         safe, colour = _inner(safe), _inner(self.pixels[1:])
         change = answer.reshape(colour.shape) * _inner(self.bound)
         change = np.maximum(change, np.minimum(low * safe - colour, 0))
         change = np.minimum(change, np.maximum(high * safe - colour, 0))
-        return np.stack([sum(weight * plane for weight, plane in zip(row, change, strict=True)) for row in BASIS.T])
+        return np.stack(
+            [
+                sum(weight * plane for weight, plane in zip(row, change, strict=True))
+                for row in BASIS.T
+            ]
+        )
 
 
 def _inner(planes: FloatArray, cells: int = 1) -> FloatArray:
@@ -212,7 +294,9 @@ def _mean_around(planes: FloatArray) -> FloatArray:
 
 
 def _extreme(of: np.ufunc, planes: FloatArray) -> FloatArray:
-    """Return the least or greatest of 3 x 3 cells, one cell less on each side. of: np.minimum or np.maximum."""
+    """Return the least or greatest of 3 x 3 cells, one cell less on each side. of: np.minimum or
+    np.maximum.
+    """
     rows = of(of(planes[..., :-2, :], planes[..., 1:-1, :]), planes[..., 2:, :])
     extreme: FloatArray = of(of(rows[..., :-2], rows[..., 1:-1]), rows[..., 2:])
     return extreme
@@ -224,14 +308,24 @@ class Cells:
 
     Mirrored, a block has as many pixels of its cell before it as behind it, or one less.
 
-    frame: (H, W).
-    period: K.
-    origin: frame row and column at which the first cell begins, 0 or less.
-    shape: number of cells (down, across).
-    blocks: index of the first cell (down, across) with a whole block.
-    steps: 1, or -1 along an axis that is mirrored.
-    channels: the pattern's indices of red, green and blue.
-    sites: indices of the sites of a block, in their order in the mirrored block: R, G, G, B.
+    Attributes
+    ----------
+    frame : tuple[int, int]
+        (H, W).
+    period : int
+        K.
+    origin : tuple[int, int]
+        Frame row and column at which the first cell begins, 0 or less.
+    shape : tuple[int, int]
+        Number of cells (down, across).
+    blocks : tuple[int, int]
+        Index of the first cell (down, across) with a whole block.
+    steps : tuple[int, int]
+        1, or -1 along an axis that is mirrored.
+    channels : list[int]
+        The pattern's indices of red, green and blue.
+    sites : list[int]
+        Indices of the sites of a block, in their order in the mirrored block: R, G, G, B.
     """
 
     frame: tuple[int, int]
@@ -246,57 +340,116 @@ class Cells:
     @classmethod
     def of(cls, sites: Sites) -> "Cells":
         """Return the cells of a frame with channels R, G and B."""
-        pattern, grid, period, steps = sites.pattern, sites.grid, sites.grid.period, Block.of(sites.pattern).steps
+        pattern, grid, period, steps = (
+            sites.pattern,
+            sites.grid,
+            sites.grid.period,
+            Block.of(sites.pattern).steps,
+        )
         axes = list[tuple[int, int, int]]()
         for axis, whole in enumerate((grid.whole_rows, grid.whole_columns)):
-            before = (period - grid.block_shape[axis] + (steps[axis] < 0)) // 2  # pixels of a cell before its block
+            # pixels of a cell before its block
+            before = (period - grid.block_shape[axis] + (steps[axis] < 0)) // 2
             start = -((before - pattern.block_origin[axis]) % period)
-            axes.append((start, -(-(grid.frame[axis] - start) // period), (int(whole[0]) - before - start) // period))
+            axes.append(
+                (
+                    start,
+                    -(-(grid.frame[axis] - start) // period),
+                    (int(whole[0]) - before - start) // period,
+                )
+            )
         origin, shape, blocks = ((down, across) for down, across in zip(*axes, strict=True))
-        order = sorted(range(len(pattern.sites)), key=lambda site: np.multiply(pattern.sites[site][:2], steps).tolist())
+        order = sorted(
+            range(len(pattern.sites)),
+            key=lambda site: np.multiply(pattern.sites[site][:2], steps).tolist(),
+        )
         channels = [pattern.channels.index(letter) for letter in "RGB"]
         return cls(grid.frame, period, origin, shape, blocks, steps, channels, order)
 
-    def cut(self, part: Part, gamma: FloatArray, rows: Span, columns: Span, weights: FloatArray = WEIGHTS) -> FloatArray:
-        """Return three weighted sums of R, G and B, times gamma, of some cells, mirrored as the network knows them.
+    def cut(
+        self,
+        part: Part,
+        gamma: FloatArray,
+        rows: Span,
+        columns: Span,
+        weights: FloatArray = WEIGHTS,
+    ) -> FloatArray:
+        """Return three weighted sums of R, G and B, times gamma, of some cells, mirrored as the
+        network knows them.
 
         Float32 (3, K^2, h, w). The frame is mirrored at its border.
 
-        weights: (3, 3). part: all rows of the frame that the cells show.
+        Parameters
+        ----------
+        weights : FloatArray, optional
+            (3, 3).
+        part : Part
+            All rows of the frame that the cells show.
         """
-        down = mirrored(self._pixels(0, rows), self.frame[0]).clip(part.first, part.end - 1) - part.first
+        down = (
+            mirrored(self._pixels(0, rows), self.frame[0]).clip(part.first, part.end - 1)
+            - part.first
+        )
         across = mirrored(self._pixels(1, columns), self.frame[1])
         of_channels = np.empty_like(weights)
         of_channels[:, self.channels] = weights * gamma[self.channels]
-        picture = np.empty((3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]), np.float32)
-        down, across = (np.ascontiguousarray(place[::step]) for place, step in zip((down, across), self.steps, strict=True))
+        picture = np.empty(
+            (3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]), np.float32
+        )
+        down, across = (
+            np.ascontiguousarray(place[::step])
+            for place, step in zip((down, across), self.steps, strict=True)
+        )
         cut_cells(part.luminance, part.chromaticity, of_channels, down, across, picture)
         return picture
 
     def add(self, change: FloatArray, spans: list[Span], result: Part, gamma: FloatArray) -> None:
-        """Change R, G and B, times gamma, of some cells, (3, K^2, h, w), in the chromaticity of a part, as far as that has them.
+        """Change R, G and B, times gamma, of some cells, (3, K^2, h, w), in the chromaticity of a
+        part, as far as that has them.
 
-        spans: rows and columns of the cells in the frame. No channel gains or loses more than the luminance, which stays.
+        Parameters
+        ----------
+        spans : list[Span]
+            Rows and columns of the cells in the frame. No channel gains or loses more than the
+            luminance, which stays.
         """
         down, across = ((pixels[0], pixels[-1] + 1) for pixels in map(self._pixels, (0, 1), spans))
-        shape = self.period, self.period, (down[1] - down[0]) // self.period, (across[1] - across[0]) // self.period
-        planes = [plane.reshape(shape).transpose(2, 0, 3, 1).reshape(down[1] - down[0], -1) for plane in change]
+        shape = (
+            self.period,
+            self.period,
+            (down[1] - down[0]) // self.period,
+            (across[1] - across[0]) // self.period,
+        )
+        planes = [
+            plane.reshape(shape).transpose(2, 0, 3, 1).reshape(down[1] - down[0], -1)
+            for plane in change
+        ]
         top, end = max(down[0], result.first), min(down[1], result.end)
         left, right = max(across[0], 0), min(across[1], result.luminance.shape[1])
         place = slice(top - result.first, end - result.first), slice(left, right)
-        colours = self.turned(np.stack(planes))[:, top - down[0] : end - down[0], left - across[0] : right - across[0]]
+        colours = self.turned(np.stack(planes))[
+            :, top - down[0] : end - down[0], left - across[0] : right - across[0]
+        ]
         light = result.luminance[place]
         limit = np.where(light > DARK, np.maximum(light, np.abs(colours).max(axis=0)), np.inf)
         for channel, colour in zip(self.channels, colours, strict=True):
             result.chromaticity[place][..., channel] += colour / (limit * gamma[channel])
 
     def span(self, axis: int, region: Span, inner: Span) -> Span:
-        """Return the cells of the frame that are some of those inside the outermost `_HALO` of a mirrored region of cells."""
+        """Return the cells of the frame that are some of those inside the outermost `_HALO` of a
+        mirrored region of cells.
+        """
         first, end = (_HALO + cell for cell in inner)
-        return (region[0] + first, region[0] + end) if self.steps[axis] > 0 else (region[1] - end, region[1] - first)
+        return (
+            (region[0] + first, region[0] + end)
+            if self.steps[axis] > 0
+            else (region[1] - end, region[1] - first)
+        )
 
     def turned(self, planes: FloatArray) -> FloatArray:
-        """Return planes (..., rows, columns) in the orientation that the network knows, or back from it; a view."""
+        """Return planes (..., rows, columns) in the orientation that the network knows, or back
+        from it; a view.
+        """
         return planes[..., :: self.steps[0], :: self.steps[1]]
 
     def _pixels(self, axis: int, span: Span) -> IndexArray:
@@ -305,13 +458,26 @@ class Cells:
 
 @parallel_kernel(pieces=lambda *given: given[-1].shape[2])
 def cut_cells(
-    pieces: Pieces, luminance: Floats2, chromaticity: Floats3, weights: Floats2, rows: Ints1, columns: Ints1, out: Floats4
+    pieces: Pieces,
+    luminance: Floats2,
+    chromaticity: Floats3,
+    weights: Floats2,
+    rows: Ints1,
+    columns: Ints1,
+    out: Floats4,
 ) -> None:
     """Write three weighted sums of three channels, times luminance, cell by cell.
 
-    luminance, chromaticity: (H, W) and (H, W, 3). weights: (3, 3), of each sum.
-    rows, columns: those of all pixels of h x w cells, (h K,) and (w K,).
-    out: (3, K^2, h, w), written.
+    Parameters
+    ----------
+    luminance, chromaticity : Floats2, Floats3
+        (H, W) and (H, W, 3).
+    weights : Floats2
+        (3, 3), of each sum.
+    rows, columns : Ints1
+        Those of all pixels of h x w cells, (h K,) and (w K,).
+    out : Floats4
+        (3, K^2, h, w), written.
     """
     _, _, height, width = out.shape
     period = len(rows) // height
@@ -322,33 +488,57 @@ def cut_cells(
                 column = columns[across * period + first]
                 light, colour = luminance[row, column], chromaticity[row, column]
                 for plane in range(3):
-                    total = weights[plane, 0] * colour[0] + weights[plane, 1] * colour[1] + weights[plane, 2] * colour[2]
+                    total = (
+                        weights[plane, 0] * colour[0]
+                        + weights[plane, 1] * colour[1]
+                        + weights[plane, 2] * colour[2]
+                    )
                     out[plane, pixel, down, across] = total * light
 
 
 class Residuals:
-    """Residuals of the blocks in a part of a picture, by cells. gamma: (C,), float32."""
+    """Residuals of the blocks in a part of a picture, by cells.
+
+    Parameters
+    ----------
+    gamma : FloatArray
+        (C,), float32.
+    """
 
     def __init__(self, cells: Cells, part: Part, samples: BlockSamples, gamma: FloatArray) -> None:
         rows = samples.within(part)
-        error, noise = samples.residual(part, rows)[..., cells.sites], samples.scaled_variance(gamma, rows)
+        error, noise = (
+            samples.residual(part, rows)[..., cells.sites],
+            samples.scaled_variance(gamma, rows),
+        )
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
         variance = np.where(samples.unclipped[rows], variance, np.float32(UNKNOWN))
-        # In photographs the network also corrects what a colour line explains, in print lines are certain: 8 costs 0.02 dB.
-        unexplained = np.ones_like(variance) if samples.lines is None else 1 - samples.lines.share[rows] ** 32
+        # In photographs the network also corrects what a colour line explains, in print lines are
+        # certain: 8 costs 0.02 dB.
+        unexplained = (
+            np.ones_like(variance) if samples.lines is None else 1 - samples.lines.share[rows] ** 32
+        )
         self._cells, self._first = cells, (cells.blocks[0] + rows.start, cells.blocks[1])
         self._values = np.concatenate([error, variance[..., None], unexplained[..., None]], axis=2)
         self._outside = np.array([0] * len(cells.sites) + [UNKNOWN, 1], np.float32)
 
     def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the residuals at the S sites of some cells, mirrored, the variance of their noise, and how little lines explain.
+        """Return the residuals at the S sites of some cells, mirrored, the variance of their noise,
+        and how little lines explain.
 
         Float32 (S, h, w), (h, w) and (h, w): 0, UNKNOWN and 1 in cells without a whole block.
         """
         count = self._values.shape[:2]
-        places = [np.arange(*span) - first for span, first in zip((rows, columns), self._first, strict=True)]
-        down, across = ((place >= 0) & (place < size) for place, size in zip(places, count, strict=True))
-        values = self._values[np.ix_(*(place.clip(0, size - 1) for place, size in zip(places, count, strict=True)))]
+        places = [
+            np.arange(*span) - first
+            for span, first in zip((rows, columns), self._first, strict=True)
+        ]
+        down, across = (
+            (place >= 0) & (place < size) for place, size in zip(places, count, strict=True)
+        )
+        values = self._values[
+            np.ix_(*(place.clip(0, size - 1) for place, size in zip(places, count, strict=True)))
+        ]
         values = np.where((down[:, None] & across)[..., None], values, self._outside)
         planes = np.ascontiguousarray(self._cells.turned(values.transpose(2, 0, 1)))
         return planes[:-2], planes[-2], planes[-1]

@@ -1,20 +1,26 @@
-"""Errors at the colour sites, from the samples of each block: MAP updates of luminance, and of the finished picture.
+"""Errors at the colour sites, from the samples of each block: MAP updates of luminance, and of the
+finished picture.
 
-Luminance under the colour sites is filled in. Let d_s be its error at site s, and w_s = gamma_c c_c the share of luminance in the
-channel c of that site, by the picture. The residual of the picture there, gamma_c (sample - picture), is
+Luminance under the colour sites is filled in. Let d_s be its error at site s, and w_s = gamma_c c_c
+the share of luminance in the channel c of that site, by the picture. The residual of the picture
+there, gamma_c (sample - picture), is
 
-    e_s = w_s d_s + t_s,c + noise of variance v_s,      t: error of colour in every channel, which leaves luminance as it is
+    e_s = w_s d_s + t_s,c + noise of variance v_s,
 
-In Eqs. 8-9 errors are independent and equal. Here they are Gaussian and correlated, because a stroke or an edge that passes through
-one site passes near the others: R_st = 0.35 to the power of the distance in pixels. With C channels and P_st = [c_s = c_t] - 1 / C,
+where t is the error of colour in every channel, which leaves luminance as it is.
+
+In Eqs. 8-9 errors are independent and equal. Here they are Gaussian and correlated, because a
+stroke or an edge that passes through one site passes near the others: R_st = 0.35 to the power of
+the distance in pixels. With C channels and P_st = [c_s = c_t] - 1 / C,
 
     cov d = D R,  cov e = R o (D w w^T + T P) + diag v,  x = (cov e)^-1 e,
     E[d | e] = D R (w o x),  E[t_s,i | e] = T sum_t R_st ([c_t = i] - 1 / C) x_t.
 
-The variances follow from the mean power of the residuals around a block, M = max(<mean e^2> - 2 mean v, 0), and the error of
-filling f, a multiple of luminance's curvature: D = min(f^2, M / q) with q = mean w^2, and T = max(M - D q, M / 2) C / (C - 1).
-Where luminance is flat, as at an edge between two colours of one brightness, all of M is colour. With a colour line of confidence
-p, which says what colour is, D moves to M / q and T to 0 by p.
+The variances follow from the mean power of the residuals around a block, M = max(<mean e^2> - 2
+mean v, 0), and the error of filling f, a multiple of luminance's curvature: D = min(f^2, M / q)
+with q = mean w^2, and T = max(M - D q, M / 2) C / (C - 1). Where luminance is flat, as at an edge
+between two colours of one brightness, all of M is colour. With a colour line of confidence p, which
+says what colour is, D moves to M / q and T to 0 by p.
 
 - `update_luminance`: E[d | e] for the chromaticities of the blocks, before colour is spread.
 - `Correction`: E[d | e] and E[t | e] for the finished picture, added to all channels of all sites.
@@ -41,41 +47,70 @@ from ..stage import Switch
 
 @dataclass(frozen=True)
 class PosteriorSettings(Switch):
-    """Update of luminance at the colour sites once the colour of blocks is known; not in the paper."""
+    """Update of luminance at the colour sites once the colour of blocks is known; not in the
+    paper.
+    """
 
     kernels = ("smooth", "expect_errors")
 
 
-# Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it changes most (README).
-_CURVED = 0.7  # error of filled luminance as a multiple of its curvature (0.4); pooling has a setting of its own
+# Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it
+# changes most (README). error of filled luminance as a multiple of its curvature (0.4); pooling has
+# a setting of its own
+_CURVED = 0.7
 _TINT = 0.5  # fraction of the power of residuals that is colour at least (0.3)
-_DOUBT = 0.1  # least fraction of it on a line: dark channels do not show luminance; 0.01 makes speckles 5 times white
+# least fraction of it on a line: dark channels do not show luminance; 0.01 makes speckles 5 times
+# white
+_DOUBT = 0.1
 _DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of residuals (0.4)
-_WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which their power is averaged (0.3)
+# blocks: standard deviation of the neighbourhood over which their power is averaged (0.3)
+_WIDTH = 0.7
 _LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
 _LEAST = 1e-6  # of D + T, added to v: equations can be solved where one error explains all sites
 _ZERO = np.float32(0)
 
 
 def site_reach(period: int) -> int:
-    """Return the number of rows above and below a site that its correction depends on. period: K, pixels."""
+    """Return the number of rows above and below a site that its correction depends on.
+
+    Parameters
+    ----------
+    period : int
+        K, pixels.
+    """
     return (len(gaussian(_WIDTH)) // 2 + 1) * period
 
 
-def block_samples(frame: Cleaned, luminance: FloatArray, alone: FloatArray | None = None) -> BlockSamples:
+def block_samples(
+    frame: Cleaned, luminance: FloatArray, alone: FloatArray | None = None
+) -> BlockSamples:
     """Return the samples of all whole blocks.
 
-    luminance: (H, W), filled in, scene units.
-    alone: how far no other frame of a burst measures luminance at the sites, 0 to 1, (rows, columns); None = there is no other.
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), filled in, scene units.
+    alone : FloatArray | None, optional
+        How far no other frame of a burst measures luminance at the sites, 0 to 1, (rows, columns);
+        None = there is no other.
     """
     error = fill_error(luminance, frame.sites)
     if alone is not None:
         error = error * alone
-    return BlockSamples(frame.sites, frame.sites.of(frame.signal), frame.noise, unclipped_blocks(frame), error, alone)
+    return BlockSamples(
+        frame.sites,
+        frame.sites.of(frame.signal),
+        frame.noise,
+        unclipped_blocks(frame),
+        error,
+        alone,
+    )
 
 
 def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
-    """Return f, the error of filled luminance in each whole block, scene units, float32 (rows, columns)."""
+    """Return f, the error of filled luminance in each whole block, scene units, float32 (rows,
+    columns).
+    """
     error = np.empty(sites.shape, np.float32)
 
     def work(rows: slice) -> None:
@@ -87,12 +122,20 @@ def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
 
 
 def update_luminance(
-    luminance: FloatArray, blocks: FloatArray, measured: BlockSamples, gamma: FloatArray, settings: Switch
+    luminance: FloatArray,
+    blocks: FloatArray,
+    measured: BlockSamples,
+    gamma: FloatArray,
+    settings: Switch,
 ) -> FloatArray:
     """Return luminance, float32 (H, W), with its expected error at the colour sites added.
 
-    blocks: chromaticity of every block of the grid, (block rows, block columns, C).
-    gamma: (C,), the weights of Eq. 7.
+    Parameters
+    ----------
+    blocks : FloatArray
+        Chromaticity of every block of the grid, (block rows, block columns, C).
+    gamma : FloatArray
+        (C,), the weights of Eq. 7.
     """
     if not settings.used:
         return luminance
@@ -112,28 +155,46 @@ def update_luminance(
 
 
 def _block_residuals(
-    luminance: FloatArray, blocks: FloatArray, measured: BlockSamples, rows: slice, gamma: FloatArray
+    luminance: FloatArray,
+    blocks: FloatArray,
+    measured: BlockSamples,
+    rows: slice,
+    gamma: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return e and w, float32 (rows, columns, S), by the chromaticities of blocks, and by colour lines as far as these count."""
+    """Return e and w, float32 (rows, columns, S), by the chromaticities of blocks, and by colour
+    lines as far as these count.
+    """
     sites = measured.sites
     light = np.stack([luminance[place] for place in sites.at(rows)], axis=2)
     weight = np.take(sites.whole(blocks)[rows] * gamma, sites.channels, axis=2)
     picture = weight * light
     if (lines := measured.lines) is not None:
-        offset, slope = (np.moveaxis(plane[:, rows][sites.channels], 0, 2) for plane in (lines.offset, lines.slope))
-        apart, least = offset + slope * light - picture, np.square(np.float32(EVEN) * light).mean(axis=2)
+        offset, slope = (
+            np.moveaxis(plane[:, rows][sites.channels], 0, 2)
+            for plane in (lines.offset, lines.slope)
+        )
+        apart, least = (
+            offset + slope * light - picture,
+            np.square(np.float32(EVEN) * light).mean(axis=2),
+        )
         far = np.maximum(np.square(apart).mean(axis=2), np.maximum(least, np.float32(_LEAST_POWER)))
         share = (lines.share[rows] * (1 - least / far))[..., None]
         picture += share * apart
         weight += share * (slope - weight)
-    error = (measured.samples[rows] * gamma[sites.channels] - picture) * measured.unclipped[rows, :, None]
+    error = (measured.samples[rows] * gamma[sites.channels] - picture) * measured.unclipped[
+        rows, :, None
+    ]
     return error.astype(np.float32, copy=False), weight
 
 
 def signal_power(error: FloatArray, variance: FloatArray | None) -> FloatArray:
-    """Return M, the mean square of residuals, (rows, columns, S), around each block beyond the noise: float32 (rows, columns).
+    """Return M, the mean square of residuals, (rows, columns, S), around each block beyond the
+    noise: float32 (rows, columns).
 
-    variance: of the noise, (rows, columns); None = no noise.
+    Parameters
+    ----------
+    variance : FloatArray | None
+        Of the noise, (rows, columns); None = no noise.
     """
     power = smoothed(np.square(error).mean(axis=2), _WIDTH)
     if variance is not None:
@@ -144,16 +205,22 @@ def signal_power(error: FloatArray, variance: FloatArray | None) -> FloatArray:
 def expected_errors(
     error: FloatArray, weight: FloatArray, measured: BlockSamples, rows: slice, gamma: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return E[d | e], float32 (rows, columns, S), and E[t | e], (rows, columns, S, C), at the sites of these rows of blocks.
+    """Return E[d | e], float32 (rows, columns, S), and E[t | e], (rows, columns, S, C), at the
+    sites of these rows of blocks.
 
-    error, weight: e and w, (rows, columns, S).
+    Parameters
+    ----------
+    error, weight : FloatArray
+        E and w, (rows, columns, S).
     """
     sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
     mean = signal_power(error, None if variance is None else variance.mean(axis=2))  # M
     share = np.square(weight).mean(axis=2)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
     of_light = np.minimum(np.square(measured.fill_error[rows]), most)
-    of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean) / np.float32(1 - 1 / len(gamma))
+    of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean) / np.float32(
+        1 - 1 / len(gamma)
+    )
     if measured.lines is not None:
         confidence = measured.lines.share[rows]
         of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
@@ -169,7 +236,12 @@ def expected_errors(
 class Residuals(NamedTuple):
     """Residuals and what is known of them.
 
-    error, weight, noise: e, w and v, (rows, columns, S). light, colour: D and T, (rows, columns).
+    Attributes
+    ----------
+    error, weight, noise : Floats3
+        E, w and v, (rows, columns, S).
+    light, colour : Floats2
+        D and T, (rows, columns).
     """
 
     error: Floats3
@@ -181,24 +253,40 @@ class Residuals(NamedTuple):
 
 @parallel_kernel()
 def expect_errors(
-    pieces: Pieces, given: Residuals, near: Doubles2, alike: Doubles2, aside: Doubles2, light: Floats3, tints: Floats4
+    pieces: Pieces,
+    given: Residuals,
+    near: Doubles2,
+    alike: Doubles2,
+    aside: Doubles2,
+    light: Floats3,
+    tints: Floats4,
 ) -> None:
     """Compute E[d | e], (rows, columns, S), and E[t | e], (rows, columns, S, C).
 
-    near, alike: R and P, (S, S). aside: [c_s = i] - 1 / C, (S, C).
+    Parameters
+    ----------
+    near, alike : Doubles2
+        R and P, (S, S).
+    aside : Doubles2
+        [c_s = i] - 1 / C, (S, C).
     """
     (_, columns, count), channels = light.shape, aside.shape[1]
     covariance, solution = np.empty((count, count)), np.empty(count)
     for row in range(pieces[0], pieces[1]):
         for column in range(columns):
-            of_light, of_colour = np.float64(given.light[row, column]), np.float64(given.colour[row, column])
+            of_light, of_colour = (
+                np.float64(given.light[row, column]),
+                np.float64(given.colour[row, column]),
+            )
             weight, uncertain = given.weight[row, column], of_light + of_colour
             for s in range(count):
                 solution[s] = given.error[row, column, s]
                 for t in range(count):
                     both = max(weight[s], _ZERO) * np.float64(max(weight[t], _ZERO))
                     covariance[s, t] = near[s, t] * (of_light * both + of_colour * alike[s, t])
-                covariance[s, s] += given.noise[row, column, s] + (_LEAST * uncertain if uncertain > 0 else 1.0)
+                covariance[s, s] += given.noise[row, column, s] + (
+                    _LEAST * uncertain if uncertain > 0 else 1.0
+                )
             _solve(covariance, solution)
             for s in range(count):
                 of_site = 0.0
@@ -214,7 +302,9 @@ def expect_errors(
 
 @kernel
 def _solve(matrix: Doubles2, right: Doubles1) -> None:
-    """Solve matrix x = right, positive definite, (S, S) and (S,), by elimination; both are overwritten, `right` by x."""
+    """Solve matrix x = right, positive definite, (S, S) and (S,), by elimination; both are
+    overwritten, `right` by x.
+    """
     size = len(right)
     for row in range(size):
         for below in range(row + 1, size):
@@ -230,7 +320,13 @@ def _solve(matrix: Doubles2, right: Doubles1) -> None:
 
 @dataclass(eq=False)
 class SiteResidual(RowStage):
-    """Measure the residuals of the picture at the colour sites (`Part.residual`). gamma: (C,), the weights of Eq. 7."""
+    """Measure the residuals of the picture at the colour sites (`Part.residual`).
+
+    Attributes
+    ----------
+    gamma : FloatArray
+        (C,), the weights of Eq. 7.
+    """
 
     samples: BlockSamples
     gamma: FloatArray
@@ -241,10 +337,18 @@ class SiteResidual(RowStage):
         """These rows, with their residual."""
         picture, sites = part.rows(*rows), self.samples.sites
         residual = np.zeros(picture.luminance.shape, np.float32)
-        for site, (channel, (down, across)) in enumerate(zip(sites.channels, sites.places, strict=True)):
-            first, end = (min(max(-(-(row - down.start) // down.step), 0), sites.shape[0]) for row in rows)  # rows of blocks
+        for site, (channel, (down, across)) in enumerate(
+            zip(sites.channels, sites.places, strict=True)
+        ):
+            # rows of blocks
+            first, end = (
+                min(max(-(-(row - down.start) // down.step), 0), sites.shape[0]) for row in rows
+            )
             place = slice(down.start + first * down.step - rows[0], None, down.step), across
-            colour = picture.chromaticity[place][: end - first, :, channel] * picture.luminance[place][: end - first]
+            colour = (
+                picture.chromaticity[place][: end - first, :, channel]
+                * picture.luminance[place][: end - first]
+            )
             error = (self.samples.samples[first:end, :, site] - colour) * self.gamma[channel]
             residual[place][: end - first] = error * self.samples.unclipped[first:end]
         return replace(picture, residual=residual)
@@ -252,7 +356,13 @@ class SiteResidual(RowStage):
 
 @dataclass(eq=False)
 class Correction(RowStage):
-    """Add the expected errors of luminance and colour at the sites of all whole blocks. gamma: (C,), the weights of Eq. 7."""
+    """Add the expected errors of luminance and colour at the sites of all whole blocks.
+
+    Attributes
+    ----------
+    gamma : FloatArray
+        (C,), the weights of Eq. 7.
+    """
 
     samples: BlockSamples
     gamma: FloatArray
@@ -271,16 +381,23 @@ class Correction(RowStage):
         if blocks.start >= blocks.stop:
             return part.rows(*rows)
         places, channels = self.samples.inside(part, blocks), self.samples.sites.channels
-        colours = [part.chromaticity[place][..., channel] * gamma[channel] for place, channel in zip(places, channels, strict=True)]
+        colours = [
+            part.chromaticity[place][..., channel] * gamma[channel]
+            for place, channel in zip(places, channels, strict=True)
+        ]
         error = self.samples.residual(part, blocks)
-        light, tints = expected_errors(error, np.stack(colours, axis=2), self.samples, blocks, gamma)
+        light, tints = expected_errors(
+            error, np.stack(colours, axis=2), self.samples, blocks, gamma
+        )
         if self.samples.kept is not None:
             tints *= self.samples.kept[blocks, :, None, None]
         luminance, chromaticity = copy_array(part.luminance), copy_array(part.chromaticity)
         for site, place in enumerate(places):
             before, after = luminance[place], luminance[place] + light[..., site]
-            lit = ~((after <= DARK) | (before <= DARK))  # what is not a number is to be seen, and refused
-            # Colour that luminance gains has the chromaticity that was there; tints leave luminance as it is.
+            # what is not a number is to be seen, and refused
+            lit = ~((after <= DARK) | (before <= DARK))
+            # Colour that luminance gains has the chromaticity that was there; tints leave luminance
+            # as it is.
             tint = tints[:, :, site] / (gamma * np.where(lit, after, 1)[..., None])
             chromaticity[place] += np.where(lit[..., None], tint, 0)
             luminance[place] = np.where(lit, after, before)

@@ -1,22 +1,28 @@
-"""Defective samples, listed in the calibration or outliers, and what their surroundings predict in their place; not in the paper.
+"""Defective samples, listed in the calibration or outliers, and what their surroundings predict in
+their place; not in the paper.
 
-A panchromatic sample m is an outlier if it lies outside the range of its neighbours N (3 x 3 pixels) by more than their contrast
-(W, 5 x 5 pixels, without the highest and the lowest: there may be a second defect) and noise explain:
+A panchromatic sample m is an outlier if it lies outside the range of its neighbours N (3 x 3
+pixels) by more than their contrast (W, 5 x 5 pixels, without the highest and the lowest: there may
+be a second defect) and noise explain:
 
     max(m - max N, min N - m) > contrast (max W - min W) + deviations sigma(max N) + floor
 
-A colour sample c of channel i is a lower bound of luminance, gamma_i c: where it exceeds every panchromatic neighbour it is one of
-N, and the end of a thin stroke next to a block is no defect. Where a colour site beside m is brighter or darker than in the tiles
-around, the range of N ends as much higher or lower: both see the same small thing. An outlier becomes the mean of opposite
-neighbours; directions d along which luminance changes little (mean |difference|) have the largest weights 1 / (change |d|)^2.
+A colour sample c of channel i is a lower bound of luminance, gamma_i c: where it exceeds every
+panchromatic neighbour it is one of N, and the end of a thin stroke next to a block is no defect.
+Where a colour site beside m is brighter or darker than in the tiles around, the range of N ends as
+much higher or lower: both see the same small thing. An outlier becomes the mean of opposite
+neighbours; directions d along which luminance changes little (mean |difference|) have the largest
+weights 1 / (change |d|)^2.
 
-A colour sample has no neighbours of its own filter. But the channels of a block add up to the luminance l around it (Eq. 7):
+A colour sample has no neighbours of its own filter. But the channels of a block add up to the
+luminance l around it (Eq. 7):
 
     surplus = sum_i gamma_i c_i - l
 
-If it is more than contrast and noise explain, the sample that deviates most from the neighbouring blocks' prediction, their median
-of c / l, is defective. So texture and small bright objects, which all samples of a block see, stay. A defective colour sample is
-replaced by what the rest of its block predicts, so that it carries no information of its own into Eqs. 8-9.
+If it is more than contrast and noise explain, the sample that deviates most from the neighbouring
+blocks' prediction, their median of c / l, is defective. So texture and small bright objects, which
+all samples of a block see, stay. A defective colour sample is replaced by what the rest of its
+block predicts, so that it carries no information of its own into Eqs. 8-9.
 """
 
 from dataclasses import dataclass
@@ -40,10 +46,15 @@ from ..stage import NotNegative, Positive, StageSettings
 class DefectsSettings(StageSettings):
     """Samples that do not measure light.
 
-    listed: replace the samples in the calibration's list of defects.
-    contrast: multiple of the local contrast, 0 or more; 0 = look for no unlisted defects.
-    deviations, floor: multiples of the noise, where it is known, 0 or more; and of the mean panchromatic sample, > 0. Colour
-        samples are judged by their blocks, with the same settings.
+    Attributes
+    ----------
+    listed : bool
+        Replace the samples in the calibration's list of defects.
+    contrast : NotNegative
+        Multiple of the local contrast, 0 or more; 0 = look for no unlisted defects.
+    deviations, floor : NotNegative, Positive
+        Multiples of the noise, where it is known, 0 or more; and of the mean panchromatic sample, >
+        0. Colour samples are judged by their blocks, with the same settings.
     """
 
     asked_by = "listed", "contrast"
@@ -54,19 +65,23 @@ class DefectsSettings(StageSettings):
 
 
 # Chosen; half and twice change none of the measured scenes (README).
-_LEAST_LIGHT = 2e-4  # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
+# share of the mean panchromatic sample: darker blocks hold no information about chromaticity
+_LEAST_LIGHT = 2e-4
 _FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a corner has no more
 _MOST = 0.01  # fraction of the samples: if more than this stand out, they belong to the picture
 _CHANNEL = 1 / 3  # of the floor: about the share of light that a channel sees
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
-_FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared: weights are finite where nothing changes
-_ROWS, _TOGETHER = STRIP // 4, 1 << 14  # rows, and places, that are looked at together: so they stay in the processor's cache
+# share of squared samples, and scene units squared: weights are finite where nothing changes
+_FLAT, _TINY = 1e-8, 1e-30
+# rows, and places, that are looked at together: so they stay in the processor's cache
+_ROWS, _TOGETHER = STRIP // 4, 1 << 14
 
 
 def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress = SILENT) -> Cleaned:
     """Replace defective samples; return the frame itself where there are none.
 
-    Defects are those in the calibration's list (places outside the frame are ignored) and isolated outliers that are not listed.
+    Defects are those in the calibration's list (places outside the frame are ignored) and isolated
+    outliers that are not listed.
     """
     if not settings.used:
         return frame
@@ -79,7 +94,10 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
     places = np.nonzero(bad)
     panchromatic = _panchromatic(frame, *places)
     if panchromatic.any():
-        signal, places = copy_array(frame.signal), (places[0][panchromatic], places[1][panchromatic])
+        signal, places = (
+            copy_array(frame.signal),
+            (places[0][panchromatic], places[1][panchromatic]),
+        )
         signal[places] = predicted(frame, bad, places)
         frame = frame.with_samples(signal)
     progress.advance()
@@ -103,9 +121,13 @@ def _listed(mosaic: Mosaic) -> BoolArray:
 
 
 def find_outliers(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> BoolArray:
-    """Mark panchromatic samples that differ from all their neighbours by more than contrast and noise explain; bool (H, W).
+    """Mark panchromatic samples that differ from all their neighbours by more than contrast and
+    noise explain; bool (H, W).
 
-    bad: bool (H, W), samples known to be bad, which are no neighbours.
+    Parameters
+    ----------
+    bad : BoolArray
+        bool (H, W), samples known to be bad, which are no neighbours.
     """
     outliers = np.zeros_like(bad)
 
@@ -118,10 +140,11 @@ def find_outliers(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next tile, can be seen.
+    """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next tile,
+    can be seen.
 
-    luminance: float32 (halo + rows + halo, halo + W + halo); where coloured, its lower bound. NaN = bad, or outside the frame.
-    coloured: bool, as `luminance`.
+    luminance: float32 (halo + rows + halo, halo + W + halo); where coloured, its lower bound. NaN =
+    bad, or outside the frame. coloured: bool, as `luminance`.
     """
 
     frame: Cleaned
@@ -134,21 +157,37 @@ class _Strip:
     def of(cls, frame: Cleaned, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
         """Rows of a frame. bad: bool (H, W)."""
         (height, width), halo = bad.shape, max(frame.mosaic.pattern.period, 2) + 1
-        first, within = rows.start - halo, slice(max(rows.start - halo, 0), min(rows.stop + halo, height))
-        filters = frame.mosaic.pattern.filter_map((rows.stop + halo - first, width + 2 * halo), (first, -halo))
+        first, within = (
+            rows.start - halo,
+            slice(max(rows.start - halo, 0), min(rows.stop + halo, height)),
+        )
+        filters = frame.mosaic.pattern.filter_map(
+            (rows.stop + halo - first, width + 2 * halo), (first, -halo)
+        )
         place = np.s_[within.start - first : within.stop - first, halo : halo + width]
-        luminance, gains = np.full(filters.shape, np.nan, np.float32), np.append(frame.gamma, 1).astype(np.float32)
-        np.multiply(frame.signal[within], gains[filters[place]], out=luminance[place], where=~bad[within])
+        luminance, gains = (
+            np.full(filters.shape, np.nan, np.float32),
+            np.append(frame.gamma, 1).astype(np.float32),
+        )
+        np.multiply(
+            frame.signal[within], gains[filters[place]], out=luminance[place], where=~bad[within]
+        )
         return cls(frame, settings, luminance, filters < len(frame.gamma), halo)
 
     def outliers(self) -> BoolArray:
         """The outliers among its rows, bool (rows, W)."""
         core, near = (np.s_[edge:-edge, edge:-edge] for edge in (self.halo, self.halo - 1))
         missing, value = np.isnan(self.luminance), self.luminance[core]
-        most = _of_neighbours(np.where(missing, np.float32(-np.inf), self.luminance)[near], np.maximum)
-        least = _of_neighbours(np.where(missing | self.coloured, np.float32(np.inf), self.luminance)[near], np.minimum)
+        most = _of_neighbours(
+            np.where(missing, np.float32(-np.inf), self.luminance)[near], np.maximum
+        )
+        least = _of_neighbours(
+            np.where(missing | self.coloured, np.float32(np.inf), self.luminance)[near], np.minimum
+        )
         beyond = np.maximum(value - most, least - value) - self.noise(most)
-        candidates: BoolArray = (beyond > self.settings.floor * self.frame.level) & ~self.coloured[core]
+        candidates: BoolArray = (beyond > self.settings.floor * self.frame.level) & ~self.coloured[
+            core
+        ]
         if candidates.any():
             row, column = np.nonzero(candidates)
             candidates[row, column] = self.stand_out(row + self.halo, column + self.halo)
@@ -160,58 +199,96 @@ class _Strip:
         return np.float32(self.settings.deviations) * np.sqrt(noise.variance(luminance))
 
     def stand_out(self, row: IndexArray, column: IndexArray) -> BoolArray:
-        """Tell for each of N panchromatic samples whether the sample is an outlier by the definition above."""
-        value, floor = self.luminance[row, column], np.float32(self.settings.floor * self.frame.level)
-        near, wide = (_sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured)) for reach in (1, 2))
-        low, high, count = near[:, 0], np.fmax.reduce(near, axis=1), np.count_nonzero(~np.isnan(near), axis=1)
+        """Tell for each of N panchromatic samples whether the sample is an outlier by the
+        definition above.
+        """
+        value, floor = (
+            self.luminance[row, column],
+            np.float32(self.settings.floor * self.frame.level),
+        )
+        near, wide = (
+            _sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured))
+            for reach in (1, 2)
+        )
+        low, high, count = (
+            near[:, 0],
+            np.fmax.reduce(near, axis=1),
+            np.count_nonzero(~np.isnan(near), axis=1),
+        )
         second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
         allowed = self.settings.contrast * (second - wide[:, 1]) + self.noise(high) + floor
         outlier = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
-        row, column, value, low, high = row[outlier], column[outlier], value[outlier], low[outlier], high[outlier]
-        # The usual brightness of the colour sites beside a sample is their mean in the tiles above, below, left and right.
+        row, column, value, low, high = (
+            row[outlier],
+            column[outlier],
+            value[outlier],
+            low[outlier],
+            high[outlier],
+        )
+        # The usual brightness of the colour sites beside a sample is their mean in the tiles above,
+        # below, left and right.
         period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
         steps = (-period, 0), (period, 0), (0, -period), (0, period)
         tiles = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
         usual = _mean(tiles, 0).clip(0) + black
-        sites = np.where(self.around(row, column, 1, self.coloured), self.around(row, column, 1), np.float32(np.nan))
-        darker, brighter = (((sites + noise[:, None]).clip(0) + black) / usual for noise in (self.noise(high), -self.noise(high)))
+        sites = np.where(
+            self.around(row, column, 1, self.coloured),
+            self.around(row, column, 1),
+            np.float32(np.nan),
+        )
+        darker, brighter = (
+            ((sites + noise[:, None]).clip(0) + black) / usual
+            for noise in (self.noise(high), -self.noise(high))
+        )
         low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)
         high = high * np.fmax(np.fmax.reduce(brighter, axis=1), 1)
         outlier[outlier] = np.maximum(value - high, low - value) > allowed[outlier]
         return outlier
 
-    def around(self, row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] | None = None) -> NDArray[Any]:
+    def around(
+        self, row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] | None = None
+    ) -> NDArray[Any]:
         """The squares of a plane, luminance by default, around N places, (N, pixels)."""
         side = 2 * reach + 1
-        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))[row - reach, column - reach]
+        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))[
+            row - reach, column - reach
+        ]
         return windows.reshape(len(windows), side**2)
 
 
 def _of_neighbours(wide: FloatArray, larger: np.ufunc) -> FloatArray:
-    """The largest, or smallest, of the eight around each pixel of a plane that has one pixel more on all sides."""
+    """The largest, or smallest, of the eight around each pixel of a plane that has one pixel more
+    on all sides.
+    """
     ends = larger(wide[:-2], wide[2:])
     tall = larger(ends, wide[1:-1])
     return larger(larger(tall[:, :-2], tall[:, 2:]), ends[:, 1:-1])
 
 
 def _sorted(luminance: FloatArray, coloured: BoolArray) -> FloatArray:
-    """Sort the neighbours in each window, (N, pixels), NaN at the end: samples, and lower bounds that exceed all of these."""
+    """Sort the neighbours in each window, (N, pixels), NaN at the end: samples, and lower bounds
+    that exceed all of these.
+    """
     luminance[:, luminance.shape[1] // 2] = np.nan
     highest = np.fmax.reduce(np.where(coloured, np.float32(-np.inf), luminance), axis=1)
-    return np.sort(np.where(coloured & ~(luminance > highest[:, None]), np.float32(np.nan), luminance), axis=1)
+    return np.sort(
+        np.where(coloured & ~(luminance > highest[:, None]), np.float32(np.nan), luminance), axis=1
+    )
 
 
 def _mean(values: FloatArray, axis: int | tuple[int, int]) -> FloatArray:
     """Mean of what is not NaN; NaN where nothing is."""
     count = np.count_nonzero(~np.isnan(values), axis=axis)
-    return np.where(count > 0, np.nansum(values, axis=axis) / np.maximum(count, 1), np.float32(np.nan))
+    return np.where(
+        count > 0, np.nansum(values, axis=axis) / np.maximum(count, 1), np.float32(np.nan)
+    )
 
 
 def predicted(frame: Cleaned, bad: BoolArray, places: tuple[IndexArray, IndexArray]) -> FloatArray:
     """Predict panchromatic samples, float32 (N,), from the good ones around them.
 
-    A place without an opposite pair of good neighbours gets the mean of the nearest good samples, and keeps its sample if there is
-    none within eight pixels.
+    A place without an opposite pair of good neighbours gets the mean of the nearest good samples,
+    and keeps its sample if there is none within eight pixels.
     """
     values = frame.signal[places]
 
@@ -221,9 +298,16 @@ def predicted(frame: Cleaned, bad: BoolArray, places: tuple[IndexArray, IndexArr
         for down, across in ORIENTATIONS:
             before, after = window[:, 2 - down, 2 - across], window[:, 2 + down, 2 + across]
             right, left = max(across, 0), max(-across, 0)
-            change = _mean(np.abs(window[:, down:, right : 5 - left] - window[:, : 5 - down, left : 5 - right]), (1, 2))
+            change = _mean(
+                np.abs(
+                    window[:, down:, right : 5 - left] - window[:, : 5 - down, left : 5 - right]
+                ),
+                (1, 2),
+            )
             flat = _FLAT * (before**2 + after**2) + _TINY
-            weight = np.nan_to_num(1 / ((np.nan_to_num(change) ** 2 + flat) * (down**2 + across**2)))
+            weight = np.nan_to_num(
+                1 / ((np.nan_to_num(change) ** 2 + flat) * (down**2 + across**2))
+            )
             total += weight * np.nan_to_num(before + after) / 2
             weights += weight
         mean = np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
@@ -236,8 +320,12 @@ def predicted(frame: Cleaned, bad: BoolArray, places: tuple[IndexArray, IndexArr
     return values
 
 
-def _window(frame: Cleaned, bad: BoolArray, row: IndexArray, column: IndexArray, reach: int) -> FloatArray:
-    """The good panchromatic samples in the squares around N places, (N, size, size); NaN elsewhere."""
+def _window(
+    frame: Cleaned, bad: BoolArray, row: IndexArray, column: IndexArray, reach: int
+) -> FloatArray:
+    """The good panchromatic samples in the squares around N places, (N, size, size); NaN
+    elsewhere.
+    """
     steps, (height, width) = np.arange(-reach, reach + 1), bad.shape
     down, across = row[:, None, None] + steps[:, None], column[:, None, None] + steps
     place = down.clip(0, height - 1), across.clip(0, width - 1)
@@ -251,7 +339,9 @@ def _panchromatic(frame: Cleaned, row: IndexArray, column: IndexArray) -> BoolAr
 
 
 def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
-    """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around it."""
+    """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around
+    it.
+    """
     gamma, channels, (lights, lowest, highest) = frame.gamma, frame.sites.channels, frame.around
     share = (gamma / np.bincount(channels))[channels]  # weight of each site in the sum of Eq. 7
     surplus = frame.samples @ share - lights @ share / gamma.sum()
@@ -264,19 +354,26 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
         return
     rows, columns = np.nonzero(odd)
     near, light, surplus = _ratios_around(frame, bad, rows, columns), lights[odd], surplus[odd]
-    # The defective sample explains the surplus, and lies outside the range of the neighbouring blocks.
+    # The defective sample explains the surplus, and lies outside the range of the neighbouring
+    # blocks.
     excess = share * (frame.samples[odd] - _median(frame, near) * light)
     block, site = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
-    ratio = frame.samples[rows, columns, site] / np.maximum(light[block, site], _LEAST_LIGHT * frame.level)
+    ratio = frame.samples[rows, columns, site] / np.maximum(
+        light[block, site], _LEAST_LIGHT * frame.level
+    )
     near, excess = near[:, block, site], excess[block, site]
     low, high = np.fmin.reduce(near), np.fmax.reduce(near)
     certain = np.maximum(ratio - high, low - ratio) > high - low
-    certain &= (np.abs(surplus - excess) < np.abs(surplus) / 2) & (np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST)
+    certain &= (np.abs(surplus - excess) < np.abs(surplus) / 2) & (
+        np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST
+    )
     bad[rows[certain], columns[certain], site[certain]] = True
 
 
 def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
-    """Values for the bad sites: what the rest of the block predicts, else what the neighbouring blocks predict."""
+    """Values for the bad sites: what the rest of the block predicts, else what the neighbouring
+    blocks predict.
+    """
     gamma, sites, least = frame.gamma, frame.sites, _LEAST_LIGHT * frame.level
     rows, columns, site = np.nonzero(bad)
     number, channel, channels = np.arange(len(site)), sites.channels[site], np.arange(len(gamma))
@@ -287,8 +384,9 @@ def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
     total = (good * light[:, None]).sum(axis=2)
     measured = total > least
     ratio = (good * frame.samples[rows, columns, None]).sum(axis=2) / np.where(measured, total, 1)
-    # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks predict. The first is as uncertain as
-    # luminance varies around the block, the second as the neighbouring blocks differ.
+    # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks
+    # predict. The first is as uncertain as luminance varies around the block, the second as the
+    # neighbouring blocks differ.
     others = channels != channel[:, None]
     left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[channel] * here
     around = _median(frame, near)[number, site] * here
@@ -296,15 +394,32 @@ def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
     contrast = (frame.around.highest - frame.around.lowest)[rows, columns] / gamma[channel]
     trust = (spread**2 + least**2) / (spread**2 + contrast**2 + 2 * least**2)
     around = np.where((measured | ~others).all(axis=1), around + trust * (left - around), around)
-    return np.where(measured[number, channel], ratio[number, channel] * here, around).astype(np.float32)
+    return np.where(measured[number, channel], ratio[number, channel] * here, around).astype(
+        np.float32
+    )
 
 
-def _ratios_around(frame: Cleaned, bad: BoolArray, rows: IndexArray, columns: IndexArray) -> DoubleArray:
-    """Ratios c / l of each site in the eight neighbours of N blocks, (8, N, S); NaN where there is none, or it is bad or dark."""
+def _ratios_around(
+    frame: Cleaned, bad: BoolArray, rows: IndexArray, columns: IndexArray
+) -> DoubleArray:
+    """Ratios c / l of each site in the eight neighbours of N blocks, (8, N, S); NaN where there is
+    none, or it is bad or dark.
+    """
     light = frame.around.light
-    ratio = np.where(bad | (light <= _LEAST_LIGHT * frame.level), np.nan, frame.samples / np.where(light > 0, light, 1))
+    ratio = np.where(
+        bad | (light <= _LEAST_LIGHT * frame.level),
+        np.nan,
+        frame.samples / np.where(light > 0, light, 1),
+    )
     wide = np.pad(ratio, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
-    return np.stack([wide[rows + down, columns + across] for down in range(3) for across in range(3) if (down, across) != (1, 1)])
+    return np.stack(
+        [
+            wide[rows + down, columns + across]
+            for down in range(3)
+            for across in range(3)
+            if (down, across) != (1, 1)
+        ]
+    )
 
 
 def _median(frame: Cleaned, near: DoubleArray) -> DoubleArray:

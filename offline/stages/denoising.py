@@ -1,23 +1,29 @@
-"""Denoise luminance by the amount of the sensor's noise: shrinkage in overlapping DCT blocks. The paper has no such stage.
+"""Denoise luminance by the amount of the sensor's noise: shrinkage in overlapping DCT blocks. The
+paper has no such stage.
 
-Blocks of n x n pixels are transformed, for each size n: first coefficients below a threshold go, then, in a second pass, Wiener
-gains from the first result take their place. With noise of variance v the gains of a block's coefficients x are
+Blocks of n x n pixels are transformed, for each size n: first coefficients below a threshold go,
+then, in a second pass, Wiener gains from the first result take their place. With noise of variance
+v the gains of a block's coefficients x are
 
-    1 where x^2 >= (threshold)^2 v, 0 elsewhere;   e^2 / (e^2 + v), e the coefficient of the first result
+    1 where x^2 >= (threshold)^2 v, 0 elsewhere          (first pass)
+    e^2 / (e^2 + v), e the coefficient of the first result   (second pass)
 
-and the result is the mean of the blocks that cover a pixel, each with the weight (n^2 / sum of its squared gains)^1.5 / v: those
-that need few coefficients are more certain. tests/reference/denoising.py is this with SciPy's DCT.
+and the result is the mean of the blocks that cover a pixel, each with the weight (n^2 / sum of its
+squared gains)^1.5 / v: those that need few coefficients are more certain.
 
-Shrinkage of overlapping DCT blocks goes back to Yaroslavsky's sliding window (1996); weights and a second pass with Wiener gains
-are standard since. Small blocks suit edges, large ones gradients. Neighbouring blocks give nearly the same estimate: a quarter of
-them, one in every second column of every second row of the frame, alternate rows shifted by one, loses 0.01 to 0.02 dB. The power
-1.5 gains 0.05 dB over 1, which the variance of a block asks for.
+Shrinkage of overlapping DCT blocks goes back to Yaroslavsky's sliding window (1996); weights and a
+second pass with Wiener gains are standard since. Small blocks suit edges, large ones gradients.
+Neighbouring blocks give nearly the same estimate: a quarter of them, one in every second column of
+every second row of the frame, alternate rows shifted by one, loses 0.01 to 0.02 dB. The power 1.5
+gains 0.05 dB over 1, which the variance of a block asks for.
 
-The kernel works in windows that stay in the cache. The transform is separable. Its vertical half is computed for a row of blocks,
-once per column; what the blocks of a row add to the picture is summed in this half-transformed state and transformed back once per
-column, too. Sixteen blocks lie side by side in lanes, each two pixels to the right of the one before; a row of memory has its even
-columns first, so that these are neighbours. The rows of a DCT are even or odd, so sums and differences of opposite pixels halve the
-number of products. Sums of products are kept in registers, four at a time: one by one they take twice as long.
+The kernel works in windows that stay in the cache. The transform is separable. Its vertical half is
+computed for a row of blocks, once per column; what the blocks of a row add to the picture is summed
+in this half-transformed state and transformed back once per column, too. Sixteen blocks lie side by
+side in lanes, each two pixels to the right of the one before; a row of memory has its even columns
+first, so that these are neighbours. The rows of a DCT are even or odd, so sums and differences of
+opposite pixels halve the number of products. Sums of products are kept in registers, four at a
+time: one by one they take twice as long.
 """
 
 from dataclasses import dataclass
@@ -36,16 +42,24 @@ from ..numerics.pieces import tiles
 from ..stage import NotNegative, Positive, Range, StageSettings
 
 LARGEST = 32  # pixels: side of a DCT block accepted at most, for time and memory
-_SIZES = Range(lambda value: bool(value) and {*value} <= {*range(4, LARGEST + 1, 4)}, f"one or more multiples of 4 up to {LARGEST}")
+_SIZES = Range(
+    lambda value: bool(value) and {*value} <= {*range(4, LARGEST + 1, 4)},
+    f"one or more multiples of 4 up to {LARGEST}",
+)
 
 
 @dataclass(frozen=True)
 class DenoisingSettings(StageSettings):
     """Denoising of luminance; the paper has none.
 
-    strength: how much noise to remove, as a multiple of the noise there is; 0 = none.
-    sizes: sides of the DCT blocks, pixels, multiples of 4.
-    threshold: threshold of the first pass, in standard deviations of the noise.
+    Attributes
+    ----------
+    strength : NotNegative
+        How much noise to remove, as a multiple of the noise there is; 0 = none.
+    sizes : Annotated[tuple[int, ...], _SIZES]
+        Sides of the DCT blocks, pixels, multiples of 4.
+    threshold : Positive
+        Threshold of the first pass, in standard deviations of the noise.
     """
 
     kernels = ("denoise",)
@@ -62,11 +76,16 @@ _PIECE, _LEAST_ROWS = 1 << 21, 256
 def denoise_luminance(
     luminance: FloatArray, mosaic: Mosaic, settings: DenoisingSettings, progress: Progress = SILENT
 ) -> FloatArray:
-    """l[n] without noise, float32 (H, W), scene units; `luminance` itself where there is no noise to remove.
+    """l[n] without noise, float32 (H, W), scene units; `luminance` itself where there is no noise
+    to remove.
 
-    luminance: (H, W), what `recover_luminance` returns. Its filled samples count as uncertain: the second pass replaces them by the
-        result of the first.
-    mosaic: its noise model and its pattern are used.
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), what `recover_luminance` returns. Its filled samples count as uncertain: the second
+        pass replaces them by the result of the first.
+    mosaic : Mosaic
+        Its noise model and its pattern are used.
     """
     (height, width), noise = luminance.shape, mosaic.calibration.noise
     if noise is None:
@@ -92,7 +111,9 @@ def denoise_luminance(
 
 
 def cosines(size: int) -> FloatArray:
-    """The matrix of the orthonormal DCT-II of `size` samples, float32 (size, size): [frequency, sample]."""
+    """The matrix of the orthonormal DCT-II of `size` samples, float32 (size, size): [frequency,
+    sample].
+    """
     frequency, place = np.arange(size)[:, None], np.arange(size) + 0.5
     matrix: DoubleArray = np.sqrt(2 / size) * np.cos(np.pi * frequency * place / size)
     matrix[0] = np.sqrt(1 / size)
@@ -110,10 +131,17 @@ _LEAST = np.float32(1e-20)
 class Shrinkage(NamedTuple):
     """Blocks and noise.
 
-    sizes: n of each kind of block, multiples of 4.
-    transforms: (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix [frequency, pixel].
-    shot, read: variance of the noise = shot * signal + read**2.
-    threshold: threshold of the first pass, in standard deviations of the noise.
+    Attributes
+    ----------
+    sizes : Ints1
+        N of each kind of block, multiples of 4.
+    transforms : Floats3
+        (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix
+        [frequency, pixel].
+    shot, read : Single
+        Variance of the noise = shot * signal + read**2.
+    threshold : Single
+        Threshold of the first pass, in standard deviations of the noise.
     """
 
     sizes: Ints1
@@ -126,10 +154,18 @@ class Shrinkage(NamedTuple):
 class Memory(NamedTuple):
     """Memory that a worker computes with.
 
-    samples, pilot: planes of a window: what is transformed, and the result of the first pass.
-    sums, weights: weighted sums of the blocks at each pixel of the window, and of their weights.
-    halves: (4, n, columns), rows of blocks that are half transformed: of the samples, of the pilot, and back; and their weights.
-    block: (3, n * n, 16), of sixteen blocks the coefficients, sums and differences of opposite pixels, the pilot's coefficients.
+    Attributes
+    ----------
+    samples, pilot : Floats2
+        Planes of a window: what is transformed, and the result of the first pass.
+    sums, weights : Floats2
+        Weighted sums of the blocks at each pixel of the window, and of their weights.
+    halves : Floats3
+        (4, n, columns), rows of blocks that are half transformed: of the samples, of the pilot, and
+        back; and their weights.
+    block : Floats3
+        (3, n * n, 16), of sixteen blocks the coefficients, sums and differences of opposite pixels,
+        the pilot's coefficients.
     """
 
     samples: Floats2
@@ -140,14 +176,30 @@ class Memory(NamedTuple):
     block: Floats3
 
 
-@parallel_kernel(pieces=lambda noisy, uncertain, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), _WINDOW))
-def denoise(pieces: Pieces, noisy: Floats2, uncertain: Bools2, rows: Pair, shrinkage: Shrinkage, out: Floats2) -> None:
+@parallel_kernel(
+    pieces=lambda noisy, uncertain, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), _WINDOW)
+)
+def denoise(
+    pieces: Pieces,
+    noisy: Floats2,
+    uncertain: Bools2,
+    rows: Pair,
+    shrinkage: Shrinkage,
+    out: Floats2,
+) -> None:
     """Denoise rows[0] to rows[1] of a frame.
 
-    noisy: (H, W), scene units.
-    uncertain: bool (any rows, W), repeated down the frame: samples that the second pass replaces by the first pass's result.
-    rows: first and end row to compute.
-    out: (H, W), the computed rows are written.
+    Parameters
+    ----------
+    noisy : Floats2
+        (H, W), scene units.
+    uncertain : Bools2
+        bool (any rows, W), repeated down the frame: samples that the second pass replaces by the
+        first pass's result.
+    rows : Pair
+        First and end row to compute.
+    out : Floats2
+        (H, W), the computed rows are written.
     """
     (height, width), most = noisy.shape, shrinkage.transforms.shape[1]
     inner, halo = most - 1, 2 * (most - 1)
@@ -161,7 +213,11 @@ def denoise(pieces: Pieces, noisy: Floats2, uncertain: Bools2, rows: Pair, shrin
     memory = Memory(samples, pilot, sums, weights, halves, block)
     for window in range(pieces[0], pieces[1]):
         above, below, left, right = tile_at(window, (rows[1] - rows[0], width), _WINDOW)
-        top, down, across = rows[0] + above - halo, below - above + 2 * halo, right - left + 2 * halo
+        top, down, across = (
+            rows[0] + above - halo,
+            below - above + 2 * halo,
+            right - left + 2 * halo,
+        )
         # Where each row and column of the window lies in the frame, and each column in memory.
         sources = np.array([mirrored(top + row, height) for row in range(down)])
         columns = np.array([mirrored(left - halo + column, width) for column in range(across)])
@@ -186,18 +242,26 @@ def denoise(pieces: Pieces, noisy: Floats2, uncertain: Bools2, rows: Pair, shrin
 
 @kernel
 def _place(column: int, half: int) -> int:
-    """Return the place of a column of a window in a row of memory, of which the first half has the even columns."""
+    """Return the place of a column of a window in a row of memory, of which the first half has the
+    even columns.
+    """
     return column % _STEP * half + column // _STEP
 
 
 @kernel
 def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: Shrinkage) -> None:
-    """Sum the shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column.
+    """Sum the shrunk blocks inside `area` with their weights, and the weights. area: first and end
+    row, first and end column.
 
     first: the frame's row at row 0 of the window; the frame's column at column 0 is even.
     """
     block, half = memory.block, memory.sums.shape[1] // _STEP
-    forward, expected, backward, light = memory.halves[0], memory.halves[1], memory.halves[2], memory.halves[3, 0]
+    forward, expected, backward, light = (
+        memory.halves[0],
+        memory.halves[1],
+        memory.halves[2],
+        memory.halves[3, 0],
+    )
     memory.sums[:] = _ZERO
     memory.weights[:] = _ZERO
     for kind in range(len(shrinkage.sizes)):
@@ -209,7 +273,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
                 _down(memory.pilot, row, size, transform, block[1], expected)
             backward[:size] = _ZERO
             light[:] = _ZERO
-            # Lanes beyond the last block reach only columns that nobody takes: fewer than `size` at the end of the area.
+            # Lanes beyond the last block reach only columns that nobody takes: fewer than `size` at
+            # the end of the area.
             for column in range(area[2] + shift, area[3] - size + 1, _STEP * WIDTH):
                 _across(forward, column, size, transform, block[1], block[0])
                 if guided:
@@ -223,25 +288,43 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
 
 
 @kernel
-def _down(plane: Floats2, row: int, size: int, transform: Floats2, folded: Floats2, out: Floats2) -> None:
+def _down(
+    plane: Floats2, row: int, size: int, transform: Floats2, folded: Floats2, out: Floats2
+) -> None:
     """Compute the vertical DCT of rows row .. row + size - 1 at every column."""
     for column in range(0, plane.shape[1], 2 * WIDTH):
         for i in range(size // 2):
             for side in range(2):
                 x = column + side * WIDTH
-                _fold(load(plane, (row + i, x)), load(plane, (row + size - 1 - i, x)), 2 * i + side, size, folded)
+                _fold(
+                    load(plane, (row + i, x)),
+                    load(plane, (row + size - 1 - i, x)),
+                    2 * i + side,
+                    size,
+                    folded,
+                )
         _transform(folded, size, transform, (0, column), (0, column + WIDTH), out)
 
 
 @kernel
-def _across(halves: Floats2, column: int, size: int, transform: Floats2, folded: Floats2, out: Floats2) -> None:
-    """Compute the horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency]."""
+def _across(
+    halves: Floats2, column: int, size: int, transform: Floats2, folded: Floats2, out: Floats2
+) -> None:
+    """Compute the horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal
+    frequency].
+    """
     apart = halves.shape[1] // _STEP
     for k in range(0, size, 2):
         for i in range(size // 2):
             left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
             for side in range(2):
-                _fold(load(halves, (k + side, left)), load(halves, (k + side, right)), 2 * i + side, size, folded)
+                _fold(
+                    load(halves, (k + side, left)),
+                    load(halves, (k + side, right)),
+                    2 * i + side,
+                    size,
+                    folded,
+                )
         _transform(folded, size, transform, (k * size, 0), (k * size + size, 0), out)
 
 
@@ -253,8 +336,11 @@ def _fold(a: Lanes, b: Lanes, place: int, size: int, folded: Floats2) -> None:
 
 
 @kernel
-def _transform(folded: Floats2, size: int, transform: Floats2, one: Pair, other: Pair, out: Floats2) -> None:
-    """Write the frequencies of two vectors that are side by side in `folded` to the rows of `out` that begin at `one` and `other`.
+def _transform(
+    folded: Floats2, size: int, transform: Floats2, one: Pair, other: Pair, out: Floats2
+) -> None:
+    """Write the frequencies of two vectors that are side by side in `folded` to the rows of `out`
+    that begin at `one` and `other`.
 
     Two at a time: the sums of more do not fit in the registers of AVX2.
     """
@@ -275,15 +361,23 @@ def _transform(folded: Floats2, size: int, transform: Floats2, one: Pair, other:
 
 @kernel
 def _shrink(block: Floats3, size: int, guided: bool, shrinkage: Shrinkage) -> Lanes:
-    """Multiply the coefficients of sixteen blocks by their gains, except the mean, whose gain is 1. Returns the weights."""
+    """Multiply the coefficients of sixteen blocks by their gains, except the mean, whose gain is 1.
+    Returns the weights.
+    """
     guide, squared = 2 if guided else 0, shrinkage.threshold * shrinkage.threshold
     mean = greater(load(block, (guide, 0, 0)), _ZERO)  # n times the mean of the block
-    variance = greater(mean * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read, _LEAST)
+    variance = greater(
+        mean * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read, _LEAST
+    )
     kept = variance * _ZERO + _ONE
     for place in range(1, size * size):
         energy = load(block, (guide, place, 0))
         energy *= energy
-        gain = quotient(energy, energy + variance) if guided else where_less(energy, variance * squared, _ZERO, _ONE)
+        gain = (
+            quotient(energy, energy + variance)
+            if guided
+            else where_less(energy, variance * squared, _ZERO, _ONE)
+        )
         kept += gain * gain
         store(block, (0, place, 0), load(block, (0, place, 0)) * gain)
     fewer = quotient(np.float32(size * size), kept)
@@ -291,10 +385,13 @@ def _shrink(block: Floats3, size: int, guided: bool, shrinkage: Shrinkage) -> La
 
 
 @kernel
-def _back(block: Floats2, column: int, size: int, transform: Floats2, weight: Lanes, out: Floats2) -> None:
+def _back(
+    block: Floats2, column: int, size: int, transform: Floats2, weight: Lanes, out: Floats2
+) -> None:
     """Add sixteen weighted blocks, transformed back horizontally, to the half-transformed row.
 
-    The loop goes pixel by pixel, with all frequencies of each: a store that overlaps the previous one would wait for it.
+    The loop goes pixel by pixel, with all frequencies of each: a store that overlaps the previous
+    one would wait for it.
     """
     half, apart = size // 2, out.shape[1] // _STEP
     for i in range(half):
@@ -304,7 +401,10 @@ def _back(block: Floats2, column: int, size: int, transform: Floats2, weight: La
             for j in range(0, size, 2):
                 even, odd, place = transform[j, i], transform[j + 1, i], k * size + j
                 a, b = a + even * load(block, (place, 0)), b + odd * load(block, (place + 1, 0))
-                c, d = c + even * load(block, (place + size, 0)), d + odd * load(block, (place + size + 1, 0))
+                c, d = (
+                    c + even * load(block, (place + size, 0)),
+                    d + odd * load(block, (place + size + 1, 0)),
+                )
             store(out, (k, left), load(out, (k, left)) + weight * (a + b))
             store(out, (k, right), load(out, (k, right)) + weight * (a - b))
             store(out, (k + 1, left), load(out, (k + 1, left)) + weight * (c + d))
@@ -312,7 +412,9 @@ def _back(block: Floats2, column: int, size: int, transform: Floats2, weight: La
 
 
 @kernel
-def _up(half: Floats2, light: Floats1, row: int, size: int, transform: Floats2, memory: Memory) -> None:
+def _up(
+    half: Floats2, light: Floats1, row: int, size: int, transform: Floats2, memory: Memory
+) -> None:
     """Add a row of blocks, transformed back vertically, to the picture."""
     sums, weights = memory.sums, memory.weights
     for column in range(0, light.shape[0], WIDTH):

@@ -1,18 +1,22 @@
-"""Luminance beyond full scale, from the colour samples, which saturate later than the panchromatic ones; not in the paper.
+"""Luminance beyond full scale, from the colour samples, which saturate later than the panchromatic
+ones; not in the paper.
 
-A panchromatic pixel reads all channels together and so reaches full scale about a stop and a half before a colour pixel does. Each
-block measures every channel: by Eq. 7 they add up to the luminance that the clipped samples around it would have read,
+A panchromatic pixel reads all channels together and so reaches full scale about a stop and a half
+before a colour pixel does. Each block measures every channel: by Eq. 7 they add up to the luminance
+that the clipped samples around it would have read,
 
     L = sum_i gamma_i u_i,
 
-where u_i is the reading of channel i, or what a white surface would read if that is clipped. Where all are clipped, the block is
-white, as bright as the channel that clips last allows. P is L, interpolated between blocks. A clipped panchromatic sample m
-becomes P and the mean difference from it of the unclipped samples m' nearby, but never less than m:
+where u_i is the reading of channel i, or what a white surface would read if that is clipped. Where
+all are clipped, the block is white, as bright as the channel that clips last allows. P is L,
+interpolated between blocks. A clipped panchromatic sample m becomes P and the mean difference from
+it of the unclipped samples m' nearby, but never less than m:
 
-    max(m, P + sum w (m' - P') / (sum w + w_0)),  w = Gaussian weight by distance x (1 - |m' - P'| / tolerance), 0 or more
+    max(m, P + sum w (m' - P') / (sum w + w_0)),
+    w = Gaussian weight by distance x max(1 - |m' - P'| / tolerance, 0)
 
-A highlight smaller than the distance of two blocks, or the rim of one beside the dark, lies between blocks: none measures its light
-or its colour. Such places are lost, and the render reports them.
+A highlight smaller than the distance of two blocks, or the rim of one beside the dark, lies between
+blocks: none measures its light or its colour. Such places are lost, and the render reports them.
 """
 
 from dataclasses import dataclass, replace
@@ -35,8 +39,13 @@ from ..stage import Between, StageSettings
 class HighlightsSettings(StageSettings):
     """Panchromatic samples at the sensor's limit.
 
-    restored: take luminance there from the colour samples.
-    shoulder: the uppermost fraction of the colour samples' own range, in which they gradually count as clipped, 0 to 1.
+    Attributes
+    ----------
+    restored : bool
+        Take luminance there from the colour samples.
+    shoulder : Between
+        The uppermost fraction of the colour samples' own range, in which they gradually count as
+        clipped, 0 to 1.
     """
 
     kernels = "interpolate", "smooth"
@@ -45,43 +54,63 @@ class HighlightsSettings(StageSettings):
     shoulder: Between = 0.05
 
 
-# Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a stop (README).
-_WIDTH = 1 / 3  # periods: standard deviation of the weights with which unclipped samples correct their surroundings (0.9)
-_BRIGHT = 0.6  # fraction of the limit: blocks with darker samples around them belong to another surface (0.8)
-_TOLERANCE = 0.4  # fraction of the limit: samples that differ more than this from the blocks' prediction do not count (1.9)
-_NEAR = 0.75  # blocks: standard deviation of the neighbourhood whose light a dark block takes; it ends three blocks away
-# Fractions of the limit: a block inside a highlight has no darker sample around it than the second, one outside has one below the
-# first. On shots of three photographs 0.85 and 0.97 turn up to four times as many restored pixels white, and 0.6 and 0.8 leave a
-# third more of the lost ones grey.
+# Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a
+# stop (README). periods: standard deviation of the weights with which unclipped samples correct
+# their surroundings (0.9)
+_WIDTH = 1 / 3
+# fraction of the limit: blocks with darker samples around them belong to another surface (0.8)
+_BRIGHT = 0.6
+# fraction of the limit: samples that differ more than this from the blocks' prediction do not count
+# (1.9)
+_TOLERANCE = 0.4
+# blocks: standard deviation of the neighbourhood whose light a dark block takes; it ends three
+# blocks away
+_NEAR = 0.75
+# Fractions of the limit: a block inside a highlight has no darker sample around it than the second,
+# one outside has one below the first. On shots of three photographs 0.85 and 0.97 turn up to four
+# times as many restored pixels white, and 0.6 and 0.8 leave a third more of the lost ones grey.
 _MEASURES = 0.65, 0.85
 _TINY = 1e-3  # keeps quotients finite: counts are at least a ninth
 _FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour (0.2)
 
 
 def clipping_level(mosaic: Mosaic) -> float:
-    """Scene units from which on a sample counts as saturated; infinite for samples that are not sensor codes."""
+    """Scene units from which on a sample counts as saturated; infinite for samples that are not
+    sensor codes.
+    """
     if mosaic.samples.dtype != np.uint16:
         return np.inf
     return mosaic.calibration.full_scale - 0.5 * float(mosaic.calibration.scale().max())
 
 
-def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: Progress = SILENT) -> Cleaned:
-    """Replace saturated samples by estimates above them, and note where light is lost; without such samples, the frame itself.
+def restore_highlights(
+    frame: Cleaned, settings: HighlightsSettings, progress: Progress = SILENT
+) -> Cleaned:
+    """Replace saturated samples by estimates above them, and note where light is lost; without such
+    samples, the frame itself.
 
-    frame: free of defects: a single hot colour sample would pass for light.
+    Parameters
+    ----------
+    frame : Cleaned
+        Free of defects: a single hot colour sample would pass for light.
     """
     signal, clipping, sites = frame.signal, frame.clipping, frame.sites
     if not settings.used or not signal.max() >= clipping:
         return frame
     progress.stage("highlights", 1)
-    neutral, samples, gamma = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma), frame.samples, frame.gamma
+    neutral, samples, gamma = (
+        frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma),
+        frame.samples,
+        frame.gamma,
+    )
     result, total, gone = copy_array(signal), np.empty(sites.shape), np.empty(sites.shape)
 
     def restore(rows: slice) -> None:
         means = sites.means(samples[rows])
         clipped = clipped_share(means, clipping, settings.shoulder)
         raised = raised_to_white(means, clipped, clipping, neutral)
-        raise_by = raised / np.where(means > 0, means, 1)  # in proportion, so that two sites of one channel keep their difference
+        # in proportion, so that two sites of one channel keep their difference
+        raise_by = raised / np.where(means > 0, means, 1)
         for site, (place, channel) in enumerate(zip(sites.at(rows), sites.channels, strict=True)):
             result[place] = samples[rows, :, site] * raise_by[..., channel]
         total[rows], gone[rows] = raised @ gamma, clipped.prod(axis=2)
@@ -98,12 +127,19 @@ def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: P
         if not nearby.max() >= clipping:
             return
         clear = pattern.panchromatic_mask(nearby.shape, (top, 0))
-        first, plane, over = (sites.middle[0] - top, sites.middle[1]), np.empty_like(nearby), clear & (nearby >= clipping)
+        first, plane, over = (
+            (sites.middle[0] - top, sites.middle[1]),
+            np.empty_like(nearby),
+            clear & (nearby >= clipping),
+        )
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
         interpolate(light, first, pattern.period, plane)
         raised = corrected(
-            plane, np.where(clear & ~over, nearby, np.float32(np.nan)), _TOLERANCE * clipping, _WIDTH * pattern.period
+            plane,
+            np.where(clear & ~over, nearby, np.float32(np.nan)),
+            _TOLERANCE * clipping,
+            _WIDTH * pattern.period,
         )
         np.copyto(result[inner], np.maximum(raised, nearby)[kept], where=over[kept])
 
@@ -113,9 +149,17 @@ def restore_highlights(frame: Cleaned, settings: HighlightsSettings, progress: P
 
 
 def corrected(plane: FloatArray, samples: FloatArray, tolerance: float, width: float) -> FloatArray:
-    """Add to what the blocks predict, `plane`, the mean difference of nearby samples, float32 (H, W).
+    """Add to what the blocks predict, `plane`, the mean difference of nearby samples, float32 (H,
+    W).
 
-    samples: NaN where they say nothing. tolerance: scene units; samples that differ more do not count. width: pixels.
+    Parameters
+    ----------
+    samples : FloatArray
+        NaN where they say nothing.
+    tolerance : float
+        Scene units; samples that differ more do not count.
+    width : float
+        Pixels.
     """
     apart = np.nan_to_num(samples - plane, nan=tolerance)
     weight = np.maximum(1 - np.abs(apart) / np.float32(tolerance), 0)
@@ -124,22 +168,30 @@ def corrected(plane: FloatArray, samples: FloatArray, tolerance: float, width: f
 
 
 def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
-    """`light` of blocks, (rows, columns), where every block that is not `bright` takes the mean of the bright ones near it.
+    """`light` of blocks, (rows, columns), where every block that is not `bright` takes the mean of
+    the bright ones near it.
 
-    A dark block next to a clipped region lies beyond an edge: interpolating towards it would darken the rim of the region.
+    A dark block next to a clipped region lies beyond an edge: interpolating towards it would darken
+    the rim of the region.
     """
     weight, total = smoothed(np.stack([bright, np.where(bright, light, 0)]), _NEAR)
     return np.where(bright | (weight == 0), light, total / np.where(weight > 0, weight, 1))
 
 
 def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
-    """Degree to which blocks do not measure the clipped light around them, 0 to 1, float64 (rows, columns).
+    """Degree to which blocks do not measure the clipped light around them, 0 to 1, float64 (rows,
+    columns).
 
-    A block measures a highlight if it lies inside it, and its surroundings as far as the next blocks. A dark block beside one
-    whose channels are all clipped lies beyond the rim of a burnt-out light: what is clipped between the two is burnt out too.
+    A block measures a highlight if it lies inside it, and its surroundings as far as the next
+    blocks. A dark block beside one whose channels are all clipped lies beyond the rim of a
+    burnt-out light: what is clipped between the two is burnt out too.
 
-    lowest: the darkest panchromatic sample around each block, as a fraction of the limit.
-    gone: how far all channels of each block are clipped, 0 to 1.
+    Parameters
+    ----------
+    lowest : DoubleArray
+        The darkest panchromatic sample around each block, as a fraction of the limit.
+    gone : DoubleArray
+        How far all channels of each block are clipped, 0 to 1.
     """
     none, all_known = _MEASURES
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
@@ -148,14 +200,23 @@ def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
 
 
 def shown_at_sites(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArray:
-    """Lost panchromatic samples, and their mean at the colour sites between them, uint8 (H, W); 255 = all of it.
+    """Lost panchromatic samples, and their mean at the colour sites between them, uint8 (H, W); 255
+    = all of it.
 
-    lost: (H, W), 0 where a sample is not clipped; about 0 to 1 elsewhere. clear: which pixels are panchromatic.
+    Parameters
+    ----------
+    lost : FloatArray
+        (H, W), 0 where a sample is not clipped; about 0 to 1 elsewhere.
+    clear : BoolArray
+        Which pixels are panchromatic.
     """
-    reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)  # pixels from a colour site to a panchromatic one
+    # pixels from a colour site to a panchromatic one
+    reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)
     even = np.full(1 + 2 * reach, 1 / (1 + 2 * reach), np.float32)
     total, count = filtered(np.stack([lost.clip(0, 1), clear]), even)
-    return np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(np.uint8)
+    return np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(
+        np.uint8
+    )
 
 
 def _largest_near(plane: DoubleArray) -> DoubleArray:

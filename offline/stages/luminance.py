@@ -1,23 +1,28 @@
-"""Luminance under the colour sites, by a total-variation prior on wavelet coefficients (section 3.1, Eqs. 1-5).
+"""Luminance under the colour sites, by a total-variation prior on wavelet coefficients (section
+3.1, Eqs. 1-5).
 
-Where a pixel is panchromatic its sample m is its luminance; elsewhere luminance minimises the norm of its high-pass coefficients:
+Where a pixel is panchromatic its sample m is its luminance; elsewhere luminance minimises the norm
+of its high-pass coefficients:
 
     l = argmin_l sum_i |f_i * l|_TV,   l[n] = m[n] for panchromatic n                          (1)
     |w|_TV = sum_n ((k * w^2)[n])^(1/2)                                                        (2)
 
-f_i are the three high-pass filters of one level of Daubechies-2 wavelets without decimation, k is a box of 3 x 3 ones. From
-l_0 = m, iteration t shrinks the coefficients w_i = f_i * l_t and restores the panchromatic samples:
+f_i are the three high-pass filters of one level of Daubechies-2 wavelets without decimation, k is a
+box of 3 x 3 ones. From l_0 = m, iteration t shrinks the coefficients w_i = f_i * l_t and restores
+the panchromatic samples:
 
     l_(t+1)[n] = m[n] for panchromatic n, l*_t[n] elsewhere                                    (3)
-    l*_t = the synthesis of w*_i, which minimises sum_n (l_t - l*)^2 + beta^t sum_i |f_i * l*|_TV   (4)
+    l*_t = synthesis of w*_i, argmin sum_n (l_t - l*)^2 + beta^t sum_i |f_i * l*|_TV           (4)
     w*_i = max(0, s_i - beta^t) / s_i w_i,   s_i = (k * w_i^2)^(1/2)                           (5)
 
-tests/reference/luminance.py transcribes this literally. The wavelet frame is tight: synthesis undoes analysis. So the kernels
-synthesise what Eq. 5 removes, w_i min(1, beta^t / s_i), and subtract it from the holes, which are all that changes.
+tests/reference/luminance.py transcribes this literally. The wavelet frame is tight: synthesis
+undoes analysis. So the kernels synthesise what Eq. 5 removes, w_i min(1, beta^t / s_i), and
+subtract it from the holes, which are all that changes.
 
-A value depends on the pixels up to four away. `shrink_once` runs an iteration on any plane, with any pattern of holes. Blocks of
-holes with no other block in reach are problems of their own with few unknowns: `fill_blocks` runs all iterations of sixteen blocks
-at once. It takes a quarter of the time, and the general kernel in its place would make the preset `paper` 1.5 times as slow.
+A value depends on the pixels up to four away. `shrink_once` runs an iteration on any plane, with
+any pattern of holes. Blocks of holes with no other block in reach are problems of their own with
+few unknowns: `fill_blocks` runs all iterations of sixteen blocks at once. It takes a quarter of the
+time, and the general kernel in its place would make the preset `paper` 1.5 times as slow.
 """
 
 from dataclasses import dataclass
@@ -29,7 +34,18 @@ from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, strips
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
-from ..numerics.arrays import Bools1, Bools2, Floats1, Floats2, Floats3, Floats4, Ints2, Pair, Scalar, Single
+from ..numerics.arrays import (
+    Bools1,
+    Bools2,
+    Floats1,
+    Floats2,
+    Floats3,
+    Floats4,
+    Ints2,
+    Pair,
+    Scalar,
+    Single,
+)
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
@@ -43,12 +59,19 @@ from .luminance_network import correct_fill
 class LuminanceSettings(StageSettings):
     """Hole filling, Eqs. 1-5.
 
-    iterations, decay: 50, and beta = 2^(-1/4), in the paper.
-    threshold: shrinkage at the first iteration, scene units (1 in the paper); larger in frames brighter than 3 scene units, half of
-        what they exceed 1 by.
-    relative: the threshold is a multiple of the brightest sample instead, so that the picture does not depend on the exposure; and
-        holes start from the samples around them, not from their own, which takes half the iterations.
-    learned: a network that has seen photographs corrects what is filled in under blocks of 2 x 2 pixels
+    Attributes
+    ----------
+    iterations, decay : Count, Between
+        50, and beta = 2^(-1/4), in the paper.
+    threshold : Positive
+        Shrinkage at the first iteration, scene units (1 in the paper); larger in frames brighter
+        than 3 scene units, half of what they exceed 1 by.
+    relative : bool
+        The threshold is a multiple of the brightest sample instead, so that the picture does not
+        depend on the exposure; and holes start from the samples around them, not from their own,
+        which takes half the iterations.
+    learned : bool
+        A network that has seen photographs corrects what is filled in under blocks of 2 x 2 pixels
         (`luminance_network`).
     """
 
@@ -61,25 +84,33 @@ class LuminanceSettings(StageSettings):
 
 
 REACH = 4
-"""Radius in pixels of the area on which a new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
+"""Radius in pixels of the area on which a new value depends: three for the taps, one for the 3 x 3
+neighbourhood of Eq. 2.
+"""
 _ROOT3 = 3**0.5
-# Daubechies-2 scaling taps (Daubechies 1992, table 6.1) over sqrt(2), which makes the frame tight, and the wavelet's.
+# Daubechies-2 scaling taps (Daubechies 1992, table 6.1) over sqrt(2), which makes the frame tight,
+# and the wavelet's.
 _LOW = np.array([1 + _ROOT3, 3 + _ROOT3, 3 - _ROOT3, 1 - _ROOT3]) / 8
 _TAPS: FloatArray = np.stack([_LOW, _LOW[::-1] * [1, -1, 1, -1]]).astype(np.float32)
 # The taps down and across of the three high-pass bands, (3, 4, 4).
 _FILTERS: FloatArray = np.stack([np.outer(_TAPS[i], _TAPS[j]) for i, j in ((0, 1), (1, 0), (1, 1))])
 
-# Pixels: standard deviation of the start's means (0.0 dB); every scattered site has a panchromatic pixel in reach.
+# Pixels: standard deviation of the start's means (0.0 dB); every scattered site has a panchromatic
+# pixel in reach.
 _AROUND = 1.0
-# White, scene units, if gamma is 1 for three channels: the paper's threshold of 1 fills flat scenes up to there. At 3.3 its
-# iterations end 4 % short (measured), so that brighter frames start with a larger one.
+# White, scene units, if gamma is 1 for three channels: the paper's threshold of 1 fills flat scenes
+# up to there. At 3.3 its iterations end 4 % short (measured), so that brighter frames start with a
+# larger one.
 _WHITE = 3.0
 _FEW = 4  # sites of a block that the samples in it are a good start for: those of a Bayer block
 _PIECE = 128  # rows of blocks that are filled between two reports of progress
 
 
-def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress = SILENT) -> FloatArray:
-    """l[n] in scene units, float32 (H, W): the measured samples, and between them the result of Eqs. 3-5.
+def recover_luminance(
+    mosaic: Mosaic, settings: LuminanceSettings, progress: Progress = SILENT
+) -> FloatArray:
+    """l[n] in scene units, float32 (H, W): the measured samples, and between them the result of
+    Eqs. 3-5.
 
     The threshold falls by beta with each iteration.
     """
@@ -97,7 +128,11 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     if len(rows) and len(columns):
         progress.stage("luminance", -(-len(rows) // _PIECE))
         luminance, change = _fill_isolated(
-            copy_array(signal) if start is signal else start, pattern, (rows, columns), thresholds, progress
+            copy_array(signal) if start is signal else start,
+            pattern,
+            (rows, columns),
+            thresholds,
+            progress,
         )
     else:
         progress.stage("luminance", settings.iterations)
@@ -106,13 +141,24 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     return luminance
 
 
-def fill(start: FloatArray, holes: BoolArray, thresholds: FloatArray, progress: Progress = SILENT) -> tuple[FloatArray, float]:
+def fill(
+    start: FloatArray, holes: BoolArray, thresholds: FloatArray, progress: Progress = SILENT
+) -> tuple[FloatArray, float]:
     """Fill the holes of a plane by one iteration of Eqs. 3-5 per threshold.
 
-    start: (H, W), scene units.
-    holes: True at a hole, bool (rows, W); the rows repeat down the plane.
-    thresholds: one per iteration, scene units.
-    Returns the filled plane, float32 (H, W), and the largest change of a sample in the last iteration.
+    Parameters
+    ----------
+    start : FloatArray
+        (H, W), scene units.
+    holes : BoolArray
+        True at a hole, bool (rows, W); the rows repeat down the plane.
+    thresholds : FloatArray
+        One per iteration, scene units.
+
+    Returns
+    -------
+    tuple[FloatArray, float]
+        The filled plane, float32 (H, W), and the largest change of a sample in the last iteration.
     """
     plane = np.ascontiguousarray(np.pad(start, ((0, 0), (REACH, REACH)), mode=BORDER))
     result, holes = plane.copy(), np.ascontiguousarray(holes)
@@ -131,10 +177,12 @@ def _first_threshold(brightest: float, settings: LuminanceSettings) -> float:
 
 
 def _around(signal: FloatArray, holes: BoolArray) -> FloatArray:
-    """The plane with a mean of the panchromatic samples around each hole in it, float32 (H, W). holes: see `fill`.
+    """The plane with a mean of the panchromatic samples around each hole in it, float32 (H, W).
+    holes: see `fill`.
 
-    Holes of scattered sites and of many channels may be so wide that iterations which start from the samples in them, the paper's
-    start, end too early: a flat scene is off by 80 % after 50 of them for eight channels in 2 x 4 pixels, and by 2 % after 62.
+    Holes of scattered sites and of many channels may be so wide that iterations which start from
+    the samples in them, the paper's start, end too early: a flat scene is off by 80 % after 50 of
+    them for eight channels in 2 x 4 pixels, and by 2 % after 62.
     """
     start, reach = np.empty_like(signal), int(TRUNCATE * _AROUND)
 
@@ -155,7 +203,9 @@ def _holes(pattern: CfaPattern, shape: Pair, first: Pair = (0, 0)) -> BoolArray:
 
 
 def _isolated(pattern: CfaPattern, shape: tuple[int, int], axis: int) -> IndexArray:
-    """First rows (axis 0) or columns (axis 1) of the isolated blocks: no other block and no frame edge within `REACH` pixels."""
+    """First rows (axis 0) or columns (axis 1) of the isolated blocks: no other block and no frame
+    edge within `REACH` pixels.
+    """
     grid = pattern.grid(shape)
     size, origins = pattern.block_shape[axis], (grid.rows, grid.columns)[axis]
     if pattern.period < size + REACH:
@@ -164,14 +214,20 @@ def _isolated(pattern: CfaPattern, shape: tuple[int, int], axis: int) -> IndexAr
 
 
 def _fill_isolated(
-    start: FloatArray, pattern: CfaPattern, isolated: tuple[IndexArray, IndexArray], thresholds: FloatArray, progress: Progress
+    start: FloatArray,
+    pattern: CfaPattern,
+    isolated: tuple[IndexArray, IndexArray],
+    thresholds: FloatArray,
+    progress: Progress,
 ) -> tuple[FloatArray, float]:
-    """Fill the holes of `start`, in its place, where blocks are isolated but for those near the frame's edge.
+    """Fill the holes of `start`, in its place, where blocks are isolated but for those near the
+    frame's edge.
 
     isolated: see `_isolated`. Returns what `fill` does.
     """
     (rows, columns), (down, across) = isolated, pattern.block_shape
-    # Blocks near the edge are mirrored there. They lie in four margins that end where isolated blocks begin, out of their reach.
+    # Blocks near the edge are mirrored there. They lie in four margins that end where isolated
+    # blocks begin, out of their reach.
     below, right = int(rows[-1]) + down, int(columns[-1]) + across
     corners = [(0, 0), (below, 0), (0, 0), (0, right)]
     edges = [np.s_[: rows[0], :], np.s_[below:, :], np.s_[:, : columns[0]], np.s_[:, right:]]
@@ -196,7 +252,9 @@ def _fill_isolated(
 
 
 def _response(extent: Pair, holes: IndexArray) -> FloatArray:
-    """Return what a sample of 1 in each hole of a block adds to the high-pass coefficients that see it; see `Blocks`."""
+    """Return what a sample of 1 in each hole of a block adds to the high-pass coefficients that see
+    it; see `Blocks`.
+    """
     chunks = -(-len(holes) // CHUNK)
     response = np.zeros((3, extent[0] + 3, extent[1] + 3, chunks * CHUNK), np.float32)
     for hole, (row, column) in enumerate(holes):
@@ -209,14 +267,23 @@ _STRIP = 64  # rows of a piece of work; chosen for speed
 
 
 @parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))
-def shrink_once(pieces: Pieces, plane: Floats2, result: Floats2, holes: Bools2, taps: Floats2, threshold: Single) -> None:
+def shrink_once(
+    pieces: Pieces, plane: Floats2, result: Floats2, holes: Bools2, taps: Floats2, threshold: Single
+) -> None:
     """Shrink the coefficients of a plane once, and write the new values of its holes to `result`.
 
-    plane: (H, REACH + W + REACH), with mirrored columns.
-    result: same shape, equal to `plane` except in the holes; holes are written, mirrored ones too.
-    holes: bool (rows, W), True at a hole; the rows repeat down the plane.
-    taps: (2, 4), low-pass and high-pass.
-    threshold: scene units.
+    Parameters
+    ----------
+    plane : Floats2
+        (H, REACH + W + REACH), with mirrored columns.
+    result : Floats2
+        Same shape, equal to `plane` except in the holes; holes are written, mirrored ones too.
+    holes : Bools2
+        bool (rows, W), True at a hole; the rows repeat down the plane.
+    taps : Floats2
+        (2, 4), low-pass and high-pass.
+    threshold : Single
+        Scene units.
     """
     height, width = len(plane), holes.shape[1]
     low_pass, high_pass = taps
@@ -225,7 +292,8 @@ def shrink_once(pieces: Pieces, plane: Floats2, result: Floats2, holes: Bools2, 
     squares, bands, removed = zeros(width + 5), zeros(3, 3, width + 5), zeros(3, 4, width + 3)
     for strip in range(pieces[0], pieces[1]):
         first, end = strip * _STRIP, min(height, (strip + 1) * _STRIP)
-        # Row r of the bands sees rows r - 4 to r - 1 of the plane. The last three rows are kept, and four of what is removed.
+        # Row r of the bands sees rows r - 4 to r - 1 of the plane. The last three rows are kept,
+        # and four of what is removed.
         for row in range(first, end + REACH + 1):
             r0, r1 = plane[mirrored(row - 4, height)], plane[mirrored(row - 3, height)]
             r2, r3 = plane[mirrored(row - 2, height)], plane[mirrored(row - 1, height)]
@@ -280,8 +348,12 @@ def _shrink(band: Floats2, middle: int, threshold: Scalar, squares: Floats1, out
 
 
 @kernel
-def _synthesise(removed: Floats3, row: int, taps: Floats2, low: Floats1, high: Floats1, out: Floats1) -> None:
-    """Synthesise a row of the plane from rows row + 1 to row + 4 of the bands; the taps are reversed."""
+def _synthesise(
+    removed: Floats3, row: int, taps: Floats2, low: Floats1, high: Floats1, out: Floats1
+) -> None:
+    """Synthesise a row of the plane from rows row + 1 to row + 4 of the bands; the taps are
+    reversed.
+    """
     low_back, high_back = taps[:, ::-1]
     a, b, c, d = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
     low, high = low[: removed.shape[2]], high[: removed.shape[2]]
@@ -305,14 +377,24 @@ CHUNK = 4
 class Blocks(NamedTuple):
     """Rows of isolated blocks.
 
-    first: row and column of the first one's top left pixel. All lie `REACH` or more pixels from the frame's edges.
-    across: blocks in a row.
-    period: pixels from one to the next, at least `extent` + `REACH` in both directions.
-    extent: rows and columns of a block.
-    holes: (holes, 2), row and column of each hole in a block.
-    filters: (3, 4, 4), taps down and across of each high-pass band.
-    response: (3 (rows + 3) (columns + 3), chunks of holes, CHUNK), what a sample of 1 in each hole adds to the coefficients that
-        see any.
+    Attributes
+    ----------
+    first : Pair
+        Row and column of the first one's top left pixel. All lie `REACH` or more pixels from the
+        frame's edges.
+    across : int
+        Blocks in a row.
+    period : int
+        Pixels from one to the next, at least `extent` + `REACH` in both directions.
+    extent : Pair
+        Rows and columns of a block.
+    holes : Ints2
+        (holes, 2), row and column of each hole in a block.
+    filters : Floats3
+        (3, 4, 4), taps down and across of each high-pass band.
+    response : Floats3
+        (3 (rows + 3) (columns + 3), chunks of holes, CHUNK), what a sample of 1 in each hole adds
+        to the coefficients that see any.
     """
 
     first: Pair
@@ -325,12 +407,19 @@ class Blocks(NamedTuple):
 
 
 @parallel_kernel()
-def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: Floats1, changes: Floats1) -> None:
+def fill_blocks(
+    pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: Floats1, changes: Floats1
+) -> None:
     """Fill the holes of isolated blocks in place, sixteen at a time.
 
-    luminance: (H, W), scene units, with the start in the holes.
-    thresholds: one per iteration, at least one, scene units.
-    changes: (rows of blocks,), written: the largest change of a hole in the last iteration.
+    Parameters
+    ----------
+    luminance : Floats2
+        (H, W), scene units, with the start in the holes.
+    thresholds : Floats1
+        One per iteration, at least one, scene units.
+    changes : Floats1
+        (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
     (rows, columns), holes, (inner, chunks, _) = blocks.extent, blocks.holes, blocks.response.shape
     tall, wide = rows + 2 * REACH, columns + 2 * REACH
@@ -368,7 +457,9 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
 
 @kernel
 def _decompose_blocks(window: Floats3, filters: Floats3, squares: Floats4, known: Floats2) -> None:
-    """Compute the high-pass coefficients without the holes: those that holes add to, all but the outermost, and all squares."""
+    """Compute the high-pass coefficients without the holes: those that holes add to, all but the
+    outermost, and all squares.
+    """
     _, rows, columns, _ = squares.shape
     place = 0
     for band in range(3):
@@ -385,7 +476,9 @@ def _decompose_blocks(window: Floats3, filters: Floats3, squares: Floats4, known
 
 
 @kernel
-def _respond(values: Floats2, known: Floats2, response: Floats3, coefficients: Floats2, squares: Floats4) -> None:
+def _respond(
+    values: Floats2, known: Floats2, response: Floats3, coefficients: Floats2, squares: Floats4
+) -> None:
     """Add the holes' part to the known coefficients."""
     _, rows, columns, _ = squares.shape
     for chunk in range(response.shape[1]):
@@ -421,7 +514,10 @@ def _shrink_blocks(squares: Floats4, threshold: Scalar, removed: Floats2) -> Non
 @kernel
 def _energy(squares: Floats4, band: int, row: int, column: int) -> Lanes:
     """Sum of three vertically adjacent squares."""
-    above, below = load(squares, (band, row - 1, column, 0)), load(squares, (band, row + 1, column, 0))
+    above, below = (
+        load(squares, (band, row - 1, column, 0)),
+        load(squares, (band, row + 1, column, 0)),
+    )
     return above + load(squares, (band, row, column, 0)) + below
 
 
@@ -443,5 +539,10 @@ def _remove(removed: Floats2, response: Floats3, values: Floats2) -> None:
 @kernel
 def _chunk(values: Floats2, chunk: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     i = CHUNK * chunk
-    a, b, c, d = load(values, (i, 0)), load(values, (i + 1, 0)), load(values, (i + 2, 0)), load(values, (i + 3, 0))
+    a, b, c, d = (
+        load(values, (i, 0)),
+        load(values, (i + 1, 0)),
+        load(values, (i + 2, 0)),
+        load(values, (i + 3, 0)),
+    )
     return a, b, c, d

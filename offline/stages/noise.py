@@ -1,10 +1,13 @@
-"""The noise of a mosaic: from its calibration, or estimated from its own smooth parts, or from those of several mosaics.
+"""The noise of a mosaic: from its calibration, or estimated from its own smooth parts, or from
+those of several mosaics.
 
-The model is Poisson-Gaussian: variance = shot x signal + read^2. Rows and columns that are panchromatic throughout or, where colour
-sites are scattered, every second (third, ...) pixel of them, go through a high-pass filter, which leaves noise and texture, and are
-cut into small tiles. Of the tiles of one bin of brightness the quietest tenth counts as smooth: its variance, over what that
-quantile of a chi-square distribution is, is the noise there. The model is the line through (brightness, variance) of the bins, by
-least squares of relative error; bins far above it have no smooth tiles and are left out.
+The model is Poisson-Gaussian: variance = shot x signal + read^2. Rows and columns that are
+panchromatic throughout or, where colour sites are scattered, every second (third, ...) pixel of
+them, go through a high-pass filter, which leaves noise and texture, and are cut into small tiles.
+Of the tiles of one bin of brightness the quietest tenth counts as smooth: its variance, over what
+that quantile of a chi-square distribution is, is the noise there. The model is the line through
+(brightness, variance) of the bins, by least squares of relative error; bins far above it have no
+smooth tiles and are left out.
 """
 
 from collections.abc import Iterator
@@ -22,14 +25,20 @@ from ..stage import StageSettings
 class NoiseSettings(StageSettings):
     """Source of the noise model.
 
-    estimate: estimate it from the mosaic where the calibration has none. Otherwise unknown noise is treated as none (the paper).
+    Attributes
+    ----------
+    estimate : bool
+        Estimate it from the mosaic where the calibration has none. Otherwise unknown noise is
+        treated as none (the paper).
     """
 
     estimate: bool = False
 
 
-_FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)  # blind to cubic shading; keeps the variance of noise
-# Chosen; in brackets, by how many decibels half or twice changes crops at sigma 0.02 whose noise is unknown (README).
+# blind to cubic shading; keeps the variance of noise
+_FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)
+# Chosen; in brackets, by how many decibels half or twice changes crops at sigma 0.02 whose noise is
+# unknown (README).
 _LINES, _LENGTH = 8, 16  # rows and columns of a tile (0.1, 0.2)
 _MOST_LINES = 2048  # lines of each direction that are looked at, for time
 _CLIPPED = 0.95  # fraction of full scale above which clipping cuts noise off (0.2)
@@ -41,20 +50,30 @@ _ROUNDS = 4  # of leaving out such bins; two do as well
 
 
 def with_noise_model(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
-    """The mosaic; where its calibration has no noise model, with an estimate in it if the settings ask for one."""
+    """The mosaic; where its calibration has no noise model, with an estimate in it if the settings
+    ask for one.
+    """
     if mosaic.calibration.noise is not None or not settings.estimate:
         return mosaic
     noise = estimate_noise(mosaic)
-    return replace(mosaic, calibration=replace(mosaic.calibration, noise=noise.possible() if noise else None))
+    return replace(
+        mosaic, calibration=replace(mosaic.calibration, noise=noise.possible() if noise else None)
+    )
 
 
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
-    """Estimate one noise model for all planes, scene units, from the panchromatic samples; None if the frames are too small.
+    """Estimate one noise model for all planes, scene units, from the panchromatic samples; None if
+    the frames are too small.
 
-    mosaics: one or more frames of one scene and sensor, whose exposures may differ. The median of their variances counts, for dark
-        and for bright light: where smooth parts mislead in a few (what one clips, or what is black in one), it is not misled.
+    Fine texture all over the frame counts as noise and makes the estimate too high. It is never too
+    low by more than its scatter.
 
-    Fine texture all over the frame counts as noise and makes the estimate too high. It is never too low by more than its scatter.
+    Parameters
+    ----------
+    mosaics : Mosaic
+        One or more frames of one scene and sensor, whose exposures may differ. The median of their
+        variances counts, for dark and for bright light: where smooth parts mislead in a few (what
+        one clips, or what is black in one), it is not misled.
     """
     fits = [fit for mosaic in mosaics if (fit := _fitted(mosaic))]
     if not fits:
@@ -66,11 +85,15 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
         slope = np.diff(variances) / np.diff(levels)
         intercept = np.maximum(variances[0] - slope * levels[0], 0)
     planes = len(mosaics[0].pattern.planes)
-    return NoiseModel((float(np.median(slope)),) * planes, (float(np.median(intercept)) ** 0.5,) * planes)
+    return NoiseModel(
+        (float(np.median(slope)),) * planes, (float(np.median(intercept)) ** 0.5,) * planes
+    )
 
 
 def _fitted(mosaic: Mosaic) -> tuple[float, float, float, float] | None:
-    """Light of the darkest and of the brightest tiles of a frame, and slope and intercept of the line through all variances."""
+    """Light of the darkest and of the brightest tiles of a frame, and slope and intercept of the
+    line through all variances.
+    """
     clear = mosaic.pattern.panchromatic_mask((mosaic.pattern.period,) * 2)
     limit = _CLIPPED * mosaic.calibration.full_scale
     tiles = [*_tiles(mosaic.signal, clear, limit), *_tiles(mosaic.signal.T, clear.T, limit)]
@@ -80,23 +103,37 @@ def _fitted(mosaic: Mosaic) -> tuple[float, float, float, float] | None:
     bins = np.array_split(np.argsort(mean, kind="stable"), min(_BINS, mean.size // _LEAST_TILES))
     levels = np.array([mean[tiles].mean() for tiles in bins])
     # The filter's outputs along a line are not independent: this is the number of independent ones.
-    freedom = _LINES * _LENGTH / np.square(np.correlate(_FILTER, _FILTER, "full").astype(np.float64)).sum()
-    # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over its mean.
+    freedom = (
+        _LINES
+        * _LENGTH
+        / np.square(np.correlate(_FILTER, _FILTER, "full").astype(np.float64)).sum()
+    )
+    # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over
+    # its mean.
     smooth = (1 - 2 / (9 * freedom) + _NORMAL_QUANTILE * (2 / (9 * freedom)) ** 0.5) ** 3
     variances = np.array([np.quantile(variance[tiles], _SHARE) for tiles in bins]) / smooth
     return (float(levels[0]), float(levels[-1]), *_line(levels, variances))
 
 
 def _tiles(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[FloatArray]:
-    """Yield mean, and variance after the high-pass filter, of tiles of panchromatic rows: float32 (2, tiles).
+    """Yield mean, and variance after the high-pass filter, of tiles of panchromatic rows: float32
+    (2, tiles).
 
-    Where no row is panchromatic, it takes every n-th pixel of rows, for the least n with which these are.
-    clear: bool (K, K), which pixels are panchromatic. limit: scene units; tiles that reach it are left out.
+    Where no row is panchromatic, it takes every n-th pixel of rows, for the least n with which
+    these are. clear: bool (K, K), which pixels are panchromatic. limit: scene units; tiles that
+    reach it are left out.
     """
     yield np.empty((2, 0), np.float32)
     period = len(clear)
     steps = (step for step in range(1, period + 1) if period % step == 0)
-    step = next((step for step in steps if any(clear[:, phase::step].all(axis=1).any() for phase in range(step))), 0)
+    step = next(
+        (
+            step
+            for step in steps
+            if any(clear[:, phase::step].all(axis=1).any() for phase in range(step))
+        ),
+        0,
+    )
     for phase in range(step):
         rows = np.flatnonzero(np.resize(clear[:, phase::step].all(axis=1), len(signal)))
         plane, count = signal[:, phase::step], len(rows) // _LINES
@@ -104,12 +141,18 @@ def _tiles(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Float
         for tile in range(0, count * (width > 0), max(1, count * _LINES // _MOST_LINES)):
             lines = plane[rows[tile * _LINES : (tile + 1) * _LINES]]
             high = sum(tap * lines[:, start : start + width] for start, tap in enumerate(_FILTER))
-            light, high = (part.reshape(_LINES, -1, _LENGTH) for part in (lines[:, 2 : 2 + width], high))
-            yield np.stack([light.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))])[:, light.max(axis=(0, 2)) < limit]
+            light, high = (
+                part.reshape(_LINES, -1, _LENGTH) for part in (lines[:, 2 : 2 + width], high)
+            )
+            yield np.stack([light.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))])[
+                :, light.max(axis=(0, 2)) < limit
+            ]
 
 
 def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:
-    """Slope and intercept, neither negative, of the line through the bins of smooth tiles: least squares of relative error."""
+    """Slope and intercept, neither negative, of the line through the bins of smooth tiles: least
+    squares of relative error.
+    """
     tiny, terms = np.finfo(np.float32).tiny, np.stack([levels, np.ones_like(levels)], axis=1)
     expected, smooth, line = np.maximum(variances, tiny), np.ones(len(levels), bool), terms[0]
     for _ in range(_ROUNDS):
@@ -117,7 +160,10 @@ def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:
         line = np.linalg.lstsq(terms * weight[:, None], variances * weight)[0]
         if line.min() < 0:  # one of both is 0
             rest = int(line.argmax())
-            line = np.eye(2)[rest] * np.linalg.lstsq(terms[:, [rest]] * weight[:, None], variances * weight)[0]
+            line = (
+                np.eye(2)[rest]
+                * np.linalg.lstsq(terms[:, [rest]] * weight[:, None], variances * weight)[0]
+            )
         expected = np.maximum(terms @ line, tiny)
         smooth = variances <= _TEXTURED * expected
         if not smooth.any():

@@ -1,16 +1,20 @@
-"""Colour of every pixel where colour sites are scattered: each channel is pinned at its own sites and spreads from there.
+"""Colour of every pixel where colour sites are scattered: each channel is pinned at its own sites
+and spreads from there.
 
-The chromaticity of a tile describes it as a whole, but its sites lie pixels apart: each measures the chromaticity of its own
-channel at its own place, r[n] = sample over luminance. Between them a channel changes little, except across edges of luminance (the
-prior of section 3.3). Noise makes a single site worth little, so sites count as far as they show more than noise: elsewhere the
+The chromaticity of a tile describes it as a whole, but its sites lie pixels apart: each measures
+the chromaticity of its own channel at its own place, r[n] = sample over luminance. Between them a
+channel changes little, except across edges of luminance (the prior of section 3.3). Noise makes a
+single site worth little, so sites count as far as they show more than noise: elsewhere the
 chromaticity pooled over similar tiles stays. None of this is in the paper, whose sites form blocks.
 
 Of each channel, the difference x from a base chromaticity b minimises
 
-    sum_n w[n] (b[n] + x[n] - r[n])^2 + f sum_n x[n]^2 + sum_nn' s (x[n] - x[n'])^2 / (1 + ((l[n] - l[n']) / t)^2),
+    sum_n w[n] (b[n] + x[n] - r[n])^2 + f sum_n x[n]^2 + sum_nn' s (x[n] - x[n'])^2 / (1 + ((l[n] -
+    l[n']) / t)^2),
 
-with the confidence w in a site (0 elsewhere), fading f, smoothness s, luminance l and an edge t (`numerics.linked`). The base is
-the picture's own chromaticity as far as noise hides what sites show, otherwise that of a wide neighbourhood.
+with the confidence w in a site (0 elsewhere), fading f, smoothness s, luminance l and an edge t
+(`numerics.linked`). The base is the picture's own chromaticity as far as noise hides what sites
+show, otherwise that of a wide neighbourhood.
 """
 
 from dataclasses import dataclass, replace
@@ -27,22 +31,32 @@ from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
 from ..parts import DARK, Halo, Part, RowStage
 from .correction import signal_power, site_reach
 
-# Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01 (README).
-_SMOOTHNESS, _FADING = 0.1, 1e-3  # of the solution, relative to the precision of a sample (0.1, 0.1)
+# Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01
+# (README). of the solution, relative to the precision of a sample (0.1, 0.1)
+_SMOOTHNESS, _FADING = 0.1, 1e-3
 _EDGE = 0.05  # difference of luminance that is an edge, a share of the mean luminance (0.2)
 _TINY = 1e-6  # scene units: the least difference that is an edge
-_AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted (0.1)
-_CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too (0.0)
-_TAPS = 2  # tiles that interpolation between them looks beyond a pixel: cubic convolution has four taps
+# tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are
+# trusted (0.1)
+_AROUND = 2.0
+# times the noise, that what sites show must exceed to count by half: luminance is uncertain too
+# (0.0)
+_CAUTION = 8.0
+# tiles that interpolation between them looks beyond a pixel: cubic convolution has four taps
+_TAPS = 2
 _LEAST_SUM = 0.5  # of gamma c, which is about 1: below it, the base stays (0.2)
 HALO = 16
-"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond have no influence. Chosen."""
+"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond
+have no influence. Chosen.
+"""
 TOLERANCE = 1e-4
 """Relative residual at which conjugate gradients stop. Chosen."""
 
 
 def _confidence(power: FloatArray, noise: FloatArray | None) -> FloatArray:
-    """Confidence in sites, 0 to 1, float32. power: squared residual of the picture there. noise: variance; None = there is none."""
+    """Confidence in sites, 0 to 1, float32. power: squared residual of the picture there. noise:
+    variance; None = there is none.
+    """
     if noise is None:
         return np.ones_like(power)
     total: FloatArray = np.maximum(power + np.float32(_CAUTION) * noise, np.finfo(np.float32).tiny)
@@ -53,8 +67,14 @@ def _confidence(power: FloatArray, noise: FloatArray | None) -> FloatArray:
 class Pinning(RowStage):
     """Pin the chromaticity of a frame at its sites.
 
-    measured: the frame. samples: of all its whole tiles.
-    progress: hears what the solver did.
+    Attributes
+    ----------
+    measured : Measured
+        The frame.
+    samples : BlockSamples
+        Of all its whole tiles.
+    progress : Progress
+        Hears what the solver did.
     """
 
     measured: Measured
@@ -79,7 +99,13 @@ class Pinning(RowStage):
         return np.ascontiguousarray(smoothed(np.moveaxis(self.measured.blocks, 2, 0), _AROUND))
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        """These rows. Raises ConvergenceError when conjugate gradients do not reach their tolerance."""
+        """These rows.
+
+        Raises
+        ------
+        ConvergenceError
+            When conjugate gradients do not reach their tolerance.
+        """
         samples, gamma = self.samples, self.measured.gamma
         tiles = samples.within(part)
         if tiles.start >= tiles.stop:
@@ -91,42 +117,78 @@ class Pinning(RowStage):
         places = samples.inside(part, tiles)
         luminance = np.stack([part.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
-        squared = np.square(luminance) / np.maximum(np.square(luminance).mean(axis=2, keepdims=True), DARK**2)
-        weight = _confidence(power[..., None] * squared, variance) * np.minimum(squared, 1) * samples.unclipped[tiles, :, None]
+        squared = np.square(luminance) / np.maximum(
+            np.square(luminance).mean(axis=2, keepdims=True), DARK**2
+        )
+        weight = (
+            _confidence(power[..., None] * squared, variance)
+            * np.minimum(squared, 1)
+            * samples.unclipped[tiles, :, None]
+        )
         if samples.lines is not None:
             apart = 1 - samples.lines.share[tiles]
             confidence, weight = confidence * apart, weight * apart[..., None]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
         for site, place in enumerate(places):
             lit = luminance[..., site] > DARK
-            ratios[place] = np.where(lit, samples.samples[tiles, :, site] / np.where(lit, luminance[..., site], 1), 0)
+            ratios[place] = np.where(
+                lit, samples.samples[tiles, :, site] / np.where(lit, luminance[..., site], 1), 0
+            )
             weights[place] = np.where(lit, weight[..., site], 0)
         return self._pinned(part, rows, self._base(part, confidence, tiles), ratios, weights)
 
     def _base(self, part: Part, confidence: FloatArray, tiles: slice) -> FloatArray:
-        """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a wide neighbourhood."""
+        """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a
+        wide neighbourhood.
+        """
         grid = self.measured.grid
         trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
         half = (grid.period - 1) / 2
         interpolate(
             confidence,
-            (float(grid.whole_rows[tiles.start]) + half - part.first, float(grid.whole_columns[0]) + half),
+            (
+                float(grid.whole_rows[tiles.start]) + half - part.first,
+                float(grid.whole_columns[0]) + half,
+            ),
             grid.period,
             trusted,
         )
         base = part.chromaticity.copy()
         for channel, around in enumerate(self._around):
-            interpolate(around, (float(grid.rows[0]) + half - part.first, float(grid.columns[0]) + half), grid.period, plane)
+            interpolate(
+                around,
+                (float(grid.rows[0]) + half - part.first, float(grid.columns[0]) + half),
+                grid.period,
+                plane,
+            )
             base[..., channel] += trusted * (plane - base[..., channel])
         return base
 
-    def _pinned(self, part: Part, rows: tuple[int, int], base: FloatArray, ratios: FloatArray, weights: FloatArray) -> Part:
+    def _pinned(
+        self,
+        part: Part,
+        rows: tuple[int, int],
+        base: FloatArray,
+        ratios: FloatArray,
+        weights: FloatArray,
+    ) -> Part:
         filters = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
         of_channel = np.arange(base.shape[2])[:, None, None] == filters
-        samples = Samples(of_channel * weights, of_channel * (weights * (ratios - np.moveaxis(base, 2, 0))))
+        samples = Samples(
+            of_channel * weights, of_channel * (weights * (ratios - np.moveaxis(base, 2, 0)))
+        )
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
-        change = fitted(part.luminance, samples, Prior(_SMOOTHNESS, _FADING, self._edge), extent, "pinning", self.progress)
+        change = fitted(
+            part.luminance,
+            samples,
+            Prior(_SMOOTHNESS, _FADING, self._edge),
+            extent,
+            "pinning",
+            self.progress,
+        )
         own, pinned = part.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
         total = (pinned @ self.measured.gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
-        return replace(own, chromaticity=np.where(whole, pinned / np.where(whole, total, 1), own.chromaticity))
+        return replace(
+            own, chromaticity=np.where(whole, pinned / np.where(whole, total, 1), own.chromaticity)
+        )

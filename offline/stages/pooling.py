@@ -1,23 +1,27 @@
-"""Chromaticity from the pooled statistics of many similar blocks, where a single block is too noisy; not in the paper.
+"""Chromaticity from the pooled statistics of many similar blocks, where a single block is too
+noisy; not in the paper.
 
-The sums of Eqs. 8-9 hold everything that a block b knows about its chromaticity, for each channel i, with l its luminance, m its
-samples and v the variance of their errors:
+The sums of Eqs. 8-9 hold everything that a block b knows about its chromaticity, for each channel
+i, with l its luminance, m its samples and v the variance of their errors:
 
-    A_i(b) = sum l^2 / v,  B_i(b) = sum l m / v,  v = shot grey l + read^2 + (error c_i curvature(l))^2
+    A_i(b) = sum l^2 / v,  B_i(b) = sum l m / v,
+    v = shot grey l + read^2 + (error c_i curvature(l))^2
 
-So the sums are added up, not the chromaticities: a dark block adds little to its neighbours and gains much from them, and so does
-a block on an edge, whose luminance is filled in and uncertain. In each pass, over a window of blocks b' around b,
+So the sums are added up, not the chromaticities: a dark block adds little to its neighbours and
+gains much from them, and so does a block on an edge, whose luminance is filled in and uncertain. In
+each pass, over a window of blocks b' around b,
 
     A'_i(b) = sum w(b, b') A_i(b'),  B' likewise,  w = near(b - b') exp(-d),
-    d = |n (c(b) - c(b'))|^2 / (2 tolerance (s^2(b) + s^2(b'))) + (log l(b) - log l(b'))^2 / (2 light^2),
+    d = |n (c(b) - c(b'))|^2 / (2 tolerance (s^2(b) + s^2(b'))) + (log l(b) - log l(b'))^2 / (2
+    light^2),
 
-where c is the chromaticity so far, smoothed, s^2 the variance that noise has left in it, and n grows with the number of sites of a
-channel, whose differences are surer. Then c minimises
+where c is the chromaticity so far, smoothed, s^2 the variance that noise has left in it, and n
+grows with the number of sites of a channel, whose differences are surer. Then c minimises
 
     sum_i A'_i c_i^2 - 2 B'_i c_i + (c_i - e_i)^2 / (0.42 grey)^2  under  sum_i gamma_i c_i = 1.
 
-Eqs. 8-9 pull a block towards grey. Pooled sums are surer, and need less of that; and what a camera takes for grey is seldom the
-colour of a dark place. So e is the chromaticity of all blocks around.
+Eqs. 8-9 pull a block towards grey. Pooled sums are surer, and need less of that; and what a camera
+takes for grey is seldom the colour of a dark place. So e is the chromaticity of all blocks around.
 """
 
 from dataclasses import dataclass
@@ -41,9 +45,16 @@ WIDEST_WINDOW = 64  # blocks: radius of pooling accepted at most, for time and m
 class PoolingPass(NamedTuple):
     """One pass of pooling.
 
-    blur: standard deviation of the Gaussian that smooths the chromaticities compared, blocks, 0 or more.
-    tolerance: squared difference that chromaticities may have, as a multiple of the variance that noise has left in them, > 0.
-    radius: radius of the window, blocks.
+    Attributes
+    ----------
+    blur : float
+        Standard deviation of the Gaussian that smooths the chromaticities compared, blocks, 0 or
+        more.
+    tolerance : float
+        Squared difference that chromaticities may have, as a multiple of the variance that noise
+        has left in them, > 0.
+    radius : int
+        Radius of the window, blocks.
     """
 
     blur: float
@@ -52,8 +63,12 @@ class PoolingPass(NamedTuple):
 
 
 _PASSES = Range(
-    lambda passes: all(len(step) == 3 and step[0] >= 0 and step[1] > 0 and 1 <= step[2] <= WIDEST_WINDOW for step in passes),
-    f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {WIDEST_WINDOW}",
+    lambda passes: all(
+        len(step) == 3 and step[0] >= 0 and step[1] > 0 and 1 <= step[2] <= WIDEST_WINDOW
+        for step in passes
+    ),
+    "for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to "
+    f"{WIDEST_WINDOW}",
 )
 
 
@@ -61,10 +76,15 @@ _PASSES = Range(
 class PoolingSettings(StageSettings):
     """Averaging of the sums of Eqs. 8-9 over blocks of similar chromaticity; the paper has none.
 
-    passes: one `PoolingPass` each; empty = no pooling.
-    light: how much the luminance of blocks may differ: standard deviation of the Gaussian weight of its logarithm, less in the
-        dark, > 0.
-    curvature_error: error of filled luminance, as a multiple of its curvature there, 0 or more.
+    Attributes
+    ----------
+    passes : Annotated[tuple[PoolingPass, ...], _PASSES]
+        One `PoolingPass` each; empty = no pooling.
+    light : Positive
+        How much the luminance of blocks may differ: standard deviation of the Gaussian weight of
+        its logarithm, less in the dark, > 0.
+    curvature_error : NotNegative
+        Error of filled luminance, as a multiple of its curvature there, 0 or more.
     """
 
     kernels = "pool", "smooth"
@@ -77,16 +97,26 @@ class PoolingSettings(StageSettings):
 # These keep quotients and logarithms finite in the dark; no photograph changes.
 _LEAST_VARIANCE = 1e-12  # of a sample, share of the squared mean panchromatic one
 _LEAST_PRECISION = 1e-6  # of a chromaticity
-_LEAST_LIGHT = 2e-3  # share of the mean panchromatic sample: below it everything counts as equally dark
-_FAINTEST, _STRONGEST = 0.06, 3.0  # grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
-# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most (README).
+# share of the mean panchromatic sample: below it everything counts as equally dark
+_LEAST_LIGHT = 2e-3
+# grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
+_FAINTEST, _STRONGEST = 0.06, 3.0
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most
+# (README).
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
-_UNSURE = 3.0  # standard deviations of noise added to luminance that is compared: without, shadows have a tenth more wrong hues
-_FOLLOWED = 0.02  # share of its own noise that a pooled block keeps, which chose its neighbours; without, even places lose 0.1 dB
-_EXPECTED = 2.5  # blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected (0.1)
-# Power of a channel's number of sites by which its differences count. Noise asks for 0.5: a photograph's median then loses 0.12 dB.
+# standard deviations of noise added to luminance that is compared: without, shadows have a tenth
+# more wrong hues
+_UNSURE = 3.0
+# share of its own noise that a pooled block keeps, which chose its neighbours; without, even places
+# lose 0.1 dB
+_FOLLOWED = 0.02
+# blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected (0.1)
+_EXPECTED = 2.5
+# Power of a channel's number of sites by which its differences count. Noise asks for 0.5: a
+# photograph's median then loses 0.12 dB.
 _SURER = 0.25
-# Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours fade; with 0.6, noise grows.
+# Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours
+# fade; with 0.6, noise grows.
 _APART = 0.42
 
 
@@ -98,11 +128,17 @@ def pool_blocks(
     progress: Progress = SILENT,
     others: BlockSums | None = None,
 ) -> FloatArray:
-    """c_j of every block, float32 (block rows, block columns, C), sum_i gamma_i c_i = 1; `blocks` itself where there is no noise.
+    """c_j of every block, float32 (block rows, block columns, C), sum_i gamma_i c_i = 1; `blocks`
+    itself where there is no noise.
 
-    blocks: what `estimate_chromaticities` returns; the first pass compares these.
-    luminance: (H, W), denoised, scene units.
-    others: what other frames add to the sums of each whole block.
+    Parameters
+    ----------
+    blocks : FloatArray
+        What `estimate_chromaticities` returns; the first pass compares these.
+    luminance : FloatArray
+        (H, W), denoised, scene units.
+    others : BlockSums | None, optional
+        What other frames add to the sums of each whole block.
     """
     noise = frame.noise
     if not settings.used or noise is None or not noise.of_colours:
@@ -118,7 +154,9 @@ def pool_blocks(
         sums += np.moveaxis(added, 2, 0)
     expected = _solved(smoothed(sums, _EXPECTED), frame)
     unsure = np.float32(_UNSURE) * np.sqrt(noise.variance(light))
-    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level) + unsure) / np.float32(2**0.5 * settings.light)
+    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level) + unsure) / np.float32(
+        2**0.5 * settings.light
+    )
     surer = np.bincount(sites.channels).astype(np.float32)[:, None, None]
     surer = (surer / surer.mean()) ** np.float32(_SURER)
     variance = own = _variance(sums)
@@ -134,20 +172,35 @@ def pool_blocks(
 
 
 def _pooled(sums: FloatArray, features: FloatArray, near: FloatArray) -> FloatArray:
-    """The result of the kernel `pool` for sums and features of the frame alone, float32 (2 C, rows, columns)."""
+    """The result of the kernel `pool` for sums and features of the frame alone, float32 (2 C, rows,
+    columns).
+    """
     (count, rows, columns), radius = sums.shape, len(near) - 1
     more, wider = -count % _TOGETHER, -columns % WIDTH
     sides = (radius, radius), (radius, radius + wider)
     pooled = np.zeros((count + more, rows, columns + wider), np.float32)
-    pool(np.pad(sums, ((0, more), *sides)), np.pad(features, ((0, 0), *sides), constant_values=1), near, pooled)
+    pool(
+        np.pad(sums, ((0, more), *sides)),
+        np.pad(features, ((0, 0), *sides), constant_values=1),
+        near,
+        pooled,
+    )
     return pooled[:count, :, :columns]
 
 
-def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
-    """A and B of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows, columns).
+def precise_sums(
+    frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float
+) -> tuple[FloatArray, FloatArray]:
+    """A and B of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows,
+    columns).
 
-    The noise of a sample takes the block for grey. chromaticity: (C, rows, columns), through which channels see the error of
-    luminance, which is `error` times its curvature.
+    The noise of a sample takes the block for grey.
+
+    Parameters
+    ----------
+    chromaticity : FloatArray
+        (C, rows, columns), through which channels see the error of luminance, which is `error`
+        times its curvature.
     """
     channels, noise, grey = len(frame.gamma), frame.noise, np.float32(frame.mosaic.calibration.grey)
     sums = np.zeros((2 * channels, *frame.sites.shape), np.float32)
@@ -171,14 +224,20 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
 
 
 def _variance(sums: FloatArray) -> FloatArray:
-    """Variance that noise leaves in chromaticities, the mean of the channels, from sums of blocks, (2 C, rows, columns)."""
+    """Variance that noise leaves in chromaticities, the mean of the channels, from sums of blocks,
+    (2 C, rows, columns).
+    """
     return 1 / sums[: len(sums) // 2].mean(axis=0).clip(_LEAST_PRECISION)
 
 
-def _solved(sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: FloatArray | None = None) -> FloatArray:
-    """Chromaticities, float32 (rows, columns, C), from sums of blocks, float32 (2 C, rows, columns); see `BlockSums.solved`.
+def _solved(
+    sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: FloatArray | None = None
+) -> FloatArray:
+    """Chromaticities, float32 (rows, columns, C), from sums of blocks, float32 (2 C, rows,
+    columns); see `BlockSums.solved`.
 
-    expected: as the result. A chromaticity is 1 / sigma from it, or from grey, as likely as a sum is wrong by its noise.
+    expected: as the result. A chromaticity is 1 / sigma from it, or from grey, as likely as a sum
+    is wrong by its noise.
     """
     weight, product = np.moveaxis(sums.reshape(2, -1, *sums.shape[1:]), 1, 3)
     return BlockSums(weight, product).solved(sigma, frame.gamma, expected).astype(np.float32)
@@ -187,18 +246,28 @@ def _solved(sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: Floa
 # exp(-d) is (1 - d / 16)^16, and 0 beyond: processors compute it on many blocks at once.
 _SHARE = np.float32(1 / 16)
 _ZERO, _ONE = np.float32(0), np.float32(1)
-_TOGETHER = 6  # statistics summed at a time, as many as three channels have: more do not fit in the registers of AVX2
+# statistics summed at a time, as many as three channels have: more do not fit in the registers of
+# AVX2
+_TOGETHER = 6
 
 
 @parallel_kernel(pieces=lambda *given: given[-1].shape[1])
 def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled: Floats3) -> None:
     """Sum the statistics of the blocks in a window around each block, weighted by w, see above.
 
-    sums: (S, radius + rows + radius, radius + columns + radius), S a multiple of `_TOGETHER`, the statistics; 0 outside the frame.
-    features: (C + 2, as `sums`): C chromaticities, the logarithm of luminance, and the variance, which is more than 0; each scaled,
-        so that d is (squared differences of the first) / (sum of the last) + (squared difference of the second).
-    near: (radius + 1,), weights by rows, and by columns, between blocks.
-    pooled: (S, rows, columns), columns a multiple of `WIDTH`; 0, and then written.
+    Parameters
+    ----------
+    sums : Floats3
+        (S, radius + rows + radius, radius + columns + radius), S a multiple of `_TOGETHER`, the
+        statistics; 0 outside the frame.
+    features : Floats3
+        (C + 2, as `sums`): C chromaticities, the logarithm of luminance, and the variance, which is
+        more than 0; each scaled, so that d is (squared differences of the first) / (sum of the
+        last) + (squared difference of the second).
+    near : Floats1
+        (radius + 1,), weights by rows, and by columns, between blocks.
+    pooled : Floats3
+        (S, rows, columns), columns a multiple of `WIDTH`; 0, and then written.
     """
     radius, light = len(near) - 1, len(features) - 2
     for row in range(pieces[0], pieces[1]):
@@ -207,17 +276,27 @@ def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled
                 a = b = c = d = e = f = load(pooled, (first, row, column))
                 for y in range(row, row + 2 * radius + 1):
                     for x in range(column, column + 2 * radius + 1):
-                        distance = _squared_difference(features, 0, y, x, row + radius, column + radius)
+                        distance = _squared_difference(
+                            features, 0, y, x, row + radius, column + radius
+                        )
                         for plane in range(1, light):
-                            distance += _squared_difference(features, plane, y, x, row + radius, column + radius)
-                        noise = load(features, (light + 1, y, x)) + load(features, (light + 1, row + radius, column + radius))
+                            distance += _squared_difference(
+                                features, plane, y, x, row + radius, column + radius
+                            )
+                        noise = load(features, (light + 1, y, x)) + load(
+                            features, (light + 1, row + radius, column + radius)
+                        )
                         distance = quotient(distance, noise)
-                        distance += _squared_difference(features, light, y, x, row + radius, column + radius)
+                        distance += _squared_difference(
+                            features, light, y, x, row + radius, column + radius
+                        )
                         weight = greater(_ONE - _SHARE * distance, _ZERO)
                         weight *= weight
                         weight *= weight
                         weight *= weight
-                        weight *= weight * (near[abs(y - row - radius)] * near[abs(x - column - radius)])
+                        weight *= weight * (
+                            near[abs(y - row - radius)] * near[abs(x - column - radius)]
+                        )
                         a += weight * load(sums, (first, y, x))
                         b += weight * load(sums, (first + 1, y, x))
                         c += weight * load(sums, (first + 2, y, x))
@@ -233,7 +312,11 @@ def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled
 
 
 @kernel
-def _squared_difference(features: Floats3, plane: int, y: int, x: int, row: int, column: int) -> Lanes:
-    """The squared difference of a feature between blocks at (y, x) and the one at (row, column), and those to their right."""
+def _squared_difference(
+    features: Floats3, plane: int, y: int, x: int, row: int, column: int
+) -> Lanes:
+    """The squared difference of a feature between blocks at (y, x) and the one at (row, column),
+    and those to their right.
+    """
     difference = load(features, (plane, y, x)) - load(features, (plane, row, column))
     return difference * difference

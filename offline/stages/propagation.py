@@ -1,9 +1,10 @@
-"""Initial chromaticity of every pixel: a convex combination of the four blocks around it (section 3.3, Eqs. 10 and 14).
+"""Initial chromaticity of every pixel: a convex combination of the four blocks around it (section
+3.3, Eqs. 10 and 14).
 
-Eq. 10: c[n] = sum_j kappa_j[n] c_j over the four blocks j at the corners of the patch of n.
-Eq. 14: kappa_j[n] = alpha_j[n]^2 l[n_j] / sum_i alpha_i[n]^2 l[n_i], with alpha the affinity (Eqs. 11-13) and l[n_j] the luminance
-at the corner of the patch that lies in block j.
-Eq. 17: the colour of a pixel is its chromaticity times its luminance.
+Eq. 10: c[n] = sum_j kappa_j[n] c_j over the four blocks j at the corners of the patch of n. Eq. 14:
+kappa_j[n] = alpha_j[n]^2 l[n_j] / sum_i alpha_i[n]^2 l[n_i], with alpha the affinity (Eqs. 11-13)
+and l[n_j] the luminance at the corner of the patch that lies in block j. Eq. 17: the colour of a
+pixel is its chromaticity times its luminance.
 
 Literally: tests/reference/propagation.py.
 """
@@ -30,9 +31,10 @@ from .affinity import CLASSES, AffinitySettings, solve_affinities
 class PropagationSettings(StageSettings):
     """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
 
-    A block's weight is (alpha + softness)^2 l / (1 + likeness d^2), in the paper alpha^2 l, with l the luminance at the block, and
-    d the difference of the pixel's from it, over their sum. More softness makes gradients of colour smoother, more likeness prefers
-    blocks as bright as the pixel; both 0 or more.
+    A block's weight is (alpha + softness)^2 l / (1 + likeness d^2), in the paper alpha^2 l, with l
+    the luminance at the block, and d the difference of the pixel's from it, over their sum. More
+    softness makes gradients of colour smoother, more likeness prefers blocks as bright as the
+    pixel; both 0 or more.
     """
 
     softness: Finite = 0.0
@@ -55,16 +57,23 @@ class Propagation(RowStage):
     def halo(self) -> Halo:
         """No rows around, but whole rows of cores (`tiling`)."""
         grid = self.measured.grid
-        return Halo(alignment=core_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0])
+        return Halo(
+            alignment=core_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
+        )
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows, with a chromaticity that does not depend on the part's.
 
-        Raises ConvergenceError when conjugate gradients do not reach their tolerance.
+        Raises
+        ------
+        ConvergenceError
+            When conjugate gradients do not reach their tolerance.
         """
         luminance, pattern = self.measured.luminance, self.measured.pattern
-        fields = solve_affinities(luminance, pattern, self.affinity, rows, self.progress)  # alpha, Eqs. 11-13
-        colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)  # c, Eqs. 10 and 14
+        # alpha, Eqs. 11-13
+        fields = solve_affinities(luminance, pattern, self.affinity, rows, self.progress)
+        # c, Eqs. 10 and 14
+        colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)
         return Part(rows[0], part.rows(*rows).luminance, colour)
 
 
@@ -78,10 +87,16 @@ def propagate(
 ) -> FloatArray:
     """c[n] of some rows of the frame, float32 (rows, W, C).
 
-    blocks: chromaticity of every block of the frame, (block rows, block columns, C).
-    affinity: the fields that `solve_affinities` returns for the same rows.
-    luminance: (H, W), the whole frame.
-    rows: first and end; None = all.
+    Parameters
+    ----------
+    blocks : FloatArray
+        Chromaticity of every block of the frame, (block rows, block columns, C).
+    affinity : FloatArray
+        The fields that `solve_affinities` returns for the same rows.
+    luminance : FloatArray
+        (H, W), the whole frame.
+    rows : tuple[int, int] | None, optional
+        First and end; None = all.
     """
     height, width = luminance.shape
     top, bottom = rows or (0, height)
@@ -91,7 +106,14 @@ def propagate(
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
     light = Light(luminance, *domain_places(grid))
     corner = top + above - first * grid.period, left
-    mix(fields, blocks, light, Place(first, *corner), Weighting(np.float32(settings.softness), np.float32(settings.likeness)), out)
+    mix(
+        fields,
+        blocks,
+        light,
+        Place(first, *corner),
+        Weighting(np.float32(settings.softness), np.float32(settings.likeness)),
+        out,
+    )
     return out
 
 
@@ -100,7 +122,9 @@ _LEAST = np.finfo(np.float32).tiny
 
 
 class Light(NamedTuple):
-    """Luminance of the frame, (H, W), and the frame's row at each row of the domain, and its column at each column."""
+    """Luminance of the frame, (H, W), and the frame's row at each row of the domain, and its column
+    at each column.
+    """
 
     luminance: Floats2
     rows: Ints1
@@ -108,7 +132,9 @@ class Light(NamedTuple):
 
 
 class Place(NamedTuple):
-    """The first row of patches in the fields, and the row of the fields and column of the domain that belong to out[0, 0]."""
+    """The first row of patches in the fields, and the row of the fields and column of the domain
+    that belong to out[0, 0].
+    """
 
     patch: int
     row: int
@@ -122,27 +148,52 @@ class Weighting(NamedTuple):
     likeness: Single
 
 
-@parallel_kernel(pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2])
-def mix(pieces: Pieces, fields: Floats3, blocks: Floats3, light: Light, place: Place, weighting: Weighting, out: Floats3) -> None:
+@parallel_kernel(
+    pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2]
+)
+def mix(
+    pieces: Pieces,
+    fields: Floats3,
+    blocks: Floats3,
+    light: Light,
+    place: Place,
+    weighting: Weighting,
+    out: Floats3,
+) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
 
-    fields: (4, pixel rows, domain columns), the fields of whole rows of patches.
-    blocks: (block rows, block columns, C), all blocks of the grid.
-    out: (rows, W, C), written.
+    Parameters
+    ----------
+    fields : Floats3
+        (4, pixel rows, domain columns), the fields of whole rows of patches.
+    blocks : Floats3
+        (block rows, block columns, C), all blocks of the grid.
+    out : Floats3
+        (rows, W, C), written.
     """
     (_, _, width), (_, count, channels) = fields.shape, blocks.shape
     period = width // (count - 1)
-    kappa, total, here, mixed = unset(CLASSES, width), unset(width), unset(width), unset(channels, width)
+    kappa, total, here, mixed = (
+        unset(CLASSES, width),
+        unset(width),
+        unset(width),
+        unset(channels, width),
+    )
     for patch in range(pieces[0], pieces[1]):
-        # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
+        # A class is at the same corner in every second patch only, so its light and chromaticity
+        # are stored for every column.
         lit, colour, mean = _expand(blocks, light, place.patch + patch, period)
-        for row in range(max(patch * period - place.row, 0), min((patch + 1) * period - place.row, len(out))):
+        for row in range(
+            max(patch * period - place.row, 0), min((patch + 1) * period - place.row, len(out))
+        ):
             source = light.luminance[light.rows[place.patch * period + row + place.row]]
             for column in range(width if weighting.likeness > _ZERO else 0):
                 here[column] = max(source[light.columns[column]], _ZERO)
             total[:] = _ZERO
             for kind in range(CLASSES):
-                _weigh(fields[kind, row + place.row], lit[kind], here, weighting, kappa[kind], total)
+                _weigh(
+                    fields[kind, row + place.row], lit[kind], here, weighting, kappa[kind], total
+                )
             for column in range(width):
                 total[column] = _ONE / total[column] if total[column] > _LEAST else _ZERO
             for channel in range(channels):
@@ -154,16 +205,25 @@ def mix(pieces: Pieces, fields: Floats3, blocks: Floats3, light: Light, place: P
 
 
 @kernel
-def _expand(blocks: Floats3, light: Light, patch: int, period: int) -> tuple[Floats2, Floats3, Floats2]:
-    """Repeat luminance and chromaticity of each class's corner over its patch, and the mean chromaticity of the four corners."""
+def _expand(
+    blocks: Floats3, light: Light, patch: int, period: int
+) -> tuple[Floats2, Floats3, Floats2]:
+    """Repeat luminance and chromaticity of each class's corner over its patch, and the mean
+    chromaticity of the four corners.
+    """
     count, channels = blocks.shape[1] - 1, blocks.shape[2]
-    lit, colour, mean = unset(CLASSES, count * period), unset(channels, CLASSES, count * period), unset(channels, count * period)
+    lit, colour, mean = (
+        unset(CLASSES, count * period),
+        unset(channels, CLASSES, count * period),
+        unset(channels, count * period),
+    )
     for kind in range(CLASSES):
         down = (kind // 2 - patch) % 2  # the corner of a patch that the class is at
         source = light.luminance[light.rows[patch * period + down * (period - 1)]]
         for across in range(count):
             over = (kind % 2 - across) % 2
-            sample = max(source[light.columns[across * period + over * (period - 1)]], _ZERO)  # l[n_j]
+            # l[n_j]
+            sample = max(source[light.columns[across * period + over * (period - 1)]], _ZERO)
             for column in range(across * period, (across + 1) * period):
                 lit[kind, column] = sample
             for channel in range(channels):
@@ -171,19 +231,36 @@ def _expand(blocks: Floats3, light: Light, patch: int, period: int) -> tuple[Flo
                 for column in range(across * period, (across + 1) * period):
                     colour[channel, kind, column] = value
     for channel in range(channels):
-        a, b, c, d, line = colour[channel, 0], colour[channel, 1], colour[channel, 2], colour[channel, 3], mean[channel]
+        a, b, c, d, line = (
+            colour[channel, 0],
+            colour[channel, 1],
+            colour[channel, 2],
+            colour[channel, 3],
+            mean[channel],
+        )
         for column in range(len(line)):
             line[column] = _QUARTER * (a[column] + b[column] + c[column] + d[column])
     return lit, colour, mean
 
 
 @kernel
-def _weigh(alpha: Floats1, lit: Floats1, here: Floats1, weighting: Weighting, kappa: Floats1, total: Floats1) -> None:
+def _weigh(
+    alpha: Floats1,
+    lit: Floats1,
+    here: Floats1,
+    weighting: Weighting,
+    kappa: Floats1,
+    total: Floats1,
+) -> None:
     """Write the weights of Eq. 14, not yet scaled to a sum of one, and add them to their total."""
     softness, likeness = weighting.softness, weighting.likeness
     if likeness > _ZERO:
         for column in range(len(alpha)):
-            part, apart, both = softness + abs(alpha[column]), here[column] - lit[column], here[column] + lit[column]
+            part, apart, both = (
+                softness + abs(alpha[column]),
+                here[column] - lit[column],
+                here[column] + lit[column],
+            )
             alike = both * both / (both * both + likeness * (apart * apart) + _LEAST)
             kappa[column] = part * part * lit[column] * alike
             total[column] += kappa[column]
@@ -196,11 +273,18 @@ def _weigh(alpha: Floats1, lit: Floats1, here: Floats1, weighting: Weighting, ka
 
 @kernel
 def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: Floats1) -> None:
-    """Average a channel of the four blocks (Eq. 10). Where no corner has light, all count the same."""
+    """Average a channel of the four blocks (Eq. 10). Where no corner has light, all count the
+    same.
+    """
     a, b, c, d = kappa[0], kappa[1], kappa[2], kappa[3]
     first, second, third, fourth = colour[0], colour[1], colour[2], colour[3]
     for column in range(len(mixed)):
-        value = a[column] * first[column] + b[column] * second[column] + c[column] * third[column] + d[column] * fourth[column]
+        value = (
+            a[column] * first[column]
+            + b[column] * second[column]
+            + c[column] * third[column]
+            + d[column] * fourth[column]
+        )
         mixed[column] = value * share[column] if share[column] > _ZERO else mean[column]
 
 
@@ -210,4 +294,6 @@ def colour(pieces: Pieces, chromaticity: Floats3, luminance: Floats2, out: Float
     for row in range(pieces[0], pieces[1]):
         for column in range(out.shape[1]):
             for channel in range(out.shape[2]):
-                out[row, column, channel] = chromaticity[row, column, channel] * luminance[row, column]
+                out[row, column, channel] = (
+                    chromaticity[row, column, channel] * luminance[row, column]
+                )

@@ -1,13 +1,16 @@
-"""Non-local averaging of chromaticity among pixels whose luminance looks alike (section 3.3, Eqs. 15-16).
+"""Non-local averaging of chromaticity among pixels whose luminance looks alike (section 3.3, Eqs.
+15-16).
 
-    c+[n] = sum_n' kappa_n[n'] c[n'] / sum_n' kappa_n[n'],   n' in a window around n                       (15)
-    kappa_n[n'] = l[n'] exp(-(G * (l - l shifted by n' - n)^2)[n] / (2 h^2)),   h = lambda sigma_z          (16)
+    c+[n] = sum_n' kappa_n[n'] c[n'] / sum_n' kappa_n[n'],   n' in a window around n     (15)
+    kappa_n[n'] = l[n'] exp(-(G * (l - l shifted by n' - n)^2)[n] / (2 h^2)),            (16)
+    h = lambda sigma_z
 
-G is a Gaussian, and negative luminance counts as none. tests/reference/refinement.py transcribes this literally.
+G is a Gaussian, and negative luminance counts as none. tests/reference/refinement.py transcribes
+this literally.
 
-The kernel works in tiles that stay in the cache. Weights without l[n'] are computed once for all repetitions, and for half the
-offsets: the distance from n' to n equals that from n to n'. The offset (down, across) has the number down * side + across; the
-opposite one has its negative.
+The kernel works in tiles that stay in the cache. Weights without l[n'] are computed once for all
+repetitions, and for half the offsets: the distance from n' to n equals that from n to n'. The
+offset (down, across) has the number down * side + across; the opposite one has its negative.
 """
 
 from dataclasses import dataclass
@@ -33,10 +36,16 @@ from ..stage import CountOrNone, NotNegative, Positive, StageSettings
 class RefinementSettings(StageSettings):
     """Non-local averaging of chromaticity, Eqs. 15-16.
 
-    strength: lambda in h = lambda sigma_z, 40 in the paper.
-    floor: the least h, scene units, > 0; it makes sigma_z = 0 defined and the average harmless there.
-    blur: standard deviation of G in periods (K/8 in the paper).
-    repetitions: 0 or more ("multiple times" in the paper).
+    Attributes
+    ----------
+    strength : NotNegative
+        Lambda in h = lambda sigma_z, 40 in the paper.
+    floor : Positive
+        The least h, scene units, > 0; it makes sigma_z = 0 defined and the average harmless there.
+    blur : Positive
+        Standard deviation of G in periods (K/8 in the paper).
+    repetitions : CountOrNone
+        0 or more ("multiple times" in the paper).
     """
 
     asked_by = ("repetitions",)
@@ -48,7 +57,9 @@ class RefinementSettings(StageSettings):
 
 @dataclass(eq=False)
 class Refinement(RowStage):
-    """c+[n] of Eq. 15 over a window of about one period, applied `settings.repetitions` times, 1 or more."""
+    """c+[n] of Eq. 15 over a window of about one period, applied `settings.repetitions` times, 1 or
+    more.
+    """
 
     measured: Measured
     settings: RefinementSettings
@@ -69,18 +80,33 @@ class Refinement(RowStage):
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows with their chromaticity refined."""
         luminance, period = self.measured.luminance, self.measured.pattern.period
-        return Part(rows[0], part.rows(*rows).luminance, refine(part, rows, luminance, period, self.sigma, self.settings))
+        return Part(
+            rows[0],
+            part.rows(*rows).luminance,
+            refine(part, rows, luminance, period, self.sigma, self.settings),
+        )
 
 
 def refine(
-    part: Part, rows: tuple[int, int], luminance: FloatArray, period: int, sigma: float, settings: RefinementSettings
+    part: Part,
+    rows: tuple[int, int],
+    luminance: FloatArray,
+    period: int,
+    sigma: float,
+    settings: RefinementSettings,
 ) -> FloatArray:
     """c+[n] of some rows of the frame, float32 (rows, W, C).
 
-    part: c[n], with what the window reaches around these rows.
-    luminance: (H, W), the whole frame.
-    period: K, pixels.
-    sigma: sigma_z of Eq. 16, scene units (see `noise_level`).
+    Parameters
+    ----------
+    part : Part
+        C[n], with what the window reaches around these rows.
+    luminance : FloatArray
+        (H, W), the whole frame.
+    period : int
+        K, pixels.
+    sigma : float
+        sigma_z of Eq. 16, scene units (see `noise_level`).
     """
     if not settings.used:
         return part.rows(*rows).chromaticity.copy()
@@ -102,7 +128,9 @@ def refine(
 
 
 def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
-    """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if there is no noise model."""
+    """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if there is no
+    noise model.
+    """
     return noise.sigma(float(luminance.mean(dtype=np.float64))) if noise else 0.0
 
 
@@ -116,7 +144,15 @@ class Places(NamedTuple):
     """Places of the rows and columns of a result, and those that it depends on.
 
     Those are radius * (repetitions + 1) + half the taps of the blur more at both ends.
-    rows: in the frame. initial_rows: in the chromaticities that are given. columns: in both.
+
+    Attributes
+    ----------
+    rows : Ints1
+        In the frame.
+    initial_rows : Ints1
+        In the chromaticities that are given.
+    columns : Ints1
+        In both.
     """
 
     rows: Ints1
@@ -127,10 +163,16 @@ class Places(NamedTuple):
 class Window(NamedTuple):
     """Pixels that are averaged.
 
-    radius: of the square window around n, pixels.
-    blur: taps of the Gaussian G, an odd number.
-    falloff: -1 / (2 h^2).
-    repetitions: 1 or more.
+    Attributes
+    ----------
+    radius : int
+        Of the square window around n, pixels.
+    blur : Floats1
+        Taps of the Gaussian G, an odd number.
+    falloff : float
+        -1 / (2 h^2).
+    repetitions : int
+        1 or more.
     """
 
     radius: int
@@ -140,12 +182,24 @@ class Window(NamedTuple):
 
 
 @parallel_kernel(pieces=lambda *arguments: tiles(arguments[-1].shape[:2], (_ROWS, _COLUMNS)))
-def average(pieces: Pieces, initial: Floats3, luminance: Floats2, places: Places, window: Window, out: Floats3) -> None:
+def average(
+    pieces: Pieces,
+    initial: Floats3,
+    luminance: Floats2,
+    places: Places,
+    window: Window,
+    out: Floats3,
+) -> None:
     """Average the chromaticities of Eq. 10 over some rows of the frame.
 
-    initial: (rows, W, C), chromaticities.
-    luminance: (H, W), scene units.
-    out: (rows of the result, W, C), written.
+    Parameters
+    ----------
+    initial : Floats3
+        (rows, W, C), chromaticities.
+    luminance : Floats2
+        (H, W), scene units.
+    out : Floats3
+        (rows of the result, W, C), written.
     """
     (height, width, channels), radius, reach = out.shape, window.radius, len(window.blur) // 2
     margin = (window.repetitions + 1) * radius + reach
@@ -161,7 +215,10 @@ def average(pieces: Pieces, initial: Floats3, luminance: Floats2, places: Places
         top, bottom, left, right = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
         below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
-            source, tints = luminance[places.rows[top + row]], initial[places.initial_rows[top + row]]
+            source, tints = (
+                luminance[places.rows[top + row]],
+                initial[places.initial_rows[top + row]],
+            )
             across = places.columns[left : left + after + margin]
             _gather(source, tints, across, light[row, lead:], colour[:, row, lead:])
         columns = begin, lead + after + margin - radius - reach
@@ -178,8 +235,12 @@ def average(pieces: Pieces, initial: Floats3, luminance: Floats2, places: Places
 
 
 @kernel
-def _gather(source: Floats1, tints: Floats2, places: Ints1, light: Floats1, colour: Floats2) -> None:
-    """Copy a row of the frame, with light, and light times chromaticity: Eq. 16 multiplies weights by the other pixel's light."""
+def _gather(
+    source: Floats1, tints: Floats2, places: Ints1, light: Floats1, colour: Floats2
+) -> None:
+    """Copy a row of the frame, with light, and light times chromaticity: Eq. 16 multiplies weights
+    by the other pixel's light.
+    """
     for column in range(len(places)):
         light[column] = source[places[column]]
         colour[0, column] = max(light[column], _ZERO)
@@ -201,7 +262,8 @@ def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
 def _weigh(light: Floats2, rows: Pair, columns: Pair, window: Window, weights: Floats3) -> None:
     """Compute the weights of Eq. 16, without the light; 0 below an exponent of -87.
 
-    rows: the first and the end of those that the first repetition looks at, `reach` more on both sides. columns: with weights.
+    rows: the first and the end of those that the first repetition looks at, `reach` more on both
+    sides. columns: with weights.
     """
     radius, blur, falloff = window.radius, window.blur, np.float32(window.falloff)
     reach, side = len(blur) // 2, 2 * radius + 1
@@ -234,8 +296,11 @@ def _exponentials(line: Floats1) -> None:
 
 
 @kernel
-def _average(weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radius: int, mean: Floats3) -> None:
-    """Eq. 15 in some rows and columns: the weighted sum of the first plane, the light, and those of the others divided by it.
+def _average(
+    weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radius: int, mean: Floats3
+) -> None:
+    """Eq. 15 in some rows and columns: the weighted sum of the first plane, the light, and those of
+    the others divided by it.
 
     Beside the edges nothing is right, and nothing is used.
     """

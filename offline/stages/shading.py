@@ -8,9 +8,11 @@ from ..parts import Part, RowStage
 
 @dataclass(eq=False)
 class ShadingCorrection(RowStage):
-    """Undo the shading of the panchromatic plane in a picture, (rows, columns) of which are `shape`.
+    """Undo the shading of the panchromatic plane in a picture, (rows, columns) of which are
+    `shape`.
 
-    All stages before see a frame that is darker towards its corners, so that noise and saturation are the sensor's everywhere.
+    All stages before see a frame that is darker towards its corners, so that noise and saturation
+    are the sensor's everywhere.
     """
 
     shading: Shading
@@ -21,4 +23,6 @@ class ShadingCorrection(RowStage):
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows as without shading."""
         shown = part.rows(*rows)
-        return replace(shown, luminance=shown.luminance * self.shading.of_plane(self.shape, -1, slice(*rows)))
+        return replace(
+            shown, luminance=shown.luminance * self.shading.of_plane(self.shape, -1, slice(*rows))
+        )

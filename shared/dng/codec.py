@@ -1,4 +1,6 @@
-"""Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification 1.4.0.0)."""
+"""Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification
+1.4.0.0).
+"""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import IO
@@ -23,24 +25,38 @@ from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, TAG, Pho
 _RECTANGULAR = 1
 _LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
-_WRITER = (TAG["UniqueCameraModel"], TAG["Make"], TAG["Software"])  # any of them names us in a file of ours
+# any of them names us in a file of ours
+_WRITER = (TAG["UniqueCameraModel"], TAG["Make"], TAG["Software"])
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
 
 
 def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
-    """Encode a mosaic as a DNG file; `decode_dng` returns an equal mosaic, with samples in sensor codes.
+    """Encode a mosaic as a DNG file; `decode_dng` returns an equal mosaic, with samples in sensor
+    codes.
 
-    mosaic: its `codes` are saved.
-    preview: (h, w, 3) uint8 sRGB picture in the orientation of the samples. Make it large: most viewers show it as the photograph.
     Where DNG cannot express the pattern the samples are stored as one grey plane.
-    Raises InputError for another kind of preview, and for a side of more than 65500 pixels.
+
+    Parameters
+    ----------
+    mosaic : Mosaic
+        Its `codes` are saved.
+    preview : ByteArray
+        (h, w, 3) uint8 sRGB picture in the orientation of the samples. Make it large: most viewers
+        show it as the photograph.
+
+    Raises
+    ------
+    InputError
+        For another kind of preview, and for a side of more than 65500 pixels.
     """
     pattern, calibration, codes = mosaic.pattern, mosaic.calibration, mosaic.codes
     stated = has_colours(pattern.channels) and pattern.period <= LONGEST_CFA_PERIOD
     photometric = Photometric.CFA if stated else Photometric.LINEAR_RAW
     with ThreadPoolExecutor(1, "samples") as pool:
-        compressed = pool.submit(raw_directory, codes, max(calibration.bits, _LEAST_BITS), photometric)
+        compressed = pool.submit(
+            raw_directory, codes, max(calibration.bits, _LEAST_BITS), photometric
+        )
         digest = raw_digest(codes)
     raw = compressed.result()
     raw.fields.update(_levels(pattern, calibration))
@@ -48,7 +64,13 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     main = main_directory(preview, mosaic.metadata, camera, raw, digest)
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
-        known = calibration.camera_to_xyz, calibration.neutral, calibration.gamma, pattern.channels, calibration.lights
+        known = (
+            calibration.camera_to_xyz,
+            calibration.neutral,
+            calibration.gamma,
+            pattern.channels,
+            calibration.lights,
+        )
         main.fields.update(colour_fields(*known))
     raw.fields.update(_noise(calibration, photometric))
     record = encode_record(mosaic, digest, main.strips[0])
@@ -58,13 +80,24 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
 
 
 def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosaic:
-    """Decode a DNG written by `encode_dng`: the mosaic with uint16 codes, and pattern and calibration as they were written.
+    """Decode a DNG written by `encode_dng`: the mosaic with uint16 codes, and pattern and
+    calibration as they were written.
 
     Capture data come from the TIFF and Exif fields, which other programs may have edited since.
 
-    data: the bytes of the file, or the file opened for reading.
-    max_pixels: a file that declares more is refused before it is decoded.
-    Raises ForeignFileError for the DNG of another program, InputError for any other and for a damaged file.
+    Parameters
+    ----------
+    data : bytes | IO[bytes]
+        The bytes of the file, or the file opened for reading.
+    max_pixels : int, optional
+        A file that declares more is refused before it is decoded.
+
+    Raises
+    ------
+    ForeignFileError
+        For the DNG of another program.
+    InputError
+        For any other and for a damaged file.
     """
     with opened(data) as dng:
         return _mosaic(dng, max_pixels)[0]
@@ -73,28 +106,47 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
 def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
     stored = dng.stored(TAG["DNGPrivateData"])
     if not is_record(stored):
-        raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+        raise ForeignFileError(
+            "not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a "
+            "picture"
+        )
     record = decode_record(stored)
     letters, cfa = record.pattern.letters_from(), dng.cfa()
     if cfa not in (None, letters):
-        raise damaged(f"CFAPattern says {' '.join(cfa or ())}, the record in DNGPrivateData says {' '.join(letters)}")
+        raise damaged(
+            f"CFAPattern says {' '.join(cfa or ())}, the record in DNGPrivateData says "
+            f"{' '.join(letters)}"
+        )
     samples = dng.samples(max_pixels)
     _check_digest(dng, samples)
     if samples.shape != record.shape:
         rows, columns = record.shape
-        raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} were written")
+        raise damaged(
+            f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} "
+            "were written"
+        )
     if dng.stored(TAG["NewRawImageDigest"]).hex() != record.samples:
-        raise damaged("the record of pattern and calibration (DNGPrivateData) is that of another shot")
+        raise damaged(
+            "the record of pattern and calibration (DNGPrivateData) is that of another shot"
+        )
     _check_identity(dng, record.id)
     return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
 
 
 def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
-    """Check a DNG of Panchroma, mosaic or rendered picture, completely; returns its (rows, columns).
+    """Check a DNG of Panchroma, mosaic or rendered picture, completely; returns its (rows,
+    columns).
 
-    One digest binds size, samples, pattern and calibration of a mosaic together; one of a picture size and samples. The mosaic's
-    preview is compared with its digest, and any preview must be decodable. Raises ForeignFileError for the DNG of another program,
-    InputError for any other file and a damaged one.
+    One digest binds size, samples, pattern and calibration of a mosaic together; one of a picture
+    size and samples. The mosaic's preview is compared with its digest, and any preview must be
+    decodable.
+
+    Raises
+    ------
+    ForeignFileError
+        For the DNG of another program.
+    InputError
+        For any other file and a damaged one.
     """
     with opened(data) as dng:
         recorded = is_record(dng.stored(TAG["DNGPrivateData"]))
@@ -139,7 +191,13 @@ def _check_digest(dng: DngReader, samples: CodeArray) -> None:
 
 
 def decode_preview(data: bytes | IO[bytes]) -> bytes:
-    """The JPEG preview of a DNG, unchanged. Raises InputError when there is none."""
+    """The JPEG preview of a DNG, unchanged.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
     with opened(data) as dng:
         return dng.preview()
 
@@ -149,13 +207,18 @@ def _cfa(pattern: CfaPattern) -> Fields:
     return {
         TAG["CFARepeatPatternDim"]: (FieldType.SHORT, [pattern.period] * 2),
         TAG["CFAPattern"]: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in tile)),
-        TAG["CFAPlaneColor"]: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in pattern.planes)),
+        TAG["CFAPlaneColor"]: (
+            FieldType.BYTE,
+            bytes(CFA_CODES[letter] for letter in pattern.planes),
+        ),
         TAG["CFALayout"]: (FieldType.SHORT, [_RECTANGULAR]),
     }
 
 
 def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
-    """Fields of the levels. The black level is stated for each pixel of a period if the planes differ, otherwise once."""
+    """Fields of the levels. The black level is stated for each pixel of a period if the planes
+    differ, otherwise once.
+    """
     levels = np.array(calibration.black_level)
     if len(set(calibration.black_level)) == 1 or pattern.period > LONGEST_CFA_PERIOD:
         levels = levels[-1:, None]  # the panchromatic plane's: most pixels belong to it
@@ -170,10 +233,21 @@ def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
 
 
 def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
-    """Field NoiseProfile, in which samples are x = signal / full_scale: S = shot / full_scale, O = (read / full_scale)**2."""
+    """Field NoiseProfile, in which samples are x = signal / full_scale: S = shot / full_scale, O =
+    (read / full_scale)**2.
+    """
     noise, full = calibration.noise, calibration.full_scale
     if noise is None:
         return {}
-    planes = [(max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2) for shot, read in zip(noise.shot, noise.read, strict=True)]
-    first = -1 if photometric is Photometric.LINEAR_RAW else 0  # a grey file has one plane, nearly all of it panchromatic
-    return {TAG["NoiseProfile"]: (FieldType.DOUBLE, [figure for plane in planes[first:] for figure in plane])}
+    planes = [
+        (max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2)
+        for shot, read in zip(noise.shot, noise.read, strict=True)
+    ]
+    # a grey file has one plane, nearly all of it panchromatic
+    first = -1 if photometric is Photometric.LINEAR_RAW else 0
+    return {
+        TAG["NoiseProfile"]: (
+            FieldType.DOUBLE,
+            [figure for plane in planes[first:] for figure in plane],
+        )
+    }

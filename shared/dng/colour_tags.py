@@ -11,7 +11,14 @@ from ..lights import Lights, to_one
 from ..tiff import Fields, FieldType
 from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHTS, OTHER_LIGHT, TAG
 
-_MIXTURES = {"R": (1, 0, 0), "G": (0, 1, 0), "B": (0, 0, 1), "C": (0, 0.5, 0.5), "M": (0.5, 0, 0.5), "Y": (0.5, 0.5, 0)}
+_MIXTURES = {
+    "R": (1, 0, 0),
+    "G": (0, 1, 0),
+    "B": (0, 0, 1),
+    "C": (0, 0.5, 0.5),
+    "M": (0.5, 0, 0.5),
+    "Y": (0.5, 0.5, 0),
+}
 """Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
 _TAGS = (
     (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"], TAG["IlluminantData1"]),
@@ -21,9 +28,11 @@ _PARTS = 1_000_000  # denominator of chromaticities
 
 
 def has_colours(channels: str) -> bool:
-    """Return True if DNG can state the colours of these channels: three that it knows, none of them a mixture of the others.
+    """Return True if DNG can state the colours of these channels: three that it knows, none of them
+    a mixture of the others.
 
-    With more, or with two, beside the panchromatic plane readers of DNG find no way from camera to colours.
+    With more, or with two, beside the panchromatic plane readers of DNG find no way from camera to
+    colours.
     """
     known = [_MIXTURES[letter] for letter in channels if letter in _MIXTURES]
     return len(channels) == len(known) == 3 and bool(np.linalg.matrix_rank(np.array(known)) == 3)
@@ -38,20 +47,31 @@ def colour_fields(
 ) -> Fields:
     """Fields ColorMatrix, CalibrationIlluminant and AsShotNeutral of a camera with three channels.
 
-    With `lights` there is a matrix for each. Otherwise both, 1 (D50) and 2 (D65), describe the camera under one light. DNG asks for
-    the one under D50, which the calibration has. But LibRaw, darktable and similar programs take any matrix for one under D65, and
-    show saturated colours wrong by a tenth unless they find such a matrix.
+    With `lights` there is a matrix for each. Otherwise both, 1 (D50) and 2 (D65), describe the
+    camera under one light. DNG asks for the one under D50, which the calibration has. But LibRaw,
+    darktable and similar programs take any matrix for one under D65, and show saturated colours
+    wrong by a tenth unless they find such a matrix.
 
-    camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one: sRGB primaries,
-        and of them cyan, magenta and yellow.
-    neutral: reading of white in the 3 channels; None = the reading that the matrix maps to D50.
-    panchromatic: the 3 weights of Eq. 7 if the file has a panchromatic plane; it comes last and reads the weighted sum.
-    channels: letters of the channels, for which `has_colours` is true.
-    lights: of a file whose light its reader may choose; None = one light, and all programs show the same colours.
+    Parameters
+    ----------
+    camera_to_xyz : ArrayLike | None
+        3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one:
+        sRGB primaries, and of them cyan, magenta and yellow.
+    neutral : ArrayLike | None
+        Reading of white in the 3 channels; None = the reading that the matrix maps to D50.
+    panchromatic : ArrayLike | None, optional
+        The 3 weights of Eq. 7 if the file has a panchromatic plane; it comes last and reads the
+        weighted sum.
+    channels : str, optional
+        Letters of the channels, for which `has_colours` is true.
+    lights : Lights | None, optional
+        Of a file whose light its reader may choose; None = one light, and all programs show the
+        same colours.
     """
     white = None if neutral is None else np.asarray(neutral, np.float64)
     if camera_to_xyz is None:
-        # Adapted to the neutral; otherwise a converter would take the light of the shot for coloured.
+        # Adapted to the neutral; otherwise a converter would take the light of the shot for
+        # coloured.
         nominal = np.array(SRGB_TO_XYZ) @ np.linalg.inv([_MIXTURES[letter] for letter in channels])
         camera_to_xyz = nominal if white is None else nominal / white * white.max()
     to_camera = np.linalg.inv(np.asarray(camera_to_xyz, np.float64))
@@ -59,8 +79,14 @@ def colour_fields(
     to_camera = _planes(to_camera, panchromatic)
     from_d65 = adaptation(xyz(*D65_XY))
     fields: Fields = {
-        TAG["ColorMatrix1"]: (FieldType.SRATIONAL, _to_one(to_camera, to_camera @ D50).ravel().tolist()),
-        TAG["ColorMatrix2"]: (FieldType.SRATIONAL, _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist()),
+        TAG["ColorMatrix1"]: (
+            FieldType.SRATIONAL,
+            _to_one(to_camera, to_camera @ D50).ravel().tolist(),
+        ),
+        TAG["ColorMatrix2"]: (
+            FieldType.SRATIONAL,
+            _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist(),
+        ),
         TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHTS["D50"]]),
         TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHTS["D65"]]),
         # A matrix may make white negative in a channel; AsShotNeutral must not be.
@@ -68,7 +94,10 @@ def colour_fields(
     }
     for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
         known = light.illuminant in LIGHTS
-        fields[color_matrix] = FieldType.SRATIONAL, to_one(_planes(light.xyz_to_camera, panchromatic)).ravel().tolist()
+        fields[color_matrix] = (
+            FieldType.SRATIONAL,
+            to_one(_planes(light.xyz_to_camera, panchromatic)).ravel().tolist(),
+        )
         fields[illuminant] = FieldType.SHORT, [LIGHTS.get(light.illuminant, OTHER_LIGHT)]
         if not known:
             x, y = (round(each * _PARTS) for each in light.white)
@@ -85,5 +114,7 @@ def _planes(readings: NDArray[Any], panchromatic: ArrayLike | None) -> NDArray[A
 
 
 def _to_one(values: NDArray[Any], white: NDArray[Any]) -> NDArray[Any]:
-    """Scale values so that the largest reading of `white` is 1; DNG leaves the scale open, this is the custom."""
+    """Scale values so that the largest reading of `white` is 1; DNG leaves the scale open, this is
+    the custom.
+    """
     return np.asarray(values / np.abs(white).max())

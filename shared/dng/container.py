@@ -1,4 +1,6 @@
-"""The common parts of all our DNG files: first a JPEG preview, below it the lossless samples, and the digest of the samples."""
+"""The common parts of all our DNG files: first a JPEG preview, below it the lossless samples, and
+the digest of the samples.
+"""
 
 import hashlib
 from html import escape
@@ -22,35 +24,61 @@ _BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
 _PREVIEW_SRGB = 2  # PreviewColorSpace
 _XMP = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
-    '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about="" '
-    'xmlns:tiff="http://ns.adobe.com/tiff/1.0/">{}</rdf:Description></rdf:RDF></x:xmpmeta><?xpacket end="w"?>'
+    '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description '
+    'rdf:about="" '
+    'xmlns:tiff="http://ns.adobe.com/tiff/1.0/">{}</rdf:Description></rdf:RDF></x:xmpmeta>'
+    "<?xpacket "
+    'end="w"?>'
 )
 
 
-def main_directory(preview: ByteArray, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes) -> Directory:
+def main_directory(
+    preview: ByteArray, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes
+) -> Directory:
     """The first directory of a DNG: preview, metadata, and the raw directory below it.
 
-    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples.
-    metadata: capture data.
-    camera: UniqueCameraModel and Model, a name under which converters look up colour profiles; Make is `MAKER`.
-    raw: directory of the samples, from `raw_directory`.
-    digest: digest of the samples, from `raw_digest`.
-    Raises InputError for another kind of preview.
+    Parameters
+    ----------
+    preview : ByteArray
+        (h, w, 3) uint8 sRGB, in the orientation of the samples.
+    metadata : CaptureMetadata
+        Capture data.
+    camera : str
+        UniqueCameraModel and Model, a name under which converters look up colour profiles; Make is
+        `MAKER`.
+    raw : Directory
+        Directory of the samples, from `raw_directory`.
+    digest : bytes
+        Digest of the samples, from `raw_digest`.
+
+    Raises
+    ------
+    InputError
+        For another kind of preview.
     """
     picture = np.ascontiguousarray(preview)
     if picture.dtype != np.uint8 or picture.shape[2:] != (3,) or not picture.size:
-        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, columns, 3)")
+        raise InputError(
+            f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, "
+            "columns, 3)"
+        )
     check_sides(picture.shape)
     main = metadata_directory(metadata)
-    # Raw developers take Make and Model for the camera that saw these samples, and give them its colours. No camera but ours did;
-    # the source's name is in the XMP, which none of them looks into for that.
+    # Raw developers take Make and Model for the camera that saw these samples, and give them its
+    # colours. No camera but ours did; the source's name is in the XMP, which none of them looks
+    # into for that.
     named = camera.encode("ascii", "replace").decode()
     if metadata.make or metadata.model:
         main.fields[TAG["XMP"]] = FieldType.BYTE, _xmp(metadata)
     main.fields |= {TAG["Make"]: (FieldType.ASCII, MAKER), TAG["Model"]: (FieldType.ASCII, named)}
-    # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can extract.
-    main.strips = [bytes(imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420"))]
-    main.fields |= picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR) | resolution_fields()
+    # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can
+    # extract.
+    main.strips = [
+        bytes(imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420"))
+    ]
+    main.fields |= (
+        picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR) | resolution_fields()
+    )
     main.fields |= {
         TAG["NewSubfileType"]: (FieldType.LONG, [1]),
         TAG["YCbCrSubSampling"]: (FieldType.SHORT, [2, 2]),
@@ -70,10 +98,19 @@ def main_directory(preview: ByteArray, metadata: CaptureMetadata, camera: str, r
 def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometric) -> Directory:
     """The directory of the samples, as one strip of lossless JPEG.
 
-    samples: (H, W) or (H, W, planes).
-    bits: bits of a sample, 10 to 16.
-    photometric: interpretation of the samples.
-    Raises InputError when a side is longer than a JPEG can be.
+    Parameters
+    ----------
+    samples : NDArray[np.uint16]
+        (H, W) or (H, W, planes).
+    bits : int
+        Bits of a sample, 10 to 16.
+    photometric : Photometric
+        interpretation of the samples.
+
+    Raises
+    ------
+    InputError
+        When a side is longer than a JPEG can be.
     """
     check_sides(samples.shape)
     fields = picture_fields(samples.shape, bits, Compression.JPEG, photometric)
@@ -84,20 +121,25 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
 def raw_digest(samples: NDArray[np.uint16]) -> bytes:
     """NewRawImageDigest (DNG 1.4) of samples (H, W) or (H, W, planes).
 
-    It is the MD5 over the MD5s of the 256 x 256 tiles in row order (cut off at the edges), samples little-endian, plane by plane.
+    It is the MD5 over the MD5s of the 256 x 256 tiles in row order (cut off at the edges), samples
+    little-endian, plane by plane.
     """
     return joined_digest(tile_digests(samples))
 
 
 def tile_digests(samples: NDArray[np.uint16]) -> bytes:
-    """The MD5s that `raw_digest` joins; those of parts of a picture, each `DIGEST_TILE` rows but the last, follow each other."""
+    """The MD5s that `raw_digest` joins; those of parts of a picture, each `DIGEST_TILE` rows but
+    the last, follow each other.
+    """
     planes = samples[None] if samples.ndim == 2 else np.moveaxis(samples, -1, 0)
     rows, columns = planes.shape[1:]
     digests = bytearray()
     for top in range(0, rows, DIGEST_TILE):
         for left in range(0, columns, DIGEST_TILE):
             tile = planes[:, top : top + DIGEST_TILE, left : left + DIGEST_TILE]
-            digests += hashlib.md5(tile.astype("<u2", copy=False).tobytes(), usedforsecurity=False).digest()
+            digests += hashlib.md5(
+                tile.astype("<u2", copy=False).tobytes(), usedforsecurity=False
+            ).digest()
     return bytes(digests)
 
 
@@ -107,19 +149,29 @@ def joined_digest(digests: bytes) -> bytes:
 
 
 def _xmp(metadata: CaptureMetadata) -> bytes:
-    """An XMP packet with make and model of the source (XMP Specification Part 1, 7.3; Part 2, 8.5: the namespace tiff)."""
+    """An XMP packet with make and model of the source (XMP Specification Part 1, 7.3; Part 2, 8.5:
+    the namespace tiff).
+    """
     texts = {"Make": metadata.make, "Model": metadata.model}
-    fields = "".join(f"<tiff:{name}>{escape(printable(text))}</tiff:{name}>" for name, text in texts.items() if text)
+    fields = "".join(
+        f"<tiff:{name}>{escape(printable(text))}</tiff:{name}>"
+        for name, text in texts.items()
+        if text
+    )
     return _XMP.format(fields).encode("utf-8", "replace")
 
 
 def picture_id(shape: tuple[int, ...], digest: bytes) -> str:
-    """RawDataUniqueID of a rendered picture, 16 hexadecimal digits: it covers the shape, which NewRawImageDigest does not."""
+    """RawDataUniqueID of a rendered picture, 16 hexadecimal digits: it covers the shape, which
+    NewRawImageDigest does not.
+    """
     return hashlib.sha256(repr(shape).encode() + digest).hexdigest()[:16]
 
 
 def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photometric: int) -> Fields:
-    """The fields of a TIFF picture of samples (H, W) or (H, W, planes) in one strip; `bits` per sample."""
+    """The fields of a TIFF picture of samples (H, W) or (H, W, planes) in one strip; `bits` per
+    sample.
+    """
     planes = shape[2] if len(shape) == 3 else 1
     return {
         TAG["ImageWidth"]: (FieldType.LONG, [shape[1]]),
@@ -136,4 +188,7 @@ def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photomet
 def check_sides(shape: tuple[int, ...]) -> None:
     """Raise InputError if a side is longer than a JPEG can be."""
     if max(shape[:2]) > LONGEST_SIDE:
-        raise InputError(f"{shape[1]} x {shape[0]} pixels: a side of a DNG's JPEG holds at most {LONGEST_SIDE}; cut it into parts")
+        raise InputError(
+            f"{shape[1]} x {shape[0]} pixels: a side of a DNG's JPEG holds at most "
+            f"{LONGEST_SIDE}; cut it into parts"
+        )

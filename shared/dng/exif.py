@@ -1,7 +1,9 @@
-"""Capture metadata as TIFF, Exif and GPS fields (Exif 2.3, section 4.6), for every format that holds them.
+"""Capture metadata as TIFF, Exif and GPS fields (Exif 2.3, section 4.6), for every format that
+holds them.
 
-Other programs write and edit these fields, and what they hold goes into every result. So texts that are read lose control
-characters and length, and an invalid field counts as missing; it is never an error.
+Other programs write and edit these fields, and what they hold goes into every result. So texts that
+are read lose control characters and length, and an invalid field counts as missing; it is never an
+error.
 """
 
 import html
@@ -33,7 +35,11 @@ TEXTS = {
     "description": TAG["ImageDescription"],
 }
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
-NUMBERS = {"exposure_time": TAG["ExposureTime"], "f_number": TAG["FNumber"], "focal_length": TAG["FocalLength"]}
+NUMBERS = {
+    "exposure_time": TAG["ExposureTime"],
+    "f_number": TAG["FNumber"],
+    "focal_length": TAG["FocalLength"],
+}
 _TIME = "%Y:%m:%d %H:%M:%S"
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
 _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
@@ -41,19 +47,30 @@ _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
 _OTHERS = (
-    "LensModel Orientation ISOSpeedRatings ISOSpeed DateTime SubsecTime OffsetTime DateTimeOriginal SubsecTimeOriginal "
+    "LensModel Orientation ISOSpeedRatings ISOSpeed DateTime SubsecTime OffsetTime "
+    "DateTimeOriginal SubsecTimeOriginal "
     "OffsetTimeOriginal XMP UniqueCameraModel"
 )
-WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *map(TAG.__getitem__, _OTHERS.split()), *range(7)})  # 0 to 6: GPS
+# 0 to 6: GPS
+WANTED = frozenset(
+    {*TEXTS.values(), *NUMBERS.values(), *map(TAG.__getitem__, _OTHERS.split()), *range(7)}
+)
 """The tags that `metadata_from` looks at."""
 
 
 def metadata_directory(metadata: CaptureMetadata) -> Directory:
-    """A directory with the capture metadata, and the Exif and GPS directories below it. The caller adds the fields of the picture.
+    """A directory with the capture metadata, and the Exif and GPS directories below it. The caller
+    adds the fields of the picture.
 
-    Texts are UTF-8 (readers strip blanks around them), numbers are fractions of 31-bit integers. Unknown metadata have no field.
+    Texts are UTF-8 (readers strip blanks around them), numbers are fractions of 31-bit integers.
+    Unknown metadata have no field.
     """
-    main = Directory({TAG["Orientation"]: (FieldType.SHORT, [metadata.orientation]), TAG["Software"]: (FieldType.ASCII, MAKER)})
+    main = Directory(
+        {
+            TAG["Orientation"]: (FieldType.SHORT, [metadata.orientation]),
+            TAG["Software"]: (FieldType.ASCII, MAKER),
+        }
+    )
     exif = Directory({TAG["ExifVersion"]: (FieldType.UNDEFINED, b"0232")})
     for name, tag in TEXTS.items():
         if text := getattr(metadata, name):
@@ -74,19 +91,26 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
         main.fields[TAG["DateTime"]] = FieldType.ASCII, seconds
         exif.fields[TAG["DateTimeOriginal"]] = FieldType.ASCII, seconds
         if metadata.taken.microsecond:
-            exif.fields[TAG["SubsecTimeOriginal"]] = FieldType.ASCII, f"{metadata.taken.microsecond:06}".rstrip("0")
+            exif.fields[TAG["SubsecTimeOriginal"]] = (
+                FieldType.ASCII,
+                f"{metadata.taken.microsecond:06}".rstrip("0"),
+            )
     if metadata.zone:
         exif.fields[TAG["OffsetTimeOriginal"]] = FieldType.ASCII, metadata.zone
     main.children[TAG["ExifTag"]] = exif
     if gps := _gps_fields(metadata):
-        main.children[TAG["GPSTag"]] = Directory({GPS["GPSVersionID"]: (FieldType.BYTE, _GPS_VERSION), **gps})
+        main.children[TAG["GPSTag"]] = Directory(
+            {GPS["GPSVersionID"]: (FieldType.BYTE, _GPS_VERSION), **gps}
+        )
     return main
 
 
 def _gps_fields(metadata: CaptureMetadata) -> Fields:
     """Return the fields of place and altitude, as far as they are known."""
     fields: Fields = {}
-    for tag, letters, angle in zip((GPS["GPSLatitude"], GPS["GPSLongitude"]), ("NS", "EW"), metadata.place or (), strict=False):
+    for tag, letters, angle in zip(
+        (GPS["GPSLatitude"], GPS["GPSLongitude"]), ("NS", "EW"), metadata.place or (), strict=False
+    ):
         minutes, seconds = divmod(abs(angle) * 3600, 60)
         degrees, minutes = divmod(minutes, 60)
         fields[tag - 1] = FieldType.ASCII, letters[angle < 0]
@@ -98,7 +122,9 @@ def _gps_fields(metadata: CaptureMetadata) -> Fields:
 
 
 def resolution_fields() -> Fields:
-    """Fields of the resolution, which TIFF and Exif require: 72 pixels per inch, as Exif prescribes if it is unknown."""
+    """Fields of the resolution, which TIFF and Exif require: 72 pixels per inch, as Exif prescribes
+    if it is unknown.
+    """
     return {
         TAG["XResolution"]: (FieldType.RATIONAL, [72]),
         TAG["YResolution"]: (FieldType.RATIONAL, [72]),
@@ -131,7 +157,8 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
         "orientation": int(_number(main, TAG["Orientation"]) or 1),
     }
     if text(main, TAG["UniqueCameraModel"]).startswith(MAKER):
-        # In a DNG of ours the camera is ours, unless somebody has edited it. The source is in the XMP: see `main_directory`.
+        # In a DNG of ours the camera is ours, unless somebody has edited it. The source is in the
+        # XMP: see `main_directory`.
         ours = (name for name in ("make", "model") if values[name].startswith(MAKER))
         values |= {name: _xmp_text(main, name.capitalize()) for name in ours}
     metadata = CaptureMetadata()
@@ -142,7 +169,9 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
 
 
 def text(fields: StoredFields, tag: int) -> str:
-    """Return the printable text of a field of bytes; "" if it has none. Longer texts are cut off at 4096 bytes of UTF-8."""
+    """Return the printable text of a field of bytes; "" if it has none. Longer texts are cut off at
+    4096 bytes of UTF-8.
+    """
     data = fields.get(tag, StoredField(0)).data
     if len(data) > 2 * _LONGEST:  # enough, and without half a letter at the end
         data = data[: 2 * _LONGEST].rstrip(_CONTINUATIONS)[:-1]
@@ -152,9 +181,18 @@ def text(fields: StoredFields, tag: int) -> str:
 
 
 def printable(value: str) -> str:
-    """Return the text without what does harm on a terminal or in XML: control, format and private characters, lone surrogates."""
+    """Return the text without what does harm on a terminal or in XML: control, format and private
+    characters, lone surrogates.
+    """
     kinds = ((letter, unicodedata.category(letter)) for letter in value)
-    kept = (" " if kind in ("Cc", "Zl", "Zp") else letter if letter in _JOINERS or kind[0] != "C" else "" for letter, kind in kinds)
+    kept = (
+        " "
+        if kind in ("Cc", "Zl", "Zp")
+        else letter
+        if letter in _JOINERS or kind[0] != "C"
+        else ""
+        for letter, kind in kinds
+    )
     return "".join(kept).strip()
 
 
@@ -173,13 +211,19 @@ def _number(fields: StoredFields, tag: int) -> float | None:
 
 
 def _time(fields: StoredFields, tag: int, decimals: int) -> datetime | None:
-    """Return date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is not one."""
+    """Return date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is
+    not one.
+    """
     try:
         taken = datetime.strptime(text(fields, tag)[:19], _TIME)  # noqa: DTZ007  Exif has local time without zone
     except ValueError:
         return None
     digits = text(fields, decimals)
-    return taken.replace(microsecond=int(f"{digits:0<6}"[:6])) if digits.isdecimal() and digits.isascii() else taken
+    return (
+        taken.replace(microsecond=int(f"{digits:0<6}"[:6]))
+        if digits.isdecimal() and digits.isascii()
+        else taken
+    )
 
 
 def _xmp_text(fields: StoredFields, name: str) -> str:
@@ -189,14 +233,22 @@ def _xmp_text(fields: StoredFields, name: str) -> str:
 
 
 def _place(gps: StoredFields) -> tuple[float, float] | None:
-    """Return latitude and longitude in degrees; None unless both are whole, for half a position is a wrong one."""
+    """Return latitude and longitude in degrees; None unless both are whole, for half a position is
+    a wrong one.
+    """
     angles = []
     for tag, letters in ((GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")):
         reference, field = text(gps, tag - 1), gps.get(tag)
-        if field is None or field.kind != FieldType.RATIONAL or len(field.numbers) != 3 or reference not in tuple(letters):
+        if (
+            field is None
+            or field.kind != FieldType.RATIONAL
+            or len(field.numbers) != 3
+            or reference not in tuple(letters)
+        ):
             return None
         degrees, *parts = field.numbers
-        minutes, seconds = (0 if math.isnan(part) else part for part in parts)  # some write 0/0 for what they do not state
+        # some write 0/0 for what they do not state
+        minutes, seconds = (0 if math.isnan(part) else part for part in parts)
         angle = round(degrees + minutes / 60 + seconds / 3600, 8)  # to a millimetre
         angles.append(-angle if reference == letters[1] else angle)
     return angles[0], angles[1]
@@ -204,7 +256,10 @@ def _place(gps: StoredFields) -> tuple[float, float] | None:
 
 def _altitude(gps: StoredFields) -> float | None:
     """Return the metres above the sea; None unless it is clear whether they are above or below."""
-    field, below = gps.get(GPS["GPSAltitude"]), gps.get(GPS["GPSAltitudeRef"], StoredField(0, b"\0")).data
+    field, below = (
+        gps.get(GPS["GPSAltitude"]),
+        gps.get(GPS["GPSAltitudeRef"], StoredField(0, b"\0")).data,
+    )
     if field is None or field.kind != FieldType.RATIONAL or below not in (b"\0", b"\1"):
         return None
     return -field.numbers[0] if below == b"\1" else field.numbers[0]

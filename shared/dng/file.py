@@ -1,4 +1,6 @@
-"""Reading and writing DNG files. Writing is atomic, reading checks everything; error messages begin with the name of the file."""
+"""Reading and writing DNG files. Writing is atomic, reading checks everything; error messages begin
+with the name of the file.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,19 +17,35 @@ _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
 _KIND = "a DNG of Panchroma"
 
 
-def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, overwrite: bool = False) -> None:
+def write_dng(
+    path: Path | str, mosaic: Mosaic, preview: ByteArray, *, overwrite: bool = False
+) -> None:
     """Save a mosaic with its preview picture as a DNG, atomically and durably.
 
-    path: the file to write.
-    mosaic: the shot; its `codes` are saved.
-    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples; `device.Preview` makes one.
-    overwrite: replace an existing file.
-    Raises InputError for another kind of preview and for a side of more than 65500 pixels, and OutputError when the file exists and
-    `overwrite` is False, or cannot be written.
+    Parameters
+    ----------
+    path : Path | str
+        The file to write.
+    mosaic : Mosaic
+        The shot; its `codes` are saved.
+    preview : ByteArray
+        (h, w, 3) uint8 sRGB, in the orientation of the samples; `device.Preview` makes one.
+    overwrite : bool, optional
+        Replace an existing file.
 
+    Raises
+    ------
+    InputError
+        For another kind of preview and for a side of more than 65500 pixels.
+    OutputError
+        When the file exists and `overwrite` is False, or cannot be written.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
-    >>> mosaic = Mosaic(np.full((12, 18), 1000, np.uint16), CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> mosaic = Mosaic(np.full((12, 18), 1000, np.uint16), CfaPattern.bayer(6),
+    SensorCalibration.of_bits(12))
     >>> write_dng("shot.dng", mosaic, preview=np.zeros((12, 18, 3), np.uint8))
     >>> bool((read_dng("shot.dng").codes == mosaic.codes).all())
     True
@@ -38,16 +56,28 @@ def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, overwrite
 
 
 def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
-    """Read a mosaic that `write_dng` saved: uint16 codes, equal pattern and calibration, capture data as last edited.
+    """Read a mosaic that `write_dng` saved: uint16 codes, equal pattern and calibration, capture
+    data as last edited.
 
-    path: the file.
-    max_pixels: a file that declares more is refused before it is decoded.
-    Raises InputError for any other file, and for a damaged or missing one.
+    Parameters
+    ----------
+    path : Path | str
+        The file.
+    max_pixels : int, optional
+        A file that declares more is refused before it is decoded.
 
+    Raises
+    ------
+    InputError
+        For any other file, and for a damaged or missing one.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
     >>> codes = np.full((12, 18), 1000, np.uint16)
-    >>> write_dng("shot.dng", Mosaic(codes, CfaPattern.bayer(4), SensorCalibration.of_bits(12)), np.zeros((8, 8, 3), np.uint8))
+    >>> write_dng("shot.dng", Mosaic(codes, CfaPattern.bayer(4), SensorCalibration.of_bits(12)),
+    np.zeros((8, 8, 3), np.uint8))
     >>> mosaic = read_dng("shot.dng")
     >>> mosaic.shape, mosaic.pattern.period, mosaic.calibration.bits
     ((12, 18), 4, 12)
@@ -57,13 +87,25 @@ def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
 
 
 def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
-    """Check a DNG of Panchroma completely, see `codec.verify`; returns (rows, columns). Raises InputError if it is damaged."""
+    """Check a DNG of Panchroma completely, see `codec.verify`; returns (rows, columns).
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
     with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
         return verify(file, max_pixels=max_pixels)
 
 
 def read_preview(path: Path | str) -> bytes:
-    """The JPEG preview of a DNG, unchanged. Raises InputError when there is none."""
+    """The JPEG preview of a DNG, unchanged.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
     with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
         return decode_preview(file)
 

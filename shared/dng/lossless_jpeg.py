@@ -1,7 +1,9 @@
-"""Lossless JPEG (ITU T.81, annex H) in one pass over whole arrays: five times as fast as libjpeg, which codes sample by sample.
+"""Lossless JPEG (ITU T.81, annex H) in one pass over whole arrays: five times as fast as libjpeg,
+which codes sample by sample.
 
-The Huffman table is made from a part of the rows, and holds every category that there can be. Neighbouring samples are joined, four
-where they fit into 64 bits, before they are shifted to their places in the stream.
+The Huffman table is made from a part of the rows, and holds every category that there can be.
+Neighbouring samples are joined, four where they fit into 64 bits, before they are shifted to their
+places in the stream.
 """
 
 import heapq
@@ -15,7 +17,8 @@ from ..arrays import CodeArray
 
 _STRIP = 1 << 15  # samples encoded at a time
 _SEEN = 32  # of as many rows one is counted for the Huffman table
-_LONGEST = 12  # bits of a code; with the 15 that may follow it, two samples leave 5 bits of a word free
+# bits of a code; with the 15 that may follow it, two samples leave 5 bits of a word free
+_LONGEST = 12
 _NUMBER = np.uint64(31)  # mask of these: they say how many bits an entry has
 
 _Words = NDArray[np.uint64]
@@ -24,7 +27,10 @@ _Words = NDArray[np.uint64]
 def encode_lossless(samples: CodeArray, bits: int) -> bytes:
     """Samples (H, W) or (H, W, planes) as a lossless JPEG with one component per plane.
 
-    bits: bits of a sample, 2 to 16; H and W: at most 65535.
+    Parameters
+    ----------
+    bits : int
+        Bits of a sample, 2 to 16; H and W: at most 65535.
     """
     pixels = samples[..., None] if samples.ndim == 2 else samples
     rows, columns, planes = pixels.shape
@@ -34,7 +40,8 @@ def encode_lossless(samples: CodeArray, bits: int) -> bytes:
     symbols = sorted(range(bits + 1), key=lengths.__getitem__)
     table = np.bincount(lengths, minlength=17)[1:].astype(np.uint8).tobytes() + bytes(symbols)
     stream, entries = _Stream(), _entries(symbols, lengths, bits)
-    # Each sample is predicted by the one on its left (predictor 1: darktable reads no other), in the first column by the one above.
+    # Each sample is predicted by the one on its left (predictor 1: darktable reads no other), in
+    # the first column by the one above.
     left = np.concatenate([np.full((1, planes), 1 << bits - 1, np.uint16), pixels[:-1, 0]])
     height = max(_STRIP // (columns * planes), 1)
     for top in range(0, rows, height):
@@ -43,8 +50,10 @@ def encode_lossless(samples: CodeArray, bits: int) -> bytes:
         shaped = differences[: piece.size].reshape(piece.shape)
         np.subtract(piece[:, 1:], piece[:, :-1], out=shaped[:, 1:])
         np.subtract(piece[:, 0], left[top : top + height], out=shaped[:, 0])
-        even, odd = (entries.take(differences[first::2], mode="clip") for first in (0, 1))  # "clip": none is out of range
-        even[-(-piece.size // 2) :] = odd[piece.size // 2 :] = 0  # what fills the last word up has no bits
+        # "clip": none is out of range
+        even, odd = (entries.take(differences[first::2], mode="clip") for first in (0, 1))
+        # what fills the last word up has no bits
+        even[-(-piece.size // 2) :] = odd[piece.size // 2 :] = 0
         stream.append(*_joined(even, odd))
     components = [bytes((plane + 1, 0x11, 0)) for plane in range(planes)]
     scanned = [bytes((plane + 1, 0)) for plane in range(planes)]
@@ -54,26 +63,33 @@ def encode_lossless(samples: CodeArray, bits: int) -> bytes:
         b"\xff\xc3": frame + b"".join(components),
         b"\xff\xda": bytes([planes]) + b"".join(scanned) + b"\x01\x00\x00",  # predictor 1
     }
-    head = b"".join(marker + struct.pack(">H", len(data) + 2) + data for marker, data in segments.items())
+    head = b"".join(
+        marker + struct.pack(">H", len(data) + 2) + data for marker, data in segments.items()
+    )
     return b"".join([b"\xff\xd8", head, *stream.finish(), b"\xff\xd9"])
 
 
 @cache
 def _categories() -> NDArray[np.int64]:
     """The number of bits (SSSS in table H.2) of each difference modulo 2**16."""
-    return np.frexp(np.abs(np.arange(1 << 16).astype(np.int16).astype(np.float64)))[1].astype(np.int64)
+    return np.frexp(np.abs(np.arange(1 << 16).astype(np.int16).astype(np.float64)))[1].astype(
+        np.int64
+    )
 
 
 def _code_lengths(counts: list[int]) -> list[int]:
     """Lengths of Huffman codes, by category, at most `_LONGEST`."""
-    least = max(sum(counts) >> 10, 1)  # what is hardly seen may be frequent in the rows that are not counted
+    # what is hardly seen may be frequent in the rows that are not counted
+    least = max(sum(counts) >> 10, 1)
     while max(lengths := _huffman([max(count, least) for count in counts])) > _LONGEST:
         least *= 2
     return lengths
 
 
 def _huffman(counts: list[int]) -> list[int]:
-    """Lengths of the codes that are shortest on average. Of equally frequent symbols the later ones have shorter codes."""
+    """Lengths of the codes that are shortest on average. Of equally frequent symbols the later ones
+    have shorter codes.
+    """
     lengths = [0] * (len(counts) + 1)
     heap = [(0, -1, [len(counts)])]  # takes the code of ones, which JPEG does not allow
     heap += [(count, symbol, [symbol]) for symbol, count in enumerate(counts)]
@@ -87,7 +103,9 @@ def _huffman(counts: list[int]) -> list[int]:
 
 
 def _entries(symbols: list[int], lengths: list[int], bits: int) -> _Words:
-    """The Huffman code and extra bits of every difference modulo 2**16, from the highest bit on, and their number (`_NUMBER`)."""
+    """The Huffman code and extra bits of every difference modulo 2**16, from the highest bit on,
+    and their number (`_NUMBER`).
+    """
     codes, code, before = [0] * len(symbols), 0, 0
     for symbol in symbols:
         code <<= lengths[symbol] - before
@@ -102,7 +120,8 @@ def _entries(symbols: list[int], lengths: list[int], bits: int) -> _Words:
 
 
 def _joined(even: _Words, odd: _Words) -> tuple[_Words, _Words]:
-    """Four neighbouring entries as one, or two if four have more than 64 bits: the bits, from the highest on, and their number.
+    """Four neighbouring entries as one, or two if four have more than 64 bits: the bits, from the
+    highest on, and their number.
 
     even, odd: the entries of every other sample, the first and the second; overwritten.
     """
@@ -119,11 +138,14 @@ def _joined(even: _Words, odd: _Words) -> tuple[_Words, _Words]:
 
 
 class _Stream:
-    """Bits one behind the other, from the highest bit of a byte on; behind each byte of ones a byte of zeros follows (B.1.1.5)."""
+    """Bits one behind the other, from the highest bit of a byte on; behind each byte of ones a byte
+    of zeros follows (B.1.1.5).
+    """
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
-        self._word, self._used = np.uint64(0), 0  # the last word, and how many of its bits are taken
+        # the last word, and how many of its bits are taken
+        self._word, self._used = np.uint64(0), 0
 
     def append(self, values: _Words, lengths: _Words) -> None:
         """Append the highest `lengths` bits of each value, which has no others."""

@@ -1,6 +1,7 @@
 """Parsing untrusted DNG files, which may be truncated, edited or malicious.
 
-tifffile parses the directories. Samples are decoded only after the declared sizes have been compared with the size of the file.
+tifffile parses the directories. Samples are decoded only after the declared sizes have been
+compared with the size of the file.
 """
 
 import logging
@@ -34,13 +35,17 @@ _LARGEST_PREVIEW = 256 << 20
 
 @contextmanager
 def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
-    """Parse a DNG for the duration of a `with` block; any error that the file causes in the block becomes an InputError."""
+    """Parse a DNG for the duration of a `with` block; any error that the file causes in the block
+    becomes an InputError.
+    """
     stream = BytesIO(data) if isinstance(data, bytes) else data
     start = stream.read(4)
     if not start:
         raise InputError("the file is empty; copy it again")
     if start.startswith(_JPEG_START):
-        raise InputError("a JPEG picture, not a DNG; `panchroma simulate` makes a shot of a picture")
+        raise InputError(
+            "a JPEG picture, not a DNG; `panchroma simulate` makes a shot of a picture"
+        )
     if start not in _TIFF_STARTS:
         raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
     check_directories(stream)
@@ -50,7 +55,8 @@ def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
     except (PanchromaError, MemoryError):
         raise
     except Exception as error:
-        # Deliberately every class: on damaged bytes tifffile and imagecodecs raise a dozen, none with a message for users.
+        # Deliberately every class: on damaged bytes tifffile and imagecodecs raise a dozen, none
+        # with a message for users.
         raise damaged("its parts contradict each other") from error
 
 
@@ -60,7 +66,9 @@ def damaged(what: str) -> InputError:
 
 
 class DngReader:
-    """The two directories of a DNG. Methods raise InputError, or errors that `opened` turns into one."""
+    """The two directories of a DNG. Methods raise InputError, or errors that `opened` turns into
+    one.
+    """
 
     def __init__(self, stream: IO[bytes], file: TiffFile) -> None:
         self._stream = stream
@@ -93,7 +101,9 @@ class DngReader:
         raise damaged("the file has no raw picture")
 
     def cfa(self) -> tuple[str, ...] | None:
-        """Return the letters of one period of the CFA by rows, "?" for unknown ones; None if the mosaic is grey (LinearRaw)."""
+        """Return the letters of one period of the CFA by rows, "?" for unknown ones; None if the
+        mosaic is grey (LinearRaw).
+        """
         page = self.raw()
         if page.photometric == Photometric.LINEAR_RAW:
             return None
@@ -108,23 +118,36 @@ class DngReader:
         return tuple(tile[start : start + columns] for start in range(0, len(tile), columns))
 
     def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
-        """The raw samples, uint16 (H, W), or (H, W, planes) if there are several; sizes are checked before anything is decoded."""
+        """The raw samples, uint16 (H, W), or (H, W, planes) if there are several; sizes are checked
+        before anything is decoded.
+        """
         page = self.raw()
         kind, depth = page.dtype, () if planes == 1 else (planes,)
         if len(page.shape) < 2 or page.shape[2:] != depth or kind not in (np.uint8, np.uint16):
-            raise damaged(f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)")
+            raise damaged(
+                f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)"
+            )
         rows, columns = page.shape[:2]
         if rows * columns > max_pixels:
-            raise InputError(f"the file declares {columns} x {rows} pixels; the limit is {max_pixels}, `max_pixels` raises it")
+            raise InputError(
+                f"the file declares {columns} x {rows} pixels; the limit is {max_pixels}, "
+                "`max_pixels` raises it"
+            )
         held = self._check_segments(page)
         if held > _MOST_BYTES * rows * columns * planes + _SMALL:
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
         if page.compression not in tuple(Compression):
-            raise InputError(f"compression {page.compression:d}; a mosaic is lossless JPEG or uncompressed; export it again so")
+            raise InputError(
+                f"compression {page.compression:d}; a mosaic is lossless JPEG or uncompressed; "
+                "export it again so"
+            )
         compressed = page.compression == Compression.JPEG
         bits = 1 if compressed else page.bitspersample  # a Huffman code has at least one bit
         if held * 8 < rows * columns * planes * bits:
-            raise damaged(f"the file declares {columns} x {rows} pixels, its {held} bytes of samples cannot hold them")
+            raise damaged(
+                f"the file declares {columns} x {rows} pixels, its {held} bytes of samples "
+                "cannot hold them"
+            )
         samples = self._decoded(page) if compressed else page.asarray(maxworkers=1)
         samples = np.ascontiguousarray(samples, np.uint16)
         samples.flags.writeable = False  # so that a mosaic need not copy them
@@ -133,10 +156,13 @@ class DngReader:
     def _decoded(self, page: TiffPage) -> CodeArray:
         """Decode and assemble strips or tiles of lossless JPEG.
 
-        tifffile must not do it: where libjpeg-turbo refuses a damaged JPEG, tifffile tries a second decoder, which can crash.
+        tifffile must not do it: where libjpeg-turbo refuses a damaged JPEG, tifffile tries a second
+        decoder, which can crash.
         """
         rows, columns, *planes = page.shape
-        tall, wide = (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
+        tall, wide = (
+            (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
+        )
         samples = np.empty(page.shape, np.uint16)
         corners = product(range(0, rows, tall), range(0, columns, wide))
         for (top, left), segment in zip(corners, self._segments(page), strict=True):
@@ -149,12 +175,15 @@ class DngReader:
             decoded = imagecodecs.jpeg8_decode(segment)
             if decoded.shape == samples.shape and decoded.dtype == np.uint16:  # it is all of them
                 return decoded
-            # Some writers store the same samples as a JPEG of twice the components and half the width.
+            # Some writers store the same samples as a JPEG of twice the components and half the
+            # width.
             room[...] = decoded.reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
         return samples
 
     def _check_segments(self, page: TiffPage) -> int:
-        """Total bytes of all strips or tiles, which must lie inside the file and cannot hold more than it does."""
+        """Total bytes of all strips or tiles, which must lie inside the file and cannot hold more
+        than it does.
+        """
         ends = map(sum, zip(page.dataoffsets, page.databytecounts, strict=True))
         held = sum(page.databytecounts)
         if max(held, *ends) > self._size:

@@ -1,6 +1,8 @@
-"""The private record of a DNG (DNGPrivateData): pattern and calibration as JSON, which survives edits by other programs.
+"""The private record of a DNG (DNGPrivateData): pattern and calibration as JSON, which survives
+edits by other programs.
 
-The record names the samples it belongs to, by their size and digest. So neither can be exchanged for those of another shot.
+The record names the samples it belongs to, by their size and digest. So neither can be exchanged
+for those of another shot.
 """
 
 import hashlib
@@ -17,8 +19,10 @@ from .reader import damaged
 from .tags import MAKER
 
 SCHEMA = 1
-_ODD = ValueError, AttributeError, KeyError, TypeError  # of a document of another form; ValueError: no UTF-8
-# DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
+# of a document of another form; ValueError: no UTF-8
+_ODD = ValueError, AttributeError, KeyError, TypeError
+# DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow
+# it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
 
 
@@ -26,11 +30,19 @@ RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
 class Record:
     """The content of a record.
 
-    pattern, calibration: of the mosaic.
-    id: digest of all of it, 16 hexadecimal digits; RawDataUniqueID repeats it, so that no other record takes its place.
-    shape: (rows, columns) of the samples the record belongs to.
-    samples: NewRawImageDigest of these samples, hexadecimal.
-    preview: digest of the JPEG preview, hexadecimal.
+    Attributes
+    ----------
+    pattern, calibration : CfaPattern, SensorCalibration
+        Of the mosaic.
+    id : str
+        Digest of all of it, 16 hexadecimal digits; RawDataUniqueID repeats it, so that no other
+        record takes its place.
+    shape : tuple[int, int]
+        (rows, columns) of the samples the record belongs to.
+    samples : str
+        NewRawImageDigest of these samples, hexadecimal.
+    preview : str
+        Digest of the JPEG preview, hexadecimal.
     """
 
     pattern: CfaPattern
@@ -44,8 +56,12 @@ class Record:
 def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
     """The content of DNGPrivateData: RECORD_ID, then a JSON object in UTF-8.
 
-    samples: NewRawImageDigest of the mosaic's codes.
-    preview: the JPEG preview.
+    Parameters
+    ----------
+    samples : bytes
+        NewRawImageDigest of the mosaic's codes.
+    preview : bytes
+        The JPEG preview.
     """
     pattern, calibration = mosaic.pattern, mosaic.calibration.to_json()
     document = {
@@ -64,7 +80,9 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
 
 
 def record_id(record: bytes) -> str:
-    """`Record.id` of what `encode_record` returned. Nothing is checked: decoding would cost a camera time for every frame."""
+    """`Record.id` of what `encode_record` returned. Nothing is checked: decoding would cost a
+    camera time for every frame.
+    """
     return json.loads(record[len(RECORD_ID) :])["digest"]
 
 
@@ -74,8 +92,16 @@ def is_record(data: bytes) -> bool:
 
 
 def decode_record(data: bytes) -> Record:
-    """The content of a record. Raises InputError when it has changed, or a newer Panchroma wrote it."""
-    changed = damaged("the record of pattern and calibration (DNGPrivateData) is not what was written")
+    """The content of a record.
+
+    Raises
+    ------
+    InputError
+        When it has changed, or a newer Panchroma wrote it.
+    """
+    changed = damaged(
+        "the record of pattern and calibration (DNGPrivateData) is not what was written"
+    )
     try:
         document = parsed_json(data[len(RECORD_ID) :].rstrip(b"\0"))
         digest = document.pop("digest")
@@ -84,12 +110,20 @@ def decode_record(data: bytes) -> Record:
     except (InputError, *_ODD):
         raise changed from None
     if (schema := document.get("schema")) != SCHEMA:
-        raise InputError(f"the record of pattern and calibration has schema {schema!r}, this version reads {SCHEMA}; update it")
+        raise InputError(
+            f"the record of pattern and calibration has schema {schema!r}, this version reads "
+            f"{SCHEMA}; update it"
+        )
     try:
         document["pattern"].pop("period", None)
         pattern = CfaPattern.from_json(document["pattern"])
-        calibration = document["calibration"] | {name: document[name] for name in document.keys() & OPTIONAL}
-        shape, digests = size("shape", document["shape"]), (document["samples"], document["preview"])
+        calibration = document["calibration"] | {
+            name: document[name] for name in document.keys() & OPTIONAL
+        }
+        shape, digests = (
+            size("shape", document["shape"]),
+            (document["samples"], document["preview"]),
+        )
         if not all(isinstance(text, str) for text in digests):
             raise TypeError
     except _ODD:  # the digest is right, but no version of ours wrote this
@@ -103,5 +137,7 @@ def preview_digest(jpeg: bytes) -> str:
 
 
 def _digest(document: dict[str, Any]) -> str:
-    """Digest of the content, 16 hexadecimal digits; independent of the order of keys and of white space."""
+    """Digest of the content, 16 hexadecimal digits; independent of the order of keys and of white
+    space.
+    """
     return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]

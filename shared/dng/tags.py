@@ -1,4 +1,6 @@
-"""Values in the fields of our files (TIFF 6.0, Exif 2.3, DNG 1.4); tifffile knows the numbers of their tags."""
+"""Values in the fields of our files (TIFF 6.0, Exif 2.3, DNG 1.4); tifffile knows the numbers of
+their tags.
+"""
 
 from enum import IntEnum
 from typing import Any
@@ -12,7 +14,8 @@ MAKER = "Panchroma"
 DNG_VERSION = bytes([1, 4, 0, 0])
 DNG_VERSION_OF_ILLUMINANT_DATA = bytes([1, 6, 0, 0])
 
-# The longest period of a CFA and of black levels that Adobe's SDK supports (kMaxCFAPattern, kMaxBlackPattern).
+# The longest period of a CFA and of black levels that Adobe's SDK supports (kMaxCFAPattern,
+# kMaxBlackPattern).
 LONGEST_CFA_PERIOD = 8
 
 # Rows or columns of one JPEG: JPEG_MAX_DIMENSION of libjpeg.
@@ -27,11 +30,13 @@ PICTURE_PLANES = 3  # of a rendered picture: red, green, blue
 TAG: Any = TIFF.TAGS
 """Name of a tag in the standards -> its number; KeyError for a name that has none."""
 GPS: Any = TIFF.GPS_TAGS
-"""As `TAG`, of the GPS directory."""
+"""Names of the tags of the GPS directory, as `TAG`."""
 
 
 class Compression(IntEnum):
-    """Values of COMPRESSION. Lossless JPEG is the only compression of samples that every raw developer decodes."""
+    """Values of COMPRESSION. Lossless JPEG is the only compression of samples that every raw
+    developer decodes.
+    """
 
     NONE = 1
     JPEG = 7  # lossless for raw samples, baseline for the preview

@@ -1,10 +1,11 @@
-"""Run the camera's software on an emulated ARM processor and compare its pictures with this machine's, bit by bit.
+"""Run the camera's software on an emulated ARM processor and compare its pictures with this
+machine's, bit by bit.
 
     python -m tests.arm [--cpu cortex-a72 cortex-a76] [--onnxruntime 1.22.1]
 
-Needs Debian's apt-get and dpkg-deb, qemu-aarch64 (package qemu-user) and access to the package index. It needs no root and installs
-nothing: a small arm64 system and the aarch64 wheels of the base dependencies are unpacked into the user's cache. Emulation does not
-show how fast a board is.
+Needs Debian's apt-get and dpkg-deb, qemu-aarch64 (package qemu-user) and access to the package
+index. It needs no root and installs nothing: a small arm64 system and the aarch64 wheels of the
+base dependencies are unpacked into the user's cache. Emulation does not show how fast a board is.
 """
 
 import argparse
@@ -25,17 +26,39 @@ from tests.data import ROOT
 QEMU = "qemu-aarch64"
 CPUS = ("cortex-a72", "cortex-a76")  # of the Raspberry Pi 4 and 5
 _DEBIAN = ("python3-minimal", "libpython3-stdlib", "libstdc++6", "libgomp1")
-# From the oldest glibc that a wheel may ask for to that of the oldest Debian that still makes sense on a board.
-_PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_17_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64")
-# qemu shows the host's /proc/cpuinfo, and onnxruntime from 1.24 on dies on an ARM that has no ARM cores.
-_CORE = "processor\t: {}\nFeatures\t: fp asimd crc32 cpuid\nCPU implementer\t: 0x41\nCPU architecture: 8\nCPU part\t: 0xd08\n\n"
+# From the oldest glibc that a wheel may ask for to that of the oldest Debian that still makes sense
+# on a board.
+_PLATFORMS = (
+    "manylinux2014_aarch64",
+    "manylinux_2_17_aarch64",
+    "manylinux_2_27_aarch64",
+    "manylinux_2_28_aarch64",
+)
+# qemu shows the host's /proc/cpuinfo, and onnxruntime from 1.24 on dies on an ARM that has no ARM
+# cores.
+_CORE = (
+    "processor\t: {}\nFeatures\t: fp asimd crc32 cpuid\nCPU implementer\t: 0x41\nCPU "
+    "architecture: 8\nCPU part\t: 0xd08\n\n"
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code: 0 when every result is identical, 1 when one differs, 2 when the emulation cannot be run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cpu", nargs="+", default=CPUS, metavar="NAME", help=f"default: {' '.join(CPUS)}; {QEMU} -cpu help")
-    parser.add_argument("--onnxruntime", nargs="+", default=[""], metavar="VERSION", help="default: the newest")
+    """Exit code: 0 when every result is identical, 1 when one differs, 2 when the emulation cannot
+    be run.
+    """
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--cpu",
+        nargs="+",
+        default=CPUS,
+        metavar="NAME",
+        help=f"default: {' '.join(CPUS)}; {QEMU} -cpu help",
+    )
+    parser.add_argument(
+        "--onnxruntime", nargs="+", default=[""], metavar="VERSION", help="default: the newest"
+    )
     arguments = parser.parse_args(argv)
     differing = False
     for version, cpu in product(arguments.onnxruntime, arguments.cpu):
@@ -45,16 +68,23 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"tests.arm: {error}", file=sys.stderr)
             return 2
         differing |= bool(faults)
-        print(f"onnxruntime {runtime} on {cpu}: {compared - len(faults)} of {compared} identical", *faults, sep="\n  ", flush=True)
+        print(
+            f"onnxruntime {runtime} on {cpu}: {compared - len(faults)} of {compared} identical",
+            *faults,
+            sep="\n  ",
+            flush=True,
+        )
     return int(differing)
 
 
 def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
-    """(version of onnxruntime, number of results, a line for each result that differs) on the emulated `cpu`.
+    """(version of onnxruntime, number of results, a line for each result that differs) on the
+    emulated `cpu`.
 
     onnxruntime: the version to install; "": the newest.
 
-    Raises InputError when something needed is missing and cannot be downloaded, OutputError when the camera's software fails.
+    Raises InputError when something needed is missing and cannot be downloaded, OutputError when
+    the camera's software fails.
     """
     if not shutil.which(QEMU):
         raise InputError(f"{QEMU} is not installed (Debian: apt-get install qemu-user)")
@@ -65,7 +95,11 @@ def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
     there = _probe(emulated, [site, ROOT], cache / "there.npz")
     here = _probe([sys.executable], [ROOT], cache / "here.npz")
     names = [name for name in here if name != "onnxruntime"]
-    faults = [_difference(name, here[name], there[name]) for name in names if here[name].tobytes() != there[name].tobytes()]
+    faults = [
+        _difference(name, here[name], there[name])
+        for name in names
+        if here[name].tobytes() != there[name].tobytes()
+    ]
     return str(there["onnxruntime"]), len(names), faults
 
 
@@ -87,7 +121,17 @@ def _system(cache: Path) -> Path:
     }
     options = [part for name, value in settings.items() for part in ("-o", f"{name}={value}")]
     _run(["apt-get", *options, "update"])
-    _run(["apt-get", *options, "install", "--download-only", "--no-install-recommends", "-y", *_DEBIAN])
+    _run(
+        [
+            "apt-get",
+            *options,
+            "install",
+            "--download-only",
+            "--no-install-recommends",
+            "-y",
+            *_DEBIAN,
+        ]
+    )
     unpacked = cache / "system.part"
     for package in sorted((apt / "archives").glob("*.deb")):
         _run(["dpkg-deb", "-x", str(package), str(unpacked)])
@@ -106,18 +150,33 @@ def _site(cache: Path, python: Sequence[str], onnxruntime: str) -> Path:
         return site
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     if onnxruntime:
-        wanted = [*(each for each in wanted if not each.startswith("onnxruntime")), f"onnxruntime=={onnxruntime}"]
+        wanted = [
+            *(each for each in wanted if not each.startswith("onnxruntime")),
+            f"onnxruntime=={onnxruntime}",
+        ]
     version = _run([*python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"]).strip()
     platforms = [part for platform in _PLATFORMS for part in ("--platform", platform)]
     part = site.with_suffix(site.suffix + ".part")
     shutil.rmtree(part, ignore_errors=True)
-    options = ["--only-binary=:all:", "--python-version", version, "--target", str(part), "--no-compile", "--quiet"]
+    options = [
+        "--only-binary=:all:",
+        "--python-version",
+        version,
+        "--target",
+        str(part),
+        "--no-compile",
+        "--quiet",
+    ]
     _run([sys.executable, "-m", "pip", "install", *platforms, *options, *wanted])
     return part.rename(site)
 
 
 def _probe(python: Sequence[str], path: Sequence[Path], result: Path) -> dict[str, np.ndarray]:
-    _run([*python, "-m", "tests.arm.probe", str(result)], OutputError, PYTHONPATH=os.pathsep.join(map(str, path)))
+    _run(
+        [*python, "-m", "tests.arm.probe", str(result)],
+        OutputError,
+        PYTHONPATH=os.pathsep.join(map(str, path)),
+    )
     with np.load(result) as arrays:
         return dict(arrays)
 
@@ -126,14 +185,24 @@ def _difference(name: str, here: np.ndarray, there: np.ndarray) -> str:
     if here.shape != there.shape or here.dtype != there.dtype:
         return f"{name}: {there.dtype} {there.shape} instead of {here.dtype} {here.shape}"
     difference = np.abs(here.astype(np.float64) - there)
-    return f"{name}: {np.count_nonzero(difference)} of {difference.size} values differ, by up to {difference.max():.3g}"
+    return (
+        f"{name}: {np.count_nonzero(difference)} of {difference.size} values differ, by up "
+        f"to {difference.max():.3g}"
+    )
 
 
-def _run(command: Sequence[str], failure: type[PanchromaError] = InputError, **environment: str) -> str:
+def _run(
+    command: Sequence[str], failure: type[PanchromaError] = InputError, **environment: str
+) -> str:
     # PYTHONDONTWRITEBYTECODE: the two Pythons must not use each other's compiled files.
     quiet = {"PYTHONDONTWRITEBYTECODE": "1", "ORT_DISABLE_TELEMETRY": "1"}
     done = subprocess.run(
-        command, env={**os.environ, **quiet, **environment}, cwd=ROOT, capture_output=True, text=True, check=False
+        command,
+        env={**os.environ, **quiet, **environment},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if done.returncode:
         said = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]

@@ -1,4 +1,5 @@
-"""The results that `tests.arm` compares: everything that the camera's software makes of a few frames, saved as arrays.
+"""The results that `tests.arm` compares: everything that the camera's software makes of a few
+frames, saved as arrays.
 
 Runs with nothing but the base dependencies: python -m tests.arm.probe RESULT.npz
 """
@@ -16,7 +17,11 @@ from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration, runtime
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from panchroma.shared.dng import decode_dng, encode_dng
 
-PATTERNS = {"K6": CfaPattern.bayer(6), "K4": CfaPattern.bayer(4, "BGGR", (3, 1)), "K8": CfaPattern.bayer(8, "GRBG", (5, 2))}
+PATTERNS = {
+    "K6": CfaPattern.bayer(6),
+    "K4": CfaPattern.bayer(4, "BGGR", (3, 1)),
+    "K8": CfaPattern.bayer(8, "GRBG", (5, 2)),
+}
 LAYOUTS = (FrameLayout(83, 61, "raw10"), FrameLayout(160, 120, "raw12", 256))
 
 
@@ -26,7 +31,9 @@ def graphs(pattern: CfaPattern) -> list[tuple[int, bool]]:
 
 
 def probe() -> dict[str, np.ndarray]:
-    """Name -> pictures of noise, the hardest scene, and samples of a shot; for every pattern, its graphs and every packing."""
+    """Name -> pictures of noise, the hardest scene, and samples of a shot; for every pattern, its
+    graphs and every packing.
+    """
     made: dict[str, np.ndarray] = {"onnxruntime": np.array(runtime.onnxruntime.__version__)}
     for name, pattern in PATTERNS.items():
         for layout in LAYOUTS:
@@ -39,13 +46,18 @@ def probe() -> dict[str, np.ndarray]:
                 camera_to_xyz=SRGB_TO_XYZ,
                 neutral=(0.5, 1.0, 0.7),
             )
-            data = np.random.default_rng(bits).integers(0, 256, layout.frame_bytes, np.uint8).tobytes()
+            data = (
+                np.random.default_rng(bits).integers(0, 256, layout.frame_bytes, np.uint8).tobytes()
+            )
             mosaic = Sensor(layout, pattern, calibration).mosaic(RawFrame.now(data))
             pictures = {
                 (scale, linear): Preview(pattern, scale, linear=linear, threads=2).run(mosaic)
                 for scale, linear in (graphs(pattern) if layout is LAYOUTS[0] else [(1, False)])
             }
-            made |= {f"{name} {layout.format} {scale}{' linear' * linear}": each for (scale, linear), each in pictures.items()}
+            made |= {
+                f"{name} {layout.format} {scale}{' linear' * linear}": each
+                for (scale, linear), each in pictures.items()
+            }
             shot = encode_dng(mosaic, np.asarray(pictures[1, False], np.uint8))
             made[f"{name} {layout.format} samples"] = decode_dng(shot).codes
     return made

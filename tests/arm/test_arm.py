@@ -14,4 +14,6 @@ def test_an_arm_board_makes_the_same_bytes() -> None:
     except InputError as missing:  # no network
         pytest.skip(str(missing))
     assert faults == []
-    assert compared == sum(len(graphs(pattern)) - 1 + 2 * len(LAYOUTS) for pattern in PATTERNS.values())
+    assert compared == sum(
+        len(graphs(pattern)) - 1 + 2 * len(LAYOUTS) for pattern in PATTERNS.values()
+    )

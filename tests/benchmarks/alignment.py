@@ -1,10 +1,12 @@
-"""Measure alignment: python -m tests.benchmarks.alignment [SCENE...] [--sigma 0 0.03] [--frames 8] [--reduce 2]
+"""Measure alignment: python -m tests.benchmarks.alignment [SCENE...] [--sigma 0 0.03] [--frames 8]
+[--reduce 2]
 
-For each scene and noise, of a simulated burst (motion up to 3 pixels and 0.3 degrees): the median over the pixels of a frame of the
-distance between the true and the found place, its median and its worst over the frames, what alignment itself estimates, and the
-processor's time for a frame. Also: with exposures two stops apart (a real sensor's noise and clipping instead of sigma); with
-parallax, the left half shifted by one pixel more than the right. --reduce: pixels of the scene, each way, that are one of the
-sensor.
+For each scene and noise, of a simulated burst (motion up to 3 pixels and 0.3 degrees): the median
+over the pixels of a frame of the distance between the true and the found place, its median and its
+worst over the frames, what alignment itself estimates, and the processor's time for a frame. Also:
+with exposures two stops apart (a real sensor's noise and clipping instead of sigma); with parallax,
+the left half shifted by one pixel more than the right. --reduce: pixels of the scene, each way,
+that are one of the sensor.
 
 Without scenes: the test photographs (PANCHROMA_TEST_DATA).
 """
@@ -34,22 +36,31 @@ SMOOTH = 24  # nodes across the frame, over which parallax goes from one side to
 
 
 Figures = list[tuple[float, float, float]]
-"""Of the frames of a burst that were not refused: median error of each, pixels; the estimated error; seconds."""
+"""Of the frames of a burst that were not refused: median error of each, pixels; the estimated
+error; seconds.
+"""
 
 
 def photograph(frame: SimulatedFrame, sigma: float | None, seed: int) -> Mosaic:
     """A mosaic of the frame. sigma: None = by a real sensor."""
     random = np.random.default_rng(seed)
     if sigma is None:
-        return simulate_sensor(frame.rgb, PATTERN, CALIBRATION, frame.exposure, random).in_scene_units()
+        return simulate_sensor(
+            frame.rgb, PATTERN, CALIBRATION, frame.exposure, random
+        ).in_scene_units()
     return simulate_additive(frame.rgb, PATTERN, CALIBRATION, sigma, random)
 
 
-def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArray | None = None) -> Figures:
+def measured(
+    frames: list[SimulatedFrame], sigma: float | None, local: FloatArray | None = None
+) -> Figures:
     """Align the frames to the first. local: what their motion has besides."""
     mosaics = [photograph(frame, sigma, seed) for seed, frame in enumerate(frames)]
     limit = 0.98 * CALIBRATION.full_scale if sigma is None else np.inf
-    views = [View(recover_luminance(mosaic, BEST.luminance), mosaic.calibration.noise, limit) for mosaic in mosaics]
+    views = [
+        View(recover_luminance(mosaic, BEST.luminance), mosaic.calibration.noise, limit)
+        for mosaic in mosaics
+    ]
     align(views[0], views[0])  # compiles
     figures = []
     for frame, view in zip(frames[1:], views[1:], strict=True):
@@ -57,13 +68,19 @@ def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArra
         found = align(views[0], view)
         if isinstance(found, Alignment):
             seconds = time.process_time() - begin
-            error = alignment_error([found.motion], [Motion(*frame.motion, local)], mosaics[0].shape)
+            error = alignment_error(
+                [found.motion], [Motion(*frame.motion, local)], mosaics[0].shape
+            )
             figures.append((error, found.error, seconds))
     return figures
 
 
-def alignment_error(motions: Sequence[Motion | None], true: Sequence[Motion], shape: tuple[int, int]) -> float:
-    """Median distance of the places where motions see the pixels of the reference from the true places, pixels."""
+def alignment_error(
+    motions: Sequence[Motion | None], true: Sequence[Motion], shape: tuple[int, int]
+) -> float:
+    """Median distance of the places where motions see the pixels of the reference from the true
+    places, pixels.
+    """
     y, x = np.indices(shape)
     distances = [
         np.hypot(*(in_frame(motion, y, x, shape) - in_frame(truth, y, x, shape)))
@@ -76,7 +93,8 @@ def alignment_error(motions: Sequence[Motion | None], true: Sequence[Motion], sh
 def with_parallax(frames: list[SimulatedFrame], local: FloatArray) -> list[SimulatedFrame]:
     """The first frame, and what it shows after each motion with local shifts besides.
 
-    Interpolated from the first frame, which its pixels have sampled already: its finest detail is not what a sensor would see.
+    Interpolated from the first frame, which its pixels have sampled already: its finest detail is
+    not what a sensor would see.
     """
     rgb = frames[0].rgb
     shape = rgb.shape[0], rgb.shape[1]
@@ -84,17 +102,23 @@ def with_parallax(frames: list[SimulatedFrame], local: FloatArray) -> list[Simul
     shifted = [frames[0]]
     for frame in frames[1:]:
         back = in_reference(Motion(*frame.motion, local), y, x, shape)
-        planes = [map_coordinates(plane, back, order=5, mode="mirror") for plane in np.moveaxis(rgb, -1, 0)]
+        planes = [
+            map_coordinates(plane, back, order=5, mode="mirror")
+            for plane in np.moveaxis(rgb, -1, 0)
+        ]
         shifted.append(replace(frame, rgb=np.stack(planes, axis=-1).astype(np.float32)))
     return shifted
 
 
-def cases(rgb: FloatArray, count: int, pixel: int, sigmas: list[float]) -> Iterator[tuple[str, Figures]]:
+def cases(
+    rgb: FloatArray, count: int, pixel: int, sigmas: list[float]
+) -> Iterator[tuple[str, Figures]]:
     """The figures of a scene, by what they are of."""
     plain = SimulatedBurst(count, PIXELS, DEGREES)
     bracket = (0.0, *((-STOPS, STOPS) * count)[: count - 1])
     still, exposures = (
-        list(burst_frames(rgb, burst, np.random.default_rng(1), pixel)) for burst in (plain, replace(plain, stops=bracket))
+        list(burst_frames(rgb, burst, np.random.default_rng(1), pixel))
+        for burst in (plain, replace(plain, stops=bracket))
     )
     local = np.zeros((2, SMOOTH + 1, 2), np.float32)
     local[:, :, 1] = 0.5 * np.tanh((SMOOTH / 2 - np.arange(SMOOTH + 1)) / 2)
@@ -112,13 +136,21 @@ def main() -> None:
     for scene in given.scenes or photographs():
         loaded = load_scene(str(scene), linear=True)
         for what, figures in cases(loaded.rgb, given.frames, given.reduce, given.sigma):
-            middle, estimate, seconds = np.median(figures, axis=0) if figures else (np.inf, np.inf, 0.0)
+            middle, estimate, seconds = (
+                np.median(figures, axis=0) if figures else (np.inf, np.inf, 0.0)
+            )
             worst, refused = max(figures, default=(np.inf,))[0], given.frames - 1 - len(figures)
-            print(f"{loaded.name:26}{what:32}{middle:8.3f}{worst:8.3f}{estimate:10.3f}{seconds:9.2f}{refused:5d}", flush=True)
+            print(
+                f"{loaded.name:26}{what:32}{middle:8.3f}{worst:8.3f}{estimate:10.3f}{seconds:9.2f}{refused:5d}",
+                flush=True,
+            )
             collected[what].append((float(middle), loaded.name))
     for what, errors in collected.items():
         middle = np.median([error for error, _ in errors])
-        print(f"{'all: median, worst scene':26}{what:32}{middle:8.3f}{max(errors)[0]:8.3f}  {max(errors)[1]}")
+        print(
+            f"{'all: median, worst scene':26}{what:32}{middle:8.3f}{max(errors)[0]:8.3f}  "
+            f"{max(errors)[1]}"
+        )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Measure the overhead and the scaling of `render` on many shots: python -m tests.benchmarks.batch [FIGURE]...
+"""Measure the overhead and the scaling of `render` on many shots: python -m tests.benchmarks.batch
+[FIGURE]...
 
-small    1,000 small shots in one command with one process, and again with --resume.
-workers  throughput of 1 and 2 processes of one thread each, shots of 1 MP.
-cluster  throughput of 1 and 2 dask workers of one thread each, the same shots.
-plan     processor time, bytes in and bytes out of one shot of 24 MP, extrapolated to a million shots.
+small    1,000 small shots in one command with one process, and again with --resume. workers
+throughput of 1 and 2 processes of one thread each, shots of 1 MP. cluster  throughput of 1 and 2
+dask workers of one thread each, the same shots. plan     processor time, bytes in and bytes out of
+one shot of 24 MP, extrapolated to a million shots.
 """
 
 import argparse
@@ -37,19 +38,30 @@ def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
     folder.mkdir()
     scene, calibration = builtin_scene(*size), SensorCalibration.of_bits(12)
     for seed in range(count):
-        taken = simulate_additive(scene.rgb, PATTERN, calibration, 0.01, np.random.default_rng(seed))
-        write_dng(folder / f"{seed:04}.dng", Mosaic(taken.codes, PATTERN, taken.calibration), np.zeros((8, 8, 3), np.uint8))
+        taken = simulate_additive(
+            scene.rgb, PATTERN, calibration, 0.01, np.random.default_rng(seed)
+        )
+        write_dng(
+            folder / f"{seed:04}.dng",
+            Mosaic(taken.codes, PATTERN, taken.calibration),
+            np.zeros((8, 8, 3), np.uint8),
+        )
 
 
 def seconds(*arguments: str | Path) -> tuple[float, float]:
-    """(wall-clock seconds, processor seconds) of one command; the processor time of a scheduler's workers is not included."""
+    """(wall-clock seconds, processor seconds) of one command; the processor time of a scheduler's
+    workers is not included.
+    """
     begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = start("render", *arguments, "--json", stderr=subprocess.DEVNULL)
     said, _ = process.communicate()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if process.returncode or not all(json.loads(line)["ok"] for line in said.splitlines()):
         sys.exit(f"failed: {' '.join(map(str, arguments))}")
-    return time.perf_counter() - begun, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return (
+        time.perf_counter() - begun,
+        after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+    )
 
 
 def fresh(top: Path, name: str) -> Path:
@@ -62,12 +74,19 @@ def small(top: Path) -> None:
     save_shots(top / "small", COUNT, SMALL)
     options = (top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
     (wall, used), (again, _) = seconds(*options), seconds(*options, "--resume")
-    print(f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: {wall:.1f} s ({used:.1f} s of a processor); all up to date: {again:.1f} s")
+    print(
+        f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: {wall:.1f} s ({used:.1f} s of a processor); "
+        f"all up to date: {again:.1f} s"
+    )
 
 
 def workers(top: Path) -> None:
     """Measure processes of this machine."""
-    _throughput(top, "processes", lambda count, out: seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1"))
+    _throughput(
+        top,
+        "processes",
+        lambda count, out: seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1"),
+    )
 
 
 def on_cluster(top: Path) -> None:
@@ -83,12 +102,16 @@ def on_cluster(top: Path) -> None:
 
 
 def _warm(top: Path, out: Path, *options: str | Path, count: int) -> None:
-    """Make every worker load its libraries before the measurement, as in a cluster that is already running."""
+    """Make every worker load its libraries before the measurement, as in a cluster that is already
+    running.
+    """
     save_shots(top / "warm", 8, SMALL)
     seconds(top / "warm", "-o", fresh(out.parent, f"warm{count}"), *options, "-j", "1")
 
 
-def _throughput(top: Path, who: str, by: Callable[[int, Path], tuple[float, float]], count: int = 24) -> None:
+def _throughput(
+    top: Path, who: str, by: Callable[[int, Path], tuple[float, float]], count: int = 24
+) -> None:
     save_shots(top / "large", count, MEGAPIXEL)
     megapixels = count * MEGAPIXEL[0] * MEGAPIXEL[1] / 1e6
     taken = {number: by(number, fresh(top, f"{who[0]}{number}")) for number in (1, 2)}
@@ -96,7 +119,10 @@ def _throughput(top: Path, who: str, by: Callable[[int, Path], tuple[float, floa
         f"{number}: {wall:.1f} s ({used:.1f} s of processors), {megapixels / wall:.2f} MP/s"
         for number, (wall, used) in taken.items()
     )
-    print(f"{count} shots of {MEGAPIXEL[0]} x {MEGAPIXEL[1]}, {who} of one thread: {rates}; {taken[1][0] / taken[2][0]:.2f} x")
+    print(
+        f"{count} shots of {MEGAPIXEL[0]} x {MEGAPIXEL[1]}, {who} of one thread: {rates}; "
+        f"{taken[1][0] / taken[2][0]:.2f} x"
+    )
 
 
 def plan(top: Path) -> None:
@@ -104,13 +130,19 @@ def plan(top: Path) -> None:
     save_shots(top / "full", 1, (6000, 4000))
     out = fresh(top, "planned")
     _, each = seconds(top / "full", "-o", out, "-j", "1", "--workers", "1")
-    size_in, size_out = ((folder / name).stat().st_size for folder, name in ((top / "full", "0000.dng"), (out, "0000.tif")))
+    size_in, size_out = (
+        (folder / name).stat().st_size
+        for folder, name in ((top / "full", "0000.dng"), (out, "0000.tif"))
+    )
     hours, cores = MILLION * each / 3600, 64
     print(
-        f"a shot of {LARGE:g} MP, one thread: {each:.1f} s of a processor, {size_in / 1e6:.0f} MB in, {size_out / 1e6:.0f} MB out\n"
-        f"a million: {hours:,.0f} core hours, {MILLION * size_in / 1e12:.0f} TB in, {MILLION * size_out / 1e12:.0f} TB out; "
+        f"a shot of {LARGE:g} MP, one thread: {each:.1f} s of a processor, {size_in / 1e6:.0f} "
+        f"MB in, {size_out / 1e6:.0f} MB out\n"
+        f"a million: {hours:,.0f} core hours, {MILLION * size_in / 1e12:.0f} TB in, "
+        f"{MILLION * size_out / 1e12:.0f} TB out; "
         f"10 machines of {cores} cores: {hours / 10 / cores:,.1f} hours at "
-        f"{MILLION * (size_in + size_out) / (hours / 10 / cores * 3600) / 1e9:.1f} GB/s of storage in all"
+        f"{MILLION * (size_in + size_out) / (hours / 10 / cores * 3600) / 1e9:.1f} GB/s of "
+        "storage in all"
     )
 
 
@@ -119,8 +151,12 @@ MEASURED = {"small": small, "workers": workers, "cluster": on_cluster, "plan": p
 
 def main() -> None:
     """Print the chosen figures, by default all."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("figures", nargs="*", choices=MEASURED, metavar="FIGURE", help=f"of {', '.join(MEASURED)}")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "figures", nargs="*", choices=MEASURED, metavar="FIGURE", help=f"of {', '.join(MEASURED)}"
+    )
     for name in parser.parse_args().figures or MEASURED:
         with tempfile.TemporaryDirectory() as folder:
             MEASURED[name](Path(folder))

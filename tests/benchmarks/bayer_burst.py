@@ -1,11 +1,14 @@
-"""A burst through a Bayer sensor: aligned as ours is, merged to three full planes, and denoised by the noise that is left.
+"""A burst through a Bayer sensor: aligned as ours is, merged to three full planes, and denoised by
+the noise that is left.
 
-Each frame is demosaicked and seen from the reference; their mean is the start. Then, some times over, what the samples of all
-frames miss, each at its own place, is spread to the pixels around them (iterated back-projection: Irani and Peleg 1991). So the
-picture gets what hand-held super-resolution gets from a Bayer sensor (Wronski et al. 2019), and more than its user: every frame is
-trusted everywhere, which suits a scene in which nothing moves. BM3D on the merged picture follows, with the noise that is left.
-(To denoise each frame before was up to 0.4 dB better on smooth scenes at sigma 0.03, and 2.4 dB worse on detailed ones.) The
-licence of the package `bm3d` allows non-commercial use only; it is imported only where there is noise.
+Each frame is demosaicked and seen from the reference; their mean is the start. Then, some times
+over, what the samples of all frames miss, each at its own place, is spread to the pixels around
+them (iterated back-projection: Irani and Peleg 1991). So the picture gets what hand-held
+super-resolution gets from a Bayer sensor (Wronski et al. 2019), and more than its user: every frame
+is trusted everywhere, which suits a scene in which nothing moves. BM3D on the merged picture
+follows, with the noise that is left. (To denoise each frame before was up to 0.4 dB better on
+smooth scenes at sigma 0.03, and 2.4 dB worse on detailed ones.) The licence of the package `bm3d`
+allows non-commercial use only; it is imported only where there is noise.
 """
 
 from collections.abc import Sequence
@@ -22,7 +25,9 @@ from panchroma.tools.simulation.bayer import channel_map
 
 _ROUNDS = 4  # of back-projection
 _BLUR = 0.5  # pixels: standard deviation of what is spread
-_NOT_WHITE = 1.2  # BM3D takes noise for white: how much more it must expect, for what is left has more power at low frequencies
+# BM3D takes noise for white: how much more it must expect, for what is left has more power at low
+# frequencies
+_NOT_WHITE = 1.2
 _SPARSE = 0.05  # samples per pixel, below which a correction is reduced
 _MIRROR: Literal["mirror"] = "mirror"  # SciPy's name of shared.arrays.BORDER
 
@@ -55,7 +60,9 @@ def render_bayer_burst(
 
 
 def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Motion:
-    """How a frame lies against the reference, by the sum of the channels of their demosaicked pictures."""
+    """How a frame lies against the reference, by the sum of the channels of their demosaicked
+    pictures.
+    """
     noise = NoiseModel((0.0,), (float(np.sqrt(np.square(sigma).sum())),)) if sigma.any() else None
     found = align(View(reference.sum(axis=2), noise), View(frame.sum(axis=2), noise))
     if isinstance(found, str):
@@ -63,8 +70,12 @@ def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Moti
     return found.motion
 
 
-def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion]) -> DoubleArray:
-    """The mean of the pictures as the reference would see them, corrected by the samples of all mosaics, (H, W, 3)."""
+def _merged(
+    mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion]
+) -> DoubleArray:
+    """The mean of the pictures as the reference would see them, corrected by the samples of all
+    mosaics, (H, W, 3).
+    """
     from scipy.ndimage import gaussian_filter, map_coordinates
 
     shape = mosaics[0].shape
@@ -90,11 +101,18 @@ def _seen(picture: FloatArray, motion: Motion) -> FloatArray:
 
     y, x = np.indices(picture.shape[:2])
     at = in_frame(motion, y, x, picture.shape[:2])
-    return np.stack([map_coordinates(picture[..., channel], at, order=3, mode=_MIRROR) for channel in range(3)], axis=-1)
+    return np.stack(
+        [map_coordinates(picture[..., channel], at, order=3, mode=_MIRROR) for channel in range(3)],
+        axis=-1,
+    )
 
 
-def _spread(at: FloatArray, values: FloatArray | DoubleArray, shape: tuple[int, int]) -> DoubleArray:
-    """Add values (M,) to the four pixels around their places (2, M); what lies outside is left out."""
+def _spread(
+    at: FloatArray, values: FloatArray | DoubleArray, shape: tuple[int, int]
+) -> DoubleArray:
+    """Add values (M,) to the four pixels around their places (2, M); what lies outside is left
+    out.
+    """
     total = np.zeros(shape[0] * shape[1])
     first = np.floor(at).astype(np.intp)
     after = at - first
@@ -103,12 +121,15 @@ def _spread(at: FloatArray, values: FloatArray | DoubleArray, shape: tuple[int, 
             row, column = first[0] + down, first[1] + right
             inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
             share = (after[0] if down else 1 - after[0]) * (after[1] if right else 1 - after[1])
-            total += np.bincount((row * shape[1] + column)[inside], (share * values)[inside], minlength=total.size)
+            total += np.bincount(
+                (row * shape[1] + column)[inside], (share * values)[inside], minlength=total.size
+            )
     return total.reshape(shape)
 
 
 def _noise_left(motions: Sequence[Motion], noise: FloatArray) -> DoubleArray:
-    """Standard deviation of the noise of each channel of the merged picture: what becomes of frames that are nothing but noise.
+    """Standard deviation of the noise of each channel of the merged picture: what becomes of frames
+    that are nothing but noise.
 
     noise: standard deviation on each sample, (H, W).
     """

@@ -1,18 +1,19 @@
 """Measure bursts: python -m tests.benchmarks.burst [SCENE...] [--sigma 0 0.01 0.03] [--frames 8]
 
-Scenes reduced 2 x 2 are photographed by hand: frames up to 3 pixels and 0.3 degrees away from the first, which is the reference and
-the truth. For each noise: PSNR (dB) of RGB, luminance and chrominance, each as median and 10 % quantile of all 10 x 10 patches and
-of the whole picture, mean over the scenes. The rows:
+Scenes reduced 2 x 2 are photographed by hand: frames up to 3 pixels and 0.3 degrees away from the
+first, which is the reference and the truth. For each noise: PSNR (dB) of RGB, luminance and
+chrominance, each as median and 10 % quantile of all 10 x 10 patches and of the whole picture, mean
+over the scenes. The rows:
 
-best             `best` of the reference alone
-burst            all frames, aligned and merged
-pixel shift      nine frames 2 pixels apart, whose motion is known
-bayer            the best Bayer rival of one frame: DLMMSE, with noise BM3D before it
-bayer burst      the same frames through a Bayer sensor, merged by the same alignment (tests/benchmarks/bayer_burst.py)
+best             `best` of the reference alone burst            all frames, aligned and merged pixel
+shift      nine frames 2 pixels apart, whose motion is known bayer            the best Bayer rival
+of one frame: DLMMSE, with noise BM3D before it bayer burst      the same frames through a Bayer
+sensor, merged by the same alignment (tests/benchmarks/bayer_burst.py)
 
-Also how far the motion that was found is from the true one (median of all pixels of all frames), which frames were left out, and
-the time of a burst, compared with that of one render on the same machine. Without scenes: those test photographs
-(PANCHROMA_TEST_DATA) that have at least 300 pixels a side when reduced. The rivals need the package `bm3d`, and minutes.
+Also how far the motion that was found is from the true one (median of all pixels of all frames),
+which frames were left out, and the time of a burst, compared with that of one render on the same
+machine. Without scenes: those test photographs (PANCHROMA_TEST_DATA) that have at least 300 pixels
+a side when reduced. The rivals need the package `bm3d`, and minutes.
 """
 
 import time
@@ -42,7 +43,8 @@ from tests.benchmarks.bayer_burst import render_bayer_burst
 from tests.benchmarks.harness import PATTERN, options, photographs
 
 REDUCED, LEAST = 2, 300
-STEPS = list(product((0, -2, 2), repeat=2))  # of pixel shift, down and right, pixels, the reference first
+# of pixel shift, down and right, pixels, the reference first
+STEPS = list(product((0, -2, 2), repeat=2))
 MEASURES = "median", "10 %", "whole"
 PLANES = "RGB", "luminance", "chrominance"
 DIFFERENCES = ("burst", "best"), ("burst", "bayer burst")
@@ -70,7 +72,8 @@ class Series:
         scene = load_scene(str(source))
         if min(scene.rgb.shape[:2]) // REDUCED < LEAST:
             return None
-        rng = np.random.default_rng(zlib.crc32(source.name.encode()))  # the same for a scene whichever others there are
+        # the same for a scene whichever others there are
+        rng = np.random.default_rng(zlib.crc32(source.name.encode()))
         frames = list(burst_frames(scene.rgb, SimulatedBurst(count, PIXELS, DEGREES), rng, REDUCED))
         sensor = next(burst_frames(scene.rgb, SimulatedBurst(1), rng, REDUCED)).rgb
         rows, columns = frames[0].rgb.shape[:2]
@@ -79,7 +82,10 @@ class Series:
             source.stem,
             [frame.rgb for frame in frames],
             [Motion(*frame.motion) for frame in frames],
-            [sensor[top - down : top - down + rows, left - across : left - across + columns] for down, across in STEPS],
+            [
+                sensor[top - down : top - down + rows, left - across : left - across + columns]
+                for down, across in STEPS
+            ],
             scene.neutral,
         )
 
@@ -103,16 +109,23 @@ class Found:
 def measured(picture: FloatArray, truth: FloatArray) -> DoubleArray:
     """The MEASURES (axis 1) of the PLANES (axis 0) of a picture, dB."""
     patches, whole = quality(picture, truth), whole_psnr(picture, truth, BORDER)
-    return np.array([(plane[2], plane[0], all_) for plane, all_ in zip(patches, whole, strict=True)])
+    return np.array(
+        [(plane[2], plane[0], all_) for plane, all_ in zip(patches, whole, strict=True)]
+    )
 
 
 def shots(light: list[FloatArray], sigma: float) -> list[Mosaic]:
     """The frames through the sparse-colour sensor."""
     camera = SensorCalibration()
-    return [simulate_additive(each, PATTERN, camera, sigma, np.random.default_rng([0, n])) for n, each in enumerate(light)]
+    return [
+        simulate_additive(each, PATTERN, camera, sigma, np.random.default_rng([0, n]))
+        for n, each in enumerate(light)
+    ]
 
 
-def merged_picture(frames: list[Mosaic], motions: list[Motion] | None = None) -> tuple[FloatArray, MergedBurst]:
+def merged_picture(
+    frames: list[Mosaic], motions: list[Motion] | None = None
+) -> tuple[FloatArray, MergedBurst]:
     """The picture of a burst, and how it was merged."""
     merged = merge_burst(frames, BEST, reference=0, motions=motions)
     return np.concatenate(list(render_burst_bands(merged, BEST))), merged
@@ -129,8 +142,16 @@ def measure(series: Series, sigma: float, found: Found) -> None:
     found.add("burst", picture, truth)
     steps = [Motion((float(down), float(across))) for down, across in STEPS]
     found.add("pixel shift", merged_picture(shots(series.shifted, sigma), steps)[0], truth)
-    found.left_out += [f"{series.name}, frame {n + 1}: {frame.reason}" for n, frame in enumerate(merged.frames) if not frame.used]
-    found.errors.append(alignment_error([frame.motion for frame in merged.frames[1:]], series.motions[1:], frames[0].shape))
+    found.left_out += [
+        f"{series.name}, frame {n + 1}: {frame.reason}"
+        for n, frame in enumerate(merged.frames)
+        if not frame.used
+    ]
+    found.errors.append(
+        alignment_error(
+            [frame.motion for frame in merged.frames[1:]], series.motions[1:], frames[0].shape
+        )
+    )
 
 
 def measure_rivals(series: Series, sigma: float, found: Found) -> None:
@@ -138,7 +159,10 @@ def measure_rivals(series: Series, sigma: float, found: Found) -> None:
     truth, name = series.light[0], "bm3d+dlmmse-wb" if sigma else "dlmmse-wb"
     cameras = CameraPair(PaperProtocol(sigma), 0, truth, PATTERN, series.neutral)
     found.add("bayer", methods()[name].render(cameras), truth)
-    mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n])) for n, light in enumerate(series.light)]
+    mosaics = [
+        bayer_mosaic(light, sigma, np.random.default_rng([0, n]))
+        for n, light in enumerate(series.light)
+    ]
     found.add("bayer burst", render_bayer_burst(mosaics, sigma, series.neutral), truth)
 
 
@@ -156,20 +180,33 @@ def report(found: Found, sigma: float, names: list[str], count: int) -> None:
                 line(f"  {name}: {ours} - {theirs}", margin, "+")
     errors = np.array(found.errors)
     print(f"alignment error: median {np.median(errors):.3f} pixels, worst scene {errors.max():.3f}")
-    print(f"time: {np.median(found.ratios):.1f} x one render", *(f"\nleft out: {each}" for each in found.left_out))
+    print(
+        f"time: {np.median(found.ratios):.1f} x one render",
+        *(f"\nleft out: {each}" for each in found.left_out),
+    )
 
 
 def line(title: str, values: DoubleArray, sign: str = "") -> None:
     """Print the PLANES and MEASURES of a row."""
-    print(f"{title:40}" + "".join("   " + "".join(f"{value:{sign}8.2f}" for value in plane) for plane in values), flush=True)
+    print(
+        f"{title:40}"
+        + "".join("   " + "".join(f"{value:{sign}8.2f}" for value in plane) for plane in values),
+        flush=True,
+    )
 
 
 def main() -> None:
     """Print a table for each noise."""
     given = options(__doc__, "*", sigma=[0.0, 0.01, 0.03], frames=8)
-    scenes = [series for source in given.scenes or photographs() if (series := Series.of(Path(source), given.frames))]
+    scenes = [
+        series
+        for source in given.scenes or photographs()
+        if (series := Series.of(Path(source), given.frames))
+    ]
     if not scenes:
-        raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some")
+        raise SystemExit(
+            f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some"
+        )
     merged_picture(shots(scenes[0].light[:2], 0.01))  # what is compiled now is not timed
     for sigma in given.sigma:
         found = Found()

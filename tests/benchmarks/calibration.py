@@ -1,7 +1,7 @@
 """Measure the accuracy of calibration on photographs: python -m tests.benchmarks.calibration
 
-Gamma and colour of those test photographs that show a chart, without dark or flat frames. `tests.benchmarks.coverage` draws cameras
-at random.
+Gamma and colour of those test photographs that show a chart, without dark or flat frames.
+`tests.benchmarks.coverage` draws cameras at random.
 """
 
 from pathlib import Path

@@ -1,12 +1,14 @@
-"""Measure the camera's path from end to end, 12 megapixels a frame: python -m tests.benchmarks.camera [FIGURE]...
+"""Measure the camera's path from end to end, 12 megapixels a frame: python -m
+tests.benchmarks.camera [FIGURE]...
 
-live     `panchroma view` takes frames from a pipe, and a browser's part, a client that only reads, receives the JPEGs.
-saving   the same, while shots are saved.
-stages   processor time of each step from the raw bytes to the JPEG, and of a saved shot, one thread, one after the other.
+live     `panchroma view` takes frames from a pipe, and a browser's part, a client that only reads,
+receives the JPEGs. saving   the same, while shots are saved. stages   processor time of each step
+from the raw bytes to the JPEG, and of a saved shot, one thread, one after the other.
 
-The frames are made before the clock starts, and numbered by marks in a corner, so that each JPEG tells which frame it shows. A
-frame that is due while the one before is still being written is lost, as in a camera. Latency is from the first byte written to the
-last byte of the JPEG received. `view` runs with the default options in a process of its own; camera and client share its cores.
+The frames are made before the clock starts, and numbered by marks in a corner, so that each JPEG
+tells which frame it shows. A frame that is due while the one before is still being written is lost,
+as in a camera. Latency is from the first byte written to the last byte of the JPEG received. `view`
+runs with the default options in a process of its own; camera and client share its cores.
 """
 
 import argparse
@@ -40,7 +42,8 @@ WIDTH, HEIGHT, BITS = 4056, 3040, {"u16": 12, "raw12": 12, "raw10": 10}
 STRIDES = {"u16": 8128, "raw12": 6112, "raw10": 5120}  # of an IMX477 on a Raspberry Pi
 FRAMES, WARM = 4, 3.0  # different frames; seconds before the measurement
 MARK, MARKS = 48, 12  # rows of a mark and bytes of a line; bits of a frame's number
-BRIGHT = {"u16": (0x01, 0x0B), "raw12": (0x10, 0xB0), "raw10": (0x10, 0xB0)}  # bytes of a dark mark, and of a bright one
+# bytes of a dark mark, and of a bright one
+BRIGHT = {"u16": (0x01, 0x0B), "raw12": (0x10, 0xB0), "raw10": (0x10, 0xB0)}
 
 
 def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
@@ -51,7 +54,9 @@ def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
     for number in range(FRAMES):
         shifted = np.roll(codes, 96 * number, axis=1)[:HEIGHT]
         lines = shifted.astype("<u2").view(np.uint8) if name == "u16" else _packed(shifted, name)
-        frames.append(np.pad(lines[:, : layout.line_bytes], ((0, 0), (0, layout.stride - layout.line_bytes))))
+        frames.append(
+            np.pad(lines[:, : layout.line_bytes], ((0, 0), (0, layout.stride - layout.line_bytes)))
+        )
     return layout, frames
 
 
@@ -59,7 +64,9 @@ def _packed(codes: CodeArray, name: str) -> ByteArray:
     """Lines in a format of MIPI CSI-2."""
     packing = FORMATS[name]
     groups, lower = codes.reshape(len(codes), -1, packing.pixels), packing.bits - 8
-    last = ((groups & ((1 << lower) - 1)) << (lower * np.arange(packing.pixels, dtype=np.uint16))).sum(axis=-1, keepdims=True)
+    last = (
+        (groups & ((1 << lower) - 1)) << (lower * np.arange(packing.pixels, dtype=np.uint16))
+    ).sum(axis=-1, keepdims=True)
     return np.concatenate([groups >> lower, last], axis=-1).astype(np.uint8).reshape(len(codes), -1)
 
 
@@ -135,7 +142,10 @@ def asked(port: int, path: str, method: str = "GET") -> HTTPResponse:
 def measure(name: str, rate: float, seconds: float, shots: float, options: list[str]) -> None:
     """Run `view` on frames of a format, `rate` a second, and save `shots` a second."""
     layout, frames = camera_frames(name)
-    sensor = f"--width {WIDTH} --height {HEIGHT} --pixel-format {name} --stride {layout.stride} --sensor-bits {BITS[name]}"
+    sensor = (
+        f"--width {WIDTH} --height {HEIGHT} --pixel-format {name} --stride {layout.stride} "
+        f"--sensor-bits {BITS[name]}"
+    )
     with tempfile.TemporaryDirectory() as folder:
         folders = ["-o", folder] if shots else []
         command = [*sensor.split(), "--port", "0", *folders, *options]
@@ -174,16 +184,20 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
         late.append(when - camera.started[number])
     middle, slowest = 1e3 * np.quantile(late, (0.5, 0.99))
     print(
-        f"{name}, {layout.frame_bytes / 1e6:.1f} MB a frame, {rate:g} offered a second: {each['taken']:.1f} taken, "
-        f"{each['shown']:.1f} shown as JPEG ({np.mean([len(jpeg) for _, jpeg in shown]) / 1e3:.0f} kB), "
-        f"{each['dropped']:.1f} dropped by view, {each['lost']:.1f} by the camera, which had to wait\n"
+        f"{name}, {layout.frame_bytes / 1e6:.1f} MB a frame, {rate:g} offered a second: "
+        f"{each['taken']:.1f} taken, "
+        f"{each['shown']:.1f} shown as JPEG "
+        f"({np.mean([len(jpeg) for _, jpeg in shown]) / 1e3:.0f} kB), "
+        f"{each['dropped']:.1f} dropped by view, {each['lost']:.1f} by the camera, which had to "
+        "wait\n"
         f"  latency {middle:.0f} ms, 99 % {slowest:.0f} ms\n"
         f"  cores used by view: {each['view']:.2f}"
     )
     if shots:
         took = np.array([seconds for ok, seconds in saved if ok])
         print(
-            f"  {len(took) / lasted:.2f} DNGs a second ({np.mean(sizes) / 1e6:.1f} MB), {np.median(took):.2f} s each, "
+            f"  {len(took) / lasted:.2f} DNGs a second ({np.mean(sizes) / 1e6:.1f} MB), "
+            f"{np.median(took):.2f} s each, "
             f"{len(saved) - len(took)} not saved"
         )
 
@@ -197,7 +211,9 @@ def _counts(pid: int, port: int, camera: Camera, client: Client) -> dict[str, fl
 
 
 def _shoot(port: int, rate: float, until: float) -> list[tuple[bool, float]]:
-    """Press the button `rate` times a second; (whether a shot was saved, seconds that the answer took) of each."""
+    """Press the button `rate` times a second; (whether a shot was saved, seconds that the answer
+    took) of each.
+    """
     answers, due = [], time.monotonic()
     while (begun := time.monotonic()) < until:
         answer = asked(port, "/capture", "POST")
@@ -211,7 +227,9 @@ def _shoot(port: int, rate: float, until: float) -> list[tuple[bool, float]]:
 def stages(name: str, rounds: int = 9) -> None:
     """Print the processor time of each step."""
     layout, frames = camera_frames(name)
-    sensor = Sensor(layout, CfaPattern.bayer(), SensorCalibration.of_bits(BITS[name], headroom=False))
+    sensor = Sensor(
+        layout, CfaPattern.bayer(), SensorCalibration.of_bits(BITS[name], headroom=False)
+    )
     data = memoryview(frames[0].tobytes())
     frame = RawFrame.now(data)
     mosaic = sensor.mosaic(frame)
@@ -229,27 +247,46 @@ def stages(name: str, rounds: int = 9) -> None:
         "JPEG": lambda: _jpeg(picture),  # type: ignore[arg-type]
         "a shot beside it, as DNG": lambda: encode_dng(balanced, picture),  # type: ignore[arg-type]
     }
-    steps = {title: median(seconds) for title, seconds in alternate(works, rounds, time.process_time).items()}
+    steps = {
+        title: median(seconds)
+        for title, seconds in alternate(works, rounds, time.process_time).items()
+    }
     *parts, beside = (f"  {title:<36}{1e3 * seconds:7.1f} ms" for title, seconds in steps.items())
     total = sum(list(steps.values())[:-1])
     cores = os.cpu_count() or 1
-    print(*parts, f"  {'all':<36}{1e3 * total:7.1f} ms: {cores} cores could show {cores / total:.0f} a second", beside, sep="\n")
+    print(
+        *parts,
+        f"  {'all':<36}{1e3 * total:7.1f} ms: {cores} cores could show {cores / total:.0f} a "
+        "second",
+        beside,
+        sep="\n",
+    )
 
 
 def main() -> None:
     """Print the chosen figures, by default all."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("figures", nargs="*", metavar="FIGURE", help="live, saving or stages; default: all")
-    parser.add_argument("--format", default="u16", choices=FORMATS, help="format of the frames (default u16)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "figures", nargs="*", metavar="FIGURE", help="live, saving or stages; default: all"
+    )
+    parser.add_argument(
+        "--format", default="u16", choices=FORMATS, help="format of the frames (default u16)"
+    )
     parser.add_argument("--rate", type=float, help="frames a second (default 30, saving 20)")
     parser.add_argument("--shots", type=float, default=2.0, help="shots a second (default 2)")
-    parser.add_argument("--seconds", type=float, default=15.0, help="how long each measurement lasts (default 15)")
+    parser.add_argument(
+        "--seconds", type=float, default=15.0, help="how long each measurement lasts (default 15)"
+    )
     given, options = parser.parse_known_args()
     for figure in given.figures or ("live", "saving", "stages"):
         if figure == "stages":
             stages(given.format)
         else:
-            rate, shots = (given.rate or 30, 0) if figure == "live" else (given.rate or 20, given.shots)
+            rate, shots = (
+                (given.rate or 30, 0) if figure == "live" else (given.rate or 20, given.shots)
+            )
             measure(given.format, rate, given.seconds, shots, options)
 
 

@@ -1,10 +1,13 @@
-"""How often 95 % is 95 %: python -m tests.benchmarks.coverage [--cameras 100] [--seed 0] [--kinds chart chart+dark ...]
+"""How often 95 % is 95 %: python -m tests.benchmarks.coverage [--cameras 100] [--seed 0] [--kinds
+chart chart+dark ...]
 
-Each camera is drawn at random, and simulated here, without the program's own simulator: pattern, bits, gamma, electrons, read
-noise, black levels that are not what the shots state, a lens whose colours fall off unlike each other, and the light on a chart of
-any size at any place. It is calibrated from every subset of its frames. Of each kind of subset the table says how many cameras are
-refused, how many get the verdict "do not use it", and how often the 95 % intervals of the others cover the truth, with the largest
-error, in half widths: of gamma; of black level, gain and read noise, where frames measure them.
+Each camera is drawn at random, and simulated here, without the program's own simulator: pattern,
+bits, gamma, electrons, read noise, black levels that are not what the shots state, a lens whose
+colours fall off unlike each other, and the light on a chart of any size at any place. It is
+calibrated from every subset of its frames. Of each kind of subset the table says how many cameras
+are refused, how many get the verdict "do not use it", and how often the 95 % intervals of the
+others cover the truth, with the largest error, in half widths: of gamma; of black level, gain and
+read noise, where frames measure them.
 """
 
 from collections import defaultdict
@@ -60,7 +63,9 @@ class SimulatedCamera:
         bits = int(random.choice([10, 12, 14]))
         states = SensorCalibration.of_bits(bits, headroom=False)
         level = states.black_level[0]
-        off = float(random.choice([0.0, random.normal(0, level / 16), random.uniform(-0.75, 0.5) * level]))
+        off = float(
+            random.choice([0.0, random.normal(0, level / 16), random.uniform(-0.75, 0.5) * level])
+        )
         falls = np.zeros((4, 4))
         falls[:, :2] += random.uniform(0, 0.6) * np.array([0.8, 0.2])
         falls[:3, :2] += random.choice([0.3, 1.0]) * random.normal(0, (0.1, 0.05), (3, 2))
@@ -75,16 +80,26 @@ class SimulatedCamera:
             falls=falls,
         )
 
-    def shot(self, rgb: FloatArray | DoubleArray, random: np.random.Generator, drift: float = 0.0) -> Mosaic:
-        """A frame that looks at a scene (H, W, 3), scene units; drift: of the black level, codes."""
+    def shot(
+        self, rgb: FloatArray | DoubleArray, random: np.random.Generator, drift: float = 0.0
+    ) -> Mosaic:
+        """A frame that looks at a scene (H, W, 3), scene units; drift: of the black level,
+        codes.
+        """
         height, width = rgb.shape[:2]
         planes = self.pattern.filter_map((height, width))
         seen = np.concatenate([rgb, (rgb @ self.gamma)[..., None]], axis=2, dtype=np.float64)
-        y, x = np.mgrid[:height, :width] - np.array([(height - 1) / 2, (width - 1) / 2])[:, None, None]
+        y, x = (
+            np.mgrid[:height, :width] - np.array([(height - 1) / 2, (width - 1) / 2])[:, None, None]
+        )
         y, x = (each / np.hypot(height - 1, width - 1) * 2 for each in (y, x))
         shapes = np.stack([y**2 + x**2, (y**2 + x**2) ** 2, y, x], axis=-1)
         seen *= np.maximum(1 - shapes @ self.falls.T, 0.1)
-        light = np.take_along_axis(seen, planes[..., None].astype(int), axis=2)[..., 0] / self.gamma.sum() * self.electrons
+        light = (
+            np.take_along_axis(seen, planes[..., None].astype(int), axis=2)[..., 0]
+            / self.gamma.sum()
+            * self.electrons
+        )
         counted = random.poisson(light) + random.normal(0, 1, light.shape) * self.read[planes]
         white, black = self.states.white_level, self.black[planes] + drift
         codes = np.rint(black + counted / self.electrons * (white - black)).clip(0, white)
@@ -114,25 +129,42 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
         colour = random.uniform(0.5, 1, 3)
         share = random.choice([1.0, 0.8])
         high, wide = sizes = [round(share * side) for side in SHAPE]
-        rows, columns = (np.linspace(0, side - 1, each).round().astype(int) for side, each in zip(SHAPE, sizes, strict=True))
+        rows, columns = (
+            np.linspace(0, side - 1, each).round().astype(int)
+            for side, each in zip(SHAPE, sizes, strict=True)
+        )
         scene = np.full((*SHAPE, 3), 0.35, np.float32)
-        top, left = (int(random.integers(0, side - each + 1)) for side, each in zip(SHAPE, sizes, strict=True))
+        top, left = (
+            int(random.integers(0, side - each + 1))
+            for side, each in zip(SHAPE, sizes, strict=True)
+        )
         scene[top : top + high, left : left + wide] = charts()[np.ix_(rows, columns)]
         bright = random.uniform(0.4, 0.95)
-        corners = [(x * wide / SHAPE[1] + left, y * high / SHAPE[0] + top) for x, y in true_place().corners]
+        corners = [
+            (x * wide / SHAPE[1] + left, y * high / SHAPE[0] + top) for x, y in true_place().corners
+        ]
         frames.places[f"chart{number}"] = ChartPlace(tuple(corners))
-        frames.mosaics[f"chart{number}"] = camera.shot(scene * colour / (colour.max() * 0.9) * bright, random)
+        frames.mosaics[f"chart{number}"] = camera.shot(
+            scene * colour / (colour.max() * 0.9) * bright, random
+        )
     for number in range(4):
         frames.mosaics[f"dark{number}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
     colour = random.uniform(0.6, 1, 3)
     for number, light in enumerate(np.repeat((0.1, 0.35, 0.75), 2)):
-        frames.mosaics[f"flat{number}"] = camera.shot(np.ones((*SHAPE, 3)) * colour / colour.max() * light, random)
+        frames.mosaics[f"flat{number}"] = camera.shot(
+            np.ones((*SHAPE, 3)) * colour / colour.max() * light, random
+        )
     return frames
 
 
 def calibrated(frames: Frames, kind: str) -> Result | None:
-    """Calibrate from a subset: chart, charts, dark, flat, or flat1, one flat frame; None = no frame can be used."""
-    parts, session = set(kind.split("+")), Session(Console(json=True, quiet=True), REFERENCE, read=frames.mosaics.__getitem__)
+    """Calibrate from a subset: chart, charts, dark, flat, or flat1, one flat frame; None = no frame
+    can be used.
+    """
+    parts, session = (
+        set(kind.split("+")),
+        Session(Console(json=True, quiet=True), REFERENCE, read=frames.mosaics.__getitem__),
+    )
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:
@@ -148,8 +180,12 @@ def calibrated(frames: Frames, kind: str) -> Result | None:
         return None
 
 
-def errors(outcome: Result, camera: SimulatedCamera, *, gamma_known: bool) -> dict[str, DoubleArray]:
-    """How far each figure is off, in half widths of its interval; a figure that was not measured is left out."""
+def errors(
+    outcome: Result, camera: SimulatedCamera, *, gamma_known: bool
+) -> dict[str, DoubleArray]:
+    """How far each figure is off, in half widths of its interval; a figure that was not measured is
+    left out.
+    """
     found = {}
     full = camera.gamma.sum()  # of a file whose gamma is known
     truths = {"shot": full / camera.electrons, "read": full * camera.read / camera.electrons}
@@ -177,11 +213,19 @@ class Counts:
     wide: list[float] = field(default_factory=list)
 
     def line(self, kind: str, cameras: int) -> str:
-        cells = [kind, f"{100 * self.refused / cameras:.0f} %", f"{100 * self.unfit / cameras:.0f} %"]
+        cells = [
+            kind,
+            f"{100 * self.refused / cameras:.0f} %",
+            f"{100 * self.unfit / cameras:.0f} %",
+        ]
         for name in NAMES:
             each = np.abs(self.off[name])
             cells.append(f"{100 * (each <= 1).mean():.0f} %, {each.max():.1f}" if each.size else "")
-        return "| " + " | ".join([*cells, f"{100 * np.median(self.wide):.1f} %" if self.wide else ""]) + " |"
+        return (
+            "| "
+            + " | ".join([*cells, f"{100 * np.median(self.wide):.1f} %" if self.wide else ""])
+            + " |"
+        )
 
 
 def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
@@ -208,9 +252,14 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
 
 def main() -> None:
     """Print the table."""
-    given = options(__doc__, cameras=100, seed=0, kinds={"nargs": "+", "default": list(KINDS), "choices": KINDS})
+    given = options(
+        __doc__, cameras=100, seed=0, kinds={"nargs": "+", "default": list(KINDS), "choices": KINDS}
+    )
     counts = campaign(range(given.seed, given.seed + given.cameras), given.kinds)
-    print(f"| frames | refused | do not use | {' | '.join(NAMES)} | half width of gamma, median |\n{'|---' * 8}|")
+    print(
+        f"| frames | refused | do not use | {' | '.join(NAMES)} | half width of gamma, median "
+        f"|\n{'|---' * 8}|"
+    )
     for kind, count in counts.items():
         print(count.line(kind, given.cameras))
 

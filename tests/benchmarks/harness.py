@@ -26,26 +26,34 @@ PATTERN = CfaPattern.bayer(6)
 SEED = 3
 Sample = TypeVar("Sample", bound=np.generic)
 _SIGMA, _BITS = 0.01, 12
-_STEP = 12  # whole periods and whole Bayer quads fit, so that the pattern continues where pieces meet
-_PIECE = 792, 1200  # rows, columns drawn; larger frames repeat them, because drawing takes longer than rendering
+# whole periods and whole Bayer quads fit, so that the pattern continues where pieces meet
+_STEP = 12
+# rows, columns drawn; larger frames repeat them, because drawing takes longer than rendering
+_PIECE = 792, 1200
 Work = Callable[[], object]
 
 
 def options(text: str | None, number: str = "", **usual: Any) -> argparse.Namespace:
     """Read the command line.
 
-    text: of the help.
-    number: of scenes, which come first, as `nargs`; "" = the benchmark takes none.
-    usual: of each option its default, of that type, a list for several; or what `add_argument` takes.
+    text: of the help. number: of scenes, which come first, as `nargs`; "" = the benchmark takes
+    none. usual: of each option its default, of that type, a list for several; or what
+    `add_argument` takes.
     """
-    parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=text, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     if number:
         parser.add_argument("scenes", nargs=number, metavar="SCENE")
     for name, value in usual.items():
         several = isinstance(value, list)
-        kind = {"default": value, "type": type(value[0] if several else value)} | ({"nargs": "+"} if several else {})
+        kind = {"default": value, "type": type(value[0] if several else value)} | (
+            {"nargs": "+"} if several else {}
+        )
         short = {"output": ["-o"], "threads": ["-j"]}.get(name, [])
-        parser.add_argument(*short, f"--{name.replace('_', '-')}", **(value if isinstance(value, dict) else kind))
+        parser.add_argument(
+            *short, f"--{name.replace('_', '-')}", **(value if isinstance(value, dict) else kind)
+        )
     return parser.parse_args()
 
 
@@ -62,13 +70,17 @@ def middle(rgb: FloatArray, side: int) -> FloatArray:
 
 def photographed(rgb: FloatArray, sigma: float, seed: int = SEED, **lens: Any) -> Mosaic:
     """A shot of a scene as it is in a file. lens: `shading` of the sensor's calibration."""
-    taken = simulate_additive(rgb, PATTERN, SensorCalibration.of_bits(16, **lens), sigma, np.random.default_rng(seed))
+    taken = simulate_additive(
+        rgb, PATTERN, SensorCalibration.of_bits(16, **lens), sigma, np.random.default_rng(seed)
+    )
     return Mosaic(taken.codes, PATTERN, taken.calibration)
 
 
 @dataclass(frozen=True)
 class Frame:
-    """The built-in scene as both cameras see it, in every form that is measured. shape: (rows, columns), multiples of 12."""
+    """The built-in scene as both cameras see it, in every form that is measured. shape: (rows,
+    columns), multiples of 12.
+    """
 
     shape: tuple[int, int]
 
@@ -81,12 +93,16 @@ class Frame:
     @cached_property
     def shot(self) -> Mosaic:
         """The sparse-colour shot as the sensor gives it, in codes."""
-        return Mosaic(self._repeated(self._taken.codes), self._taken.pattern, self._taken.calibration)
+        return Mosaic(
+            self._repeated(self._taken.codes), self._taken.pattern, self._taken.calibration
+        )
 
     @cached_property
     def mosaic(self) -> Mosaic:
         """The sparse-colour shot in scene units."""
-        return Mosaic(self._repeated(self._taken.signal), self._taken.pattern, self._taken.calibration)
+        return Mosaic(
+            self._repeated(self._taken.signal), self._taken.pattern, self._taken.calibration
+        )
 
     @cached_property
     def bayer(self) -> FloatArray:
@@ -105,14 +121,20 @@ class Frame:
 
     @cached_property
     def _taken(self) -> Mosaic:
-        return simulate_additive(self._rgb, PATTERN, SensorCalibration.of_bits(_BITS), _SIGMA, np.random.default_rng(0))
+        return simulate_additive(
+            self._rgb, PATTERN, SensorCalibration.of_bits(_BITS), _SIGMA, np.random.default_rng(0)
+        )
 
     def _repeated(self, piece: NDArray[Sample]) -> NDArray[Sample]:
-        times = tuple(-(-size // drawn) for size, drawn in zip(self.shape, piece.shape, strict=True))
+        times = tuple(
+            -(-size // drawn) for size, drawn in zip(self.shape, piece.shape, strict=True)
+        )
         return np.tile(piece, times)[: self.shape[0], : self.shape[1]]
 
 
-def alternate(works: Mapping[str, Work], rounds: int, clock: Callable[[], float] = time.perf_counter) -> dict[str, list[float]]:
+def alternate(
+    works: Mapping[str, Work], rounds: int, clock: Callable[[], float] = time.perf_counter
+) -> dict[str, list[float]]:
     """Seconds of each function in each round, after one that does not count.
 
     Every other round runs backwards, so that none always follows the same one.

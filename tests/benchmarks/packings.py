@@ -1,7 +1,7 @@
 """How fast is each packing of raw frames unpacked? python -m tests.benchmarks.packings [--rounds 9]
 
-A frame of 4056 x 3040 pixels with padded lines; megapixels per second of processor time, which one core has: the median of rounds,
-in which the formats take turns.
+A frame of 4056 x 3040 pixels with padded lines; megapixels per second of processor time, which one
+core has: the median of rounds, in which the formats take turns.
 """
 
 import time
@@ -26,7 +26,10 @@ def main() -> None:
         works[name] = partial(layout.unpack, np.random.default_rng(0).bytes(layout.frame_bytes))
     for name, seconds in alternate(works, rounds, time.process_time).items():
         speed = WIDTH * HEIGHT / 1e6 / median(seconds)
-        print(f"{name:13} {speed:6.0f} MP/s{'' if speed >= LEAST else f', less than {LEAST}'}", flush=True)
+        print(
+            f"{name:13} {speed:6.0f} MP/s{'' if speed >= LEAST else f', less than {LEAST}'}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 """Measure shading: python -m tests.benchmarks.shading SCENE... [--sigma 0 0.01]
 
-Each scene is photographed through a lens that darkens the corners by two stops, and differently in each colour. Of its four
-corners, each a fifth of the frame high and wide: the median PSNR of all 10 x 10 patches (RGB, luminance, chrominance; dB) and the
-mean colour difference (CIEDE2000, balanced and exposed for the scene), each with
+Each scene is photographed through a lens that darkens the corners by two stops, and differently in
+each colour. Of its four corners, each a fifth of the frame high and wide: the median PSNR of all 10
+x 10 patches (RGB, luminance, chrominance; dB) and the mean colour difference (CIEDE2000, balanced
+and exposed for the scene), each with
 
     no lens         the same without shading, with as much noise everywhere
     no lens, noisy  the same without shading, with noise that is multiplied by the gain
@@ -31,15 +32,20 @@ from tests.tools.calibration.known_camera import stating
 
 KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out
-LENS = 2.0, 0.15  # stops, and part of them that differs between colours, as `lens_shading` takes them
+# stops, and part of them that differs between colours, as `lens_shading` takes them
+LENS = 2.0, 0.15
 
 
 def noisy(rgb: FloatArray, sigma: float, shading: Shading) -> Mosaic:
-    """A shot without shading, with noise that is multiplied by the gain; it states that of the corners."""
+    """A shot without shading, with noise that is multiplied by the gain; it states that of the
+    corners.
+    """
     clean = simulate_additive(rgb, PATTERN, KNOWN, 0.0, np.random.default_rng(SEED))
     gain = shading.of_plane(clean.shape)
     corners = float(np.sqrt(np.mean([np.square(each).mean() for each in cornered(gain)])))
-    stated = simulate_additive(rgb, PATTERN, KNOWN, sigma * corners, np.random.default_rng(SEED)).calibration
+    stated = simulate_additive(
+        rgb, PATTERN, KNOWN, sigma * corners, np.random.default_rng(SEED)
+    ).calibration
     for channel, *lattice in PATTERN.lattices:
         gain[*lattice] = shading.of_plane(clean.shape, channel, *lattice)
     noise = np.random.default_rng(SEED).normal(0, sigma, clean.shape).astype(np.float32)
@@ -56,8 +62,13 @@ def cornered(plane: FloatArray) -> Iterator[FloatArray]:
 
 def figures(picture: FloatArray, rgb: FloatArray) -> list[float]:
     """Median PSNR of RGB, luminance and chrominance, and mean colour difference, in the corners."""
-    patches = [patch_psnr(*pair, border=0) for pair in zip(cornered(picture), cornered(rgb), strict=True)]
-    planes = [np.concatenate([getattr(patch, name).ravel() for patch in patches]) for name in ("rgb", "luminance", "chrominance")]
+    patches = [
+        patch_psnr(*pair, border=0) for pair in zip(cornered(picture), cornered(rgb), strict=True)
+    ]
+    planes = [
+        np.concatenate([getattr(patch, name).ravel() for patch in patches])
+        for name in ("rgb", "luminance", "chrominance")
+    ]
     mean = rgb.mean(axis=(0, 1), dtype=np.float64)
     gain = mean.mean() / np.maximum(mean, 1e-6)
     gain = gain * 0.9 / float(np.quantile(rgb @ (gain * SRGB_TO_XYZ[1]), 0.99))
@@ -65,7 +76,10 @@ def figures(picture: FloatArray, rgb: FloatArray) -> list[float]:
     def lab(seen: FloatArray) -> DoubleArray:
         return xyz_to_lab(np.clip(gain * seen, 0.0, 1.0) @ np.array(SRGB_TO_XYZ).T)
 
-    apart = [delta_e_2000(lab(one), lab(other)).ravel() for one, other in zip(cornered(picture), cornered(rgb), strict=True)]
+    apart = [
+        delta_e_2000(lab(one), lab(other)).ravel()
+        for one, other in zip(cornered(picture), cornered(rgb), strict=True)
+    ]
     return [*(float(np.median(plane)) for plane in planes), float(np.concatenate(apart).mean())]
 
 

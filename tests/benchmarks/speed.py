@@ -1,11 +1,13 @@
-"""How fast is it, here? Time the renderer and its stages, the preview, the files, and LibRaw on a Bayer mosaic of the same size.
+"""How fast is it, here? Time the renderer and its stages, the preview, the files, and LibRaw on a
+Bayer mosaic of the same size.
 
     python -m tests.benchmarks.speed [--megapixels N ...] [--rounds 9] [--frames 100] [-j THREADS]
 
-Speeds are for arrays in memory, and from a DNG to a 16-bit TIFF on the disk without the start of the program. Everything runs in
-turns, once per round, after a round that does not count; a ratio is the median of the rounds' ratios: load that slows a whole round
-down cancels. --frames: previews of 12 megapixels; -j: threads, of LibRaw too. With several sizes: how time and memory grow, from a
-DNG to a TIFF, each size in a process of its own.
+Speeds are for arrays in memory, and from a DNG to a 16-bit TIFF on the disk without the start of
+the program. Everything runs in turns, once per round, after a round that does not count; a ratio is
+the median of the rounds' ratios: load that slows a whole round down cancels. --frames: previews of
+12 megapixels; -j: threads, of LibRaw too. With several sizes: how time and memory grow, from a DNG
+to a TIFF, each size in a process of its own.
 """
 
 import math
@@ -37,12 +39,15 @@ from tests.benchmarks.harness import Frame, Work, alternate, options
 _PRESETS = "paper", "best"
 
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
-_TOGETHER, _MOST_RUNS = 25.0, 7  # megapixels rendered for each size at least, so that small ones are not left to chance
+# megapixels rendered for each size at least, so that small ones are not left to chance
+_TOGETHER, _MOST_RUNS = 25.0, 7
 _PACKAGES = ("numpy", "numba", "imagecodecs", "onnxruntime", "rawpy")
 
 
 class StageClock(Progress):
-    """A progress listener that measures how long each stage of a rendering takes, or each part of a stage that has parts."""
+    """A progress listener that measures how long each stage of a rendering takes, or each part of a
+    stage that has parts.
+    """
 
     def __init__(self) -> None:
         self.seconds = defaultdict[str, list[float]](list)
@@ -55,7 +60,9 @@ class StageClock(Progress):
         self._bare = True
 
     def part(self, name: str) -> None:
-        """A part of a step begins; its times in all steps are added up. The first one includes the beginning of its stage."""
+        """A part of a step begins; its times in all steps are added up. The first one includes the
+        beginning of its stage.
+        """
         self._marks.append((name, self._marks.pop()[1] if self._bare else time.perf_counter()))
         self._bare = False
 
@@ -91,20 +98,34 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     clocks, works = {name: StageClock() for name in _PRESETS}, dict[str, Work]()
     for name in _PRESETS:
         settings = PRESETS[name]
-        works[name] = partial(clocks[name].run, partial(render, frame.mosaic, settings, clocks[name]))
+        works[name] = partial(
+            clocks[name].run, partial(render, frame.mosaic, settings, clocks[name])
+        )
         works[f"{name}, band by band"] = partial(by_bands, settings)
         works[f"{name}, DNG to 16-bit TIFF"] = partial(render_file, saved, name)
-    works |= {"DNG, writing": partial(encode_dng, frame.shot, picture), "DNG, reading": partial(decode_dng, data)}
+    works |= {
+        "DNG, writing": partial(encode_dng, frame.shot, picture),
+        "DNG, reading": partial(decode_dng, data),
+    }
     others = rivals(frame)
     seconds = alternate(works | others, rounds)
     pixels = frame.mosaic.samples.size
 
     def line(name: str, each: Sequence[float]) -> None:
-        ratios = [f"{preset} is {median(map(float.__truediv__, each, seconds[preset])):.2f} x" for preset in _PRESETS]
+        ratios = [
+            f"{preset} is {median(map(float.__truediv__, each, seconds[preset])):.2f} x"
+            for preset in _PRESETS
+        ]
         shown = [pixels / 1e6 / what for what in (max(each), median(each), min(each))]
-        print(f"{name:<34}", *(f"{speed:8.2f}" for speed in shown), *(ratios if name in others else ()))
+        print(
+            f"{name:<34}",
+            *(f"{speed:8.2f}" for speed in shown),
+            *(ratios if name in others else ()),
+        )
 
-    print(f"\n{pixels / 1e6:.1f} megapixels, {rounds} rounds\n{'MP/s':<34}    least   median     most")
+    print(
+        f"\n{pixels / 1e6:.1f} megapixels, {rounds} rounds\n{'MP/s':<34}    least   median     most"
+    )
     for name, each in seconds.items():
         line(name, each)
         for stage, parts in clocks[name].seconds.items() if name in clocks else ():
@@ -118,7 +139,9 @@ def render_file(shot: Path, preset: str) -> None:
     from panchroma.tools.io.kind import PictureKind
 
     mosaic = read_dng(shot)
-    development = Development(PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata)
+    development = Development(
+        PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata
+    )
     bands = render_bands(mosaic, PRESETS[preset])
     write_picture(shot.with_suffix(".tif"), bands, development, overwrite=True, threads=threads())
 
@@ -134,16 +157,25 @@ def growth(shot: Path, preset: str, threads: int) -> str:
         "file to file": lambda: render_file(shot, preset),
     }
     found = alternate(works, min(_MOST_RUNS, math.ceil(_TOGETHER * 1e6 / pixels)))
-    speed = ", ".join(f"{name} {median(seconds) / pixels * 1e6:.3f} s/MP" for name, seconds in found.items())
-    return f"{preset}, {pixels / 1e6:.1f} MP: {speed}, peak memory {_memory('VmHWM') / 2**20:.0f} MB"
+    speed = ", ".join(
+        f"{name} {median(seconds) / pixels * 1e6:.3f} s/MP" for name, seconds in found.items()
+    )
+    return (
+        f"{preset}, {pixels / 1e6:.1f} MP: {speed}, peak memory {_memory('VmHWM') / 2**20:.0f} MB"
+    )
 
 
 def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
     """In a new process: from the first to the last of many frames."""
     from panchroma.device import Preview
 
-    timed = "import time; start = time.perf_counter(); from panchroma.device import Preview; print(time.perf_counter() - start)"
-    imported = float(subprocess.run([sys.executable, "-c", timed], capture_output=True, check=True).stdout)
+    timed = (
+        "import time; start = time.perf_counter(); from panchroma.device import Preview; "
+        "print(time.perf_counter() - start)"
+    )
+    imported = float(
+        subprocess.run([sys.executable, "-c", timed], capture_output=True, check=True).stdout
+    )
     mosaic = read_dng(shot)
     before, start = _memory("VmRSS"), time.perf_counter()
     maker = Preview.for_mosaic(mosaic, scale, threads=threads)
@@ -153,13 +185,17 @@ def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
     middle, slowest = np.quantile(seconds, (0.5, 0.99))
     grown, leaked = (_memory("VmHWM") - before) / 2**20, (_memory("VmRSS") - held) / 2**20
     return (
-        f"preview 1 : {scale}, {mosaic.samples.size / 1e6:.1f} MP: median {1e3 * middle:.0f} ms, 99 % {1e3 * slowest:.0f} ms, "
-        f"import {1e3 * imported:.0f} ms, first {1e3 * first:.0f} ms, memory +{grown:.0f} MB, {leaked:+.1f} MB after all"
+        f"preview 1 : {scale}, {mosaic.samples.size / 1e6:.1f} MP: median {1e3 * middle:.0f} ms, "
+        f"99 % {1e3 * slowest:.0f} ms, "
+        f"import {1e3 * imported:.0f} ms, first {1e3 * first:.0f} ms, memory +{grown:.0f} MB, "
+        f"{leaked:+.1f} MB after all"
     )
 
 
 def _memory(figure: str) -> int:
-    """Bytes of this process: VmHWM, its peak, or VmRSS. Not from getrusage: a new process inherits its parent's peak there."""
+    """Bytes of this process: VmHWM, its peak, or VmRSS. Not from getrusage: a new process inherits
+    its parent's peak there.
+    """
     lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
     return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{figure}:"))
 
@@ -174,15 +210,21 @@ def main() -> None:
     """Measure and print."""
     arguments = options(__doc__, megapixels=[3.2], rounds=9, frames=100, threads=processors())
     sizes, used = arguments.megapixels, arguments.threads
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(used)))  # libraries read them when they are loaded
+    # libraries read them when they are loaded
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(used)))
     versions = ", ".join(f"{name} {package_version(name)}" for name in _PACKAGES)
-    print(f"{platform.platform()}, {processors()} cores, {used} threads, load {os.getloadavg()[0]:.1f}")
+    print(
+        f"{platform.platform()}, {processors()} cores, {used} threads, load "
+        f"{os.getloadavg()[0]:.1f}"
+    )
     print(f"Panchroma {program_version()}, Python {platform.python_version()}, {versions}")
     with TemporaryDirectory(prefix="panchroma-speed-") as folder:
         shot, picture = Path(folder) / "shot.dng", np.zeros((8, 8, 3), np.uint8)
         if len(sizes) == 1:
             speeds(Frame.of(sizes[0]), arguments.rounds, Path(folder))
-            write_dng(shot, Frame.of(min(_PREVIEW_MEGAPIXELS, 4 * sizes[0])).shot, picture, overwrite=True)
+            write_dng(
+                shot, Frame.of(min(_PREVIEW_MEGAPIXELS, 4 * sizes[0])).shot, picture, overwrite=True
+            )
             for scale in _SCALES:
                 isolated(preview, shot, scale, arguments.frames, used)
             return

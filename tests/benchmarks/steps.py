@@ -1,7 +1,8 @@
-"""What is each step of the reconstruction worth? python -m tests.benchmarks.steps SCENE... [--sigma 0 0.01 0.03] [--size 360]
+"""What is each step of the reconstruction worth? python -m tests.benchmarks.steps SCENE... [--sigma
+0 0.01 0.03] [--size 360]
 
-Means over the scenes, the paper's camera, K = 6, in Markdown: PSNR in dB of 10 x 10 patches (median or 10 % quantile), and the
-time of one core.
+Means over the scenes, the paper's camera, K = 6, in Markdown: PSNR in dB of 10 x 10 patches (median
+or 10 % quantile), and the time of one core.
 """
 
 import time
@@ -31,7 +32,9 @@ STEPS = {
     "`best`": BEST,
     "`best`, no network for luminance": replace(BEST, luminance=_FILLED),
     "`best`, no networks": PRESETS["unlearned"],
-    "`best`, no networks, no correction by the samples": replace(BEST.switched(False), luminance=_FILLED),
+    "`best`, no networks, no correction by the samples": replace(
+        BEST.switched(False), luminance=_FILLED
+    ),
     "`best`, luminance not denoised": replace(BEST, denoising=PAPER.denoising),
     "`best`, colour not pooled": replace(BEST, pooling=PAPER.pooling),
 }
@@ -47,7 +50,8 @@ def with_true_luminance(truth: FloatArray, mosaic: Mosaic) -> FloatArray:
 
 def measure(make: Callable[[Mosaic], FloatArray], mosaic: Mosaic, truth: FloatArray) -> list[float]:
     """The FIGURES of a step."""
-    make(Mosaic(mosaic.samples[:60, :60], mosaic.pattern, mosaic.calibration))  # loads what is compiled
+    # loads what is compiled
+    make(Mosaic(mosaic.samples[:60, :60], mosaic.pattern, mosaic.calibration))
     start = time.process_time()
     picture = make(mosaic)
     seconds = time.process_time() - start
@@ -70,7 +74,10 @@ def main() -> None:
                 rows[sigma, name].append(measure(make, mosaic, truth))
     print(f"| sigma | | {' | '.join(FIGURES)} |\n|{'---|' * (len(FIGURES) + 2)}")
     for (sigma, name), found in rows.items():
-        print(f"| {sigma:g} | {name} | {' | '.join(f'{each:.3g}' for each in np.mean(found, axis=0))} |")
+        print(
+            f"| {sigma:g} | {name} | "
+            f"{' | '.join(f'{each:.3g}' for each in np.mean(found, axis=0))} |"
+        )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Formats packed bit by bit, as V4L2, PFNC and GigE Vision have them: slow, and nothing in common with the product."""
+"""Formats packed bit by bit, as V4L2, PFNC and GigE Vision have them: slow, and nothing in common
+with the product.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,9 @@ STREAMS = {"mono10p": (10, 4), "mono12p": (12, 2), "mono14p": (14, 4)}
 
 
 def pack(codes: CodeArray, layout: str, stride: int = 0, padding: int = 0xA5) -> bytes:
-    """Lines of `stride` bytes; what is left of each is filled with `padding`, what is left of its last group with zeros."""
+    """Lines of `stride` bytes; what is left of each is filled with `padding`, what is left of its
+    last group with zeros.
+    """
     lines = []
     for row in codes.tolist():
         if layout in GROUPS:
@@ -31,14 +35,18 @@ def random_codes(shape: tuple[int, int], bits: int, seed: int = 0) -> NDArray[np
 
 
 def _words(row: list[int], layout: str) -> bytes:
-    """Words, of "u16be" the high byte first; of "u8" bytes, the upper bits of samples of 12 bits if any is so large."""
+    """Words, of "u16be" the high byte first; of "u8" bytes, the upper bits of samples of 12 bits if
+    any is so large.
+    """
     if layout == "u8":
         return bytes(code >> (4 if max(row) > 255 else 0) for code in row)
     return b"".join(code.to_bytes(2, "big" if layout == "u16be" else "little") for code in row)
 
 
 def _stream(row: list[int], bits: int, pixels: int) -> bytes:
-    """PFNC 'p': the first pixel's lowest bit is the lowest of the first byte, and so on without gaps."""
+    """PFNC 'p': the first pixel's lowest bit is the lowest of the first byte, and so on without
+    gaps.
+    """
     text = "".join(format(code, f"0{bits}b")[::-1] for code in row + [0] * (-len(row) % pixels))
     return bytes(int(text[start : start + 8][::-1], 2) for start in range(0, len(text), 8))
 

@@ -2,8 +2,9 @@
 
     python -m tests.faults [--kills 200] [--seed 1] [-j 2]
 
-After each trial every original is compared byte by byte, and every result must be absent, old or new, never incomplete. After each
-interruption the command is run again: it must finish, make no complete result twice, and leave no temporary file.
+After each trial every original is compared byte by byte, and every result must be absent, old or
+new, never incomplete. After each interruption the command is run again: it must finish, make no
+complete result twice, and leave no temporary file.
 """
 
 import argparse
@@ -27,7 +28,10 @@ ONCE: list[tuple[str, Trial]] = [
 """Name and trial of what is tried without older results alone."""
 TRIALS: list[tuple[str, Trial]] = [
     ("odd names", partial(trials.odd_names, environment={})),
-    ("odd names, no locale", partial(trials.odd_names, environment={"LC_ALL": "C", "PYTHONUTF8": "0"})),
+    (
+        "odd names, no locale",
+        partial(trials.odd_names, environment={"LC_ALL": "C", "PYTHONUTF8": "0"}),
+    ),
     ("nothing left in the home", trials.empty_home),
     *(("disk full", partial(trials.full_disk, pages=pages)) for pages in (1, 5)),
     ("limit on file size", partial(trials.file_limit, size=2000)),
@@ -46,19 +50,39 @@ def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str,
         "SIGINT": (partial(trials.interrupted, number=signal.SIGINT), few, known),
         "SIGTERM": (partial(trials.interrupted, number=signal.SIGTERM), few, known),
         "Ctrl-C for all processes": (trials.ctrl_c, few, known),
-        "a worker is killed": (trials.killed_worker, few, [each for each in known if each.name == "render"]),
+        "a worker is killed": (
+            trials.killed_worker,
+            few,
+            [each for each in known if each.name == "render"],
+        ),
     }
     found: list[tuple[str, Scenario, Trial]] = [
-        (what, among[index % len(among)], partial(trial, chance=random.Random(f"{seed} {what} {index}"), seconds=_SECONDS))
+        (
+            what,
+            among[index % len(among)],
+            partial(trial, chance=random.Random(f"{seed} {what} {index}"), seconds=_SECONDS),
+        )
         for what, (trial, count, among) in timed.items()
         for index in range(count)
     ]
-    return found + [(what, scenario, trial) for scenario in known for what, trial in (TRIALS if scenario.before else TRIALS + ONCE)]
+    return found + [
+        (what, scenario, trial)
+        for scenario in known
+        for what, trial in (TRIALS if scenario.before else TRIALS + ONCE)
+    ]
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=200, metavar="N", help="with kill -9; a fifth as many with SIGINT and SIGTERM")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--kills",
+        type=int,
+        default=200,
+        metavar="N",
+        help="with kill -9; a fifth as many with SIGINT and SIGTERM",
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="trials at a time")
     arguments = parser.parse_args()
@@ -72,7 +96,9 @@ def main() -> int:
 
     results: dict[str, list[list[str]]] = {}
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        for done, ((what, *_), found) in enumerate(zip(todo, pool.map(tried, todo), strict=True), 1):
+        for done, ((what, *_), found) in enumerate(
+            zip(todo, pool.map(tried, todo), strict=True), 1
+        ):
             results.setdefault(what, []).append(found)
             if done % 20 == 0:
                 print(f"{done} of {len(todo)} trials", file=sys.stderr, flush=True)

@@ -1,4 +1,5 @@
-"""One command in a folder of its own, whose results are known; and what may be in the folder after an interruption.
+"""One command in a folder of its own, whose results are known; and what may be in the folder after
+an interruption.
 
 `worlds` returns each command on a few small files, so that it writes often.
 """
@@ -24,7 +25,8 @@ from tests.shared.dng.examples import mosaic, preview
 _FRAMES = 6
 
 _PROGRAM = "from panchroma.tools.cli import main; main()"
-# Counts the program's operations on files below a folder, and kills it before the N-th: wherever a file may be incomplete.
+# Counts the program's operations on files below a folder, and kills it before the N-th: wherever a
+# file may be incomplete.
 _KILLED = """
 import os, signal, sys
 folder, point = sys.argv.pop(1), int(sys.argv.pop(1))
@@ -93,7 +95,11 @@ class Scenario:
         environment: variables that replace those of this process.
         group: it leads a group of processes of its own.
         """
-        limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n" if limit else ""
+        limited = (
+            f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
+            if limit
+            else ""
+        )
         script = limited + (_KILLED if point else "") + _PROGRAM
         killing = [str(folder / "out"), str(point)] if point else []
         feed = folder / "stdin"
@@ -101,7 +107,15 @@ class Scenario:
         variables = {**os.environ, "FAULT_SIGNAL": str(number), **(environment or {})}
         with feed.open("rb") as stdin:
             return subprocess.Popen(
-                [sys.executable, "-c", script, *killing, self.arguments[0], *extra, *self.arguments[1:]],
+                [
+                    sys.executable,
+                    "-c",
+                    script,
+                    *killing,
+                    self.arguments[0],
+                    *extra,
+                    *self.arguments[1:],
+                ],
                 cwd=folder,
                 stdin=stdin,
                 stdout=subprocess.PIPE,
@@ -111,8 +125,14 @@ class Scenario:
             )
 
     def faults(self, folder: Path, *, finished: bool) -> list[str]:
-        """What is wrong in the folder, a line each. finished: every result must be there, and nothing else."""
-        found = [f"{name} was changed" for name, data in self.inputs.items() if (folder / name).read_bytes() != data]
+        """What is wrong in the folder, a line each. finished: every result must be there, and
+        nothing else.
+        """
+        found = [
+            f"{name} was changed"
+            for name, data in self.inputs.items()
+            if (folder / name).read_bytes() != data
+        ]
         present = {path.name: path for path in (folder / "out").iterdir() if path.name != JOURNAL}
         for name, expected in self.outputs.items():
             path = present.pop(name, None)
@@ -123,7 +143,11 @@ class Scenario:
             content = path.read_bytes()
             if digest(content) != expected and (finished or content != self.before.get(name)):
                 found.append(f"{name} is neither old nor new ({len(content)} bytes)")
-        strangers = [name for name in present if finished or not name.endswith((".panchroma.part", ".panchroma.lock"))]
+        strangers = [
+            name
+            for name in present
+            if finished or not name.endswith((".panchroma.part", ".panchroma.lock"))
+        ]
         return found + [f"{name} was left behind" for name in strangers]
 
 
@@ -132,7 +156,9 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def known(name: str, arguments: Sequence[str], inputs: Mapping[str, bytes], folder: Path) -> Scenario:
+def known(
+    name: str, arguments: Sequence[str], inputs: Mapping[str, bytes], folder: Path
+) -> Scenario:
     """The scenario whose expected results are those of an undisturbed run in `folder`."""
     scenario = Scenario(name, tuple(arguments), inputs, {}, {})
     scenario.lay_out(folder)
@@ -140,34 +166,52 @@ def known(name: str, arguments: Sequence[str], inputs: Mapping[str, bytes], fold
     _, said = process.communicate(timeout=300)
     if process.returncode:
         raise RuntimeError(f"{name}: {said.decode()}")
-    outputs = {path.name: digest(path.read_bytes()) for path in (folder / "out").iterdir() if path.name != JOURNAL}
+    outputs = {
+        path.name: digest(path.read_bytes())
+        for path in (folder / "out").iterdir()
+        if path.name != JOURNAL
+    }
     return replace(scenario, outputs=outputs)
 
 
 def replacing(scenario: Scenario) -> Scenario:
     """The scenario in which older results exist and --overwrite replaces them."""
     before = {name: f"an older {name}".encode() for name in scenario.outputs}
-    return replace(scenario, name=f"{scenario.name} --overwrite", arguments=(*scenario.arguments, "--overwrite"), before=before)
+    return replace(
+        scenario,
+        name=f"{scenario.name} --overwrite",
+        arguments=(*scenario.arguments, "--overwrite"),
+        before=before,
+    )
 
 
 def worlds(folder: Path) -> list[Scenario]:
-    """simulate, render and capture; the first two also over older results. folder: for an undisturbed run of each."""
+    """simulate, render and capture; the first two also over older results. folder: for an
+    undisturbed run of each.
+    """
     return [*pictures(folder), capture()]
 
 
 def pictures(folder: Path) -> list[Scenario]:
     """simulate and render, with and without older results."""
     pattern = CfaPattern.bayer(6)
-    shots = {f"shot{each}.dng": encode_dng(mosaic(pattern, (60, 80 + each)), preview(24, 32)) for each in range(4)}
+    shots = {
+        f"shot{each}.dng": encode_dng(mosaic(pattern, (60, 80 + each)), preview(24, 32))
+        for each in range(4)
+    }
     scenes = {f"scene{number}.npy": scene(number) for number in range(4)}
     # Without noise, which would depend on the names of the shots.
-    simulate = known("simulate", ["simulate", *scenes, "-o", "out", "--truth"], scenes, folder / "simulate")
+    simulate = known(
+        "simulate", ["simulate", *scenes, "-o", "out", "--truth"], scenes, folder / "simulate"
+    )
     render = known("render", ["render", *shots, "-o", "out"], shots, folder / "render")
     return [simulate, replacing(simulate), render, replacing(render)]
 
 
 def capture() -> Scenario:
-    """capture of a recording. Results are named after the time, so that only their completeness can be checked."""
+    """capture of a recording. Results are named after the time, so that only their completeness can
+    be checked.
+    """
     frames = b"".join(pack(random_codes((24, 32), 10, seed), "raw10") for seed in range(_FRAMES))
     layout = ["--size", "32x24", "--pixel-format", "raw10"]
     return Scenario("capture", ("capture", "-", "-o", "out", *layout), {}, {}, {}, frames)

@@ -1,4 +1,6 @@
-"""Trials of commands: killed, stopped, on a full disk, two at once, with odd names. Each returns what is wrong, a line each."""
+"""Trials of commands: killed, stopped, on a full disk, two at once, with odd names. Each returns
+what is wrong, a line each.
+"""
 
 import os
 import random
@@ -17,7 +19,8 @@ from panchroma.shared.dng import verify_dng
 from panchroma.shared.errors import PanchromaError
 from tests.faults.scenario import Process, Scenario
 
-# How a command may end after a signal. A negative number: the signal came before Python took it over, or after it let go of it.
+# How a command may end after a signal. A negative number: the signal came before Python took it
+# over, or after it let go of it.
 ENDS = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (143, 0, -15)}
 PATIENCE = 1800.0  # seconds: without a place for kernels every process compiles them all
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -26,15 +29,21 @@ _ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
 _NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root
 
 
-def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Random, seconds: float) -> list[str]:
-    """Send the signal `number` at a random operation on files or, as often, after up to `seconds`; then run again to the end."""
+def interrupted(
+    scenario: Scenario, folder: Path, number: int, chance: random.Random, seconds: float
+) -> list[str]:
+    """Send the signal `number` at a random operation on files or, as often, after up to `seconds`;
+    then run again to the end.
+    """
     scenario.lay_out(folder)
     point = chance.randint(1, _STEPS) if chance.random() < 0.5 else 0
     process = scenario.start(folder, point, number)
     if not point:
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
-    found = ended(process, "", *ENDS[signal.Signals(number)]) + state(scenario, folder, finished=False)
+    found = ended(process, "", *ENDS[signal.Signals(number)]) + state(
+        scenario, folder, finished=False
+    )
     if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
         found.append("left a temporary file")
     if not found:
@@ -45,15 +54,24 @@ def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Ra
 def _again(scenario: Scenario, folder: Path) -> list[str]:
     """Run the command again: it must make what is missing, and nothing twice.
 
-    It refuses a scene of whose two results one exists, since that may have been made with other settings; --overwrite makes both.
+    It refuses a scene of whose two results one exists, since that may have been made with other
+    settings; --overwrite makes both.
     """
-    whole = {path.name: path.stat().st_ino for path in (folder / "out").iterdir() if not path.name.startswith(".")}
+    whole = {
+        path.name: path.stat().st_ino
+        for path in (folder / "out").iterdir()
+        if not path.name.startswith(".")
+    }
     scenario.start(folder).communicate(timeout=PATIENCE)
     found = []
     if "--overwrite" not in scenario.arguments:
         now = {path.name: path.stat().st_ino for path in (folder / "out").iterdir()}
-        found = [f"{name} was made again" for name, inode in whole.items() if now.get(name) != inode]
-        there, wanted = (Counter(name.partition(".")[0] for name in some) for some in (whole, scenario.outputs))
+        found = [
+            f"{name} was made again" for name, inode in whole.items() if now.get(name) != inode
+        ]
+        there, wanted = (
+            Counter(name.partition(".")[0] for name in some) for some in (whole, scenario.outputs)
+        )
         if any(there[stem] < wanted[stem] for stem in there):
             scenario.start(folder, extra=("--overwrite",)).communicate(timeout=PATIENCE)
     return found + state(scenario, folder, finished=True)
@@ -76,11 +94,15 @@ def state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
 
 @contextmanager
 def small_disk(folder: Path, size: int) -> Iterator[bool]:
-    """Mount a file system of `size` bytes at `folder`/out. Yields whether that worked: only root may mount."""
+    """Mount a file system of `size` bytes at `folder`/out. Yields whether that worked: only root
+    may mount.
+    """
     out = folder / "out"
     out.mkdir(parents=True, exist_ok=True)
     line = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(out)]
-    mounted = os.geteuid() == 0 and subprocess.run(line, capture_output=True, check=False).returncode == 0
+    mounted = (
+        os.geteuid() == 0 and subprocess.run(line, capture_output=True, check=False).returncode == 0
+    )
     try:
         yield mounted
     finally:
@@ -89,10 +111,15 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
 
 
 def ended(process: Process, words: str, *codes: int) -> list[str]:
-    """Wait for the process, which must say `words`, leave with one of `codes`, and show no fault, and nothing a terminal obeys."""
-    shown, said = (stream.decode(errors="surrogateescape") for stream in process.communicate(timeout=PATIENCE))
+    """Wait for the process, which must say `words`, leave with one of `codes`, and show no fault,
+    and nothing a terminal obeys.
+    """
+    shown, said = (
+        stream.decode(errors="surrogateescape") for stream in process.communicate(timeout=PATIENCE)
+    )
     wrong = {
-        f"left with {process.returncode} instead of {codes}, {words!r} expected": process.returncode not in codes
+        f"left with {process.returncode} instead of {codes}, {words!r} expected": process.returncode
+        not in codes
         or words not in said,
         "a traceback or a fault": "Traceback" in said or "a fault of Panchroma" in said,
         "control characters": _CONTROLS.search(shown + said) is not None,
@@ -105,7 +132,9 @@ def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> 
     return found + ["left a temporary file"] * any((folder / "out").glob(".*.part"))
 
 
-def killed_worker(scenario: Scenario, folder: Path, chance: random.Random, seconds: float) -> list[str]:
+def killed_worker(
+    scenario: Scenario, folder: Path, chance: random.Random, seconds: float
+) -> list[str]:
     """One of two processes is killed, as for want of memory; then the rest is made."""
     scenario.lay_out(folder)
     process = scenario.start(folder, extra=("--jobs", "2"))
@@ -141,7 +170,12 @@ def full_disk(scenario: Scenario, folder: Path, pages: int) -> list[str]:
 def file_limit(scenario: Scenario, folder: Path, size: int) -> list[str]:
     """A limit of `size` bytes on every file (ulimit -f)."""
     scenario.lay_out(folder)
-    return _refused(scenario, folder, scenario.start(folder, limit=size), "is larger than the file system or a limit")
+    return _refused(
+        scenario,
+        folder,
+        scenario.start(folder, limit=size),
+        "is larger than the file system or a limit",
+    )
 
 
 def read_only(scenario: Scenario, folder: Path) -> list[str]:
@@ -163,48 +197,70 @@ def read_only(scenario: Scenario, folder: Path) -> list[str]:
 
 
 def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
-    """Two processes that make the same results in one folder: each result must be there, complete."""
+    """Two processes that make the same results in one folder: each result must be there,
+    complete.
+    """
     scenario.lay_out(folder)
     both = [scenario.start(folder), scenario.start(folder)]
     for process in both:
         process.communicate(timeout=PATIENCE)
     found = state(scenario, folder, finished=True)
-    return found + [f"left with {process.returncode}" for process in both if process.returncode not in (0, 1)]
+    return found + [
+        f"left with {process.returncode}" for process in both if process.returncode not in (0, 1)
+    ]
 
 
 def odd_names(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> list[str]:
     """Names with escape sequences, line breaks and bytes that are no text, in a locale."""
     odd = replace(
         scenario,
-        arguments=tuple(_ODD + word if word in scenario.inputs else word for word in scenario.arguments),
+        arguments=tuple(
+            _ODD + word if word in scenario.inputs else word for word in scenario.arguments
+        ),
         inputs={_ODD + name: data for name, data in scenario.inputs.items()},
         outputs={_ODD + name: digest for name, digest in scenario.outputs.items()},
         before={_ODD + name: data for name, data in scenario.before.items()},
     )
     odd.lay_out(folder)
-    return ended(odd.start(folder, environment=environment), "", 0) + state(odd, folder, finished=True)
+    return ended(odd.start(folder, environment=environment), "", 0) + state(
+        odd, folder, finished=True
+    )
 
 
 def no_place(scenario: Scenario, folder: Path) -> list[str]:
     """No home, and no folder for caches or temporary files."""
     scenario.lay_out(folder)
-    nowhere = dict.fromkeys(("HOME", "TMPDIR", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME"), _NOWHERE)
+    nowhere = dict.fromkeys(
+        ("HOME", "TMPDIR", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME"), _NOWHERE
+    )
     nowhere["NUMBA_CACHE_LOCATOR_CLASSES"] = "UserProvidedCacheLocator"
-    return ended(scenario.start(folder, environment=nowhere), "", 0) + state(scenario, folder, finished=True)
+    return ended(scenario.start(folder, environment=nowhere), "", 0) + state(
+        scenario, folder, finished=True
+    )
 
 
 def empty_home(scenario: Scenario, folder: Path) -> list[str]:
     """Nothing is left in the user's home."""
     scenario.lay_out(folder)
     (home := folder / "home").mkdir()
-    found = ended(scenario.start(folder, environment={"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}), "", 0)
+    found = ended(
+        scenario.start(
+            folder, environment={"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}
+        ),
+        "",
+        0,
+    )
     return found + [f"{path.relative_to(home)} was left in the home" for path in home.rglob("*")]
 
 
 def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: float) -> list[str]:
-    """SIGINT for all processes of the command, as a terminal sends it, while worker processes start too."""
+    """SIGINT for all processes of the command, as a terminal sends it, while worker processes start
+    too.
+    """
     scenario.lay_out(folder)
-    process = scenario.start(folder, extra=("--jobs", "4") if scenario.arguments[0] == "render" else (), group=True)
+    process = scenario.start(
+        folder, extra=("--jobs", "4") if scenario.arguments[0] == "render" else (), group=True
+    )
     time.sleep(chance.uniform(0.1, seconds))
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)

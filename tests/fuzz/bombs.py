@@ -1,4 +1,5 @@
-"""Small files that claim to be huge, huge ones that are empty, and needlessly many pieces: refused at once, with little memory.
+"""Small files that claim to be huge, huge ones that are empty, and needlessly many pieces: refused
+at once, with little memory.
 
 python -m tests.fuzz.bombs
 """
@@ -37,7 +38,9 @@ PIECES = (
     *("segments.jpg", "restarts.jpg", "filled-scan.jpg", "chunks.png"),
     *("samples.png", "rows.tif", "rows.nef", "overlap.nef", "holes.nef", "grey.tif"),
 )
-"""Bombs in needlessly many pieces, or in pieces that are holes: only time shows that they are read."""
+"""Bombs in needlessly many pieces, or in pieces that are holes: only time shows that they are
+read.
+"""
 _HUGE = 65500
 _LINEAR_RAW, _DNG_VERSION = 34892, {50706: bytes([1, 4, 0, 0])}
 _FRAME = {"jpeg": b"\xff\xc0", "progressive": b"\xff\xc2", "lossless": b"\xff\xc3"}
@@ -71,8 +74,13 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 @lru_cache
 def bombs() -> dict[str, tuple[bytes, int]]:
-    """File name -> (first bytes, length). A file longer than its first bytes goes on with a hole; length 0: no hole."""
-    whole = {name: (data, 0) for name, data in (_shots() | _tiffs() | _pngs() | _jpegs() | _others()).items()}
+    """File name -> (first bytes, length). A file longer than its first bytes goes on with a hole;
+    length 0: no hole.
+    """
+    whole = {
+        name: (data, 0)
+        for name, data in (_shots() | _tiffs() | _pngs() | _jpegs() | _others()).items()
+    }
     entries, end = _linear(9000, 9000, 1, 9000), 9000 * 9000 * 6
     hole = tiff(entries | {273: 1, 279: end})
     return whole | {
@@ -85,7 +93,10 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "holes.png": (png(side=10, bits=16, colour=2, samples=b""), 4 * GIGABYTE),
         "chunk.png": (_chunk(8), 4 * GIGABYTE),
         "hole.png": (_chunk(8, b"IDAT"), 4 * GIGABYTE),
-        "attribute.exr": (b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
+        "attribute.exr": (
+            b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1),
+            4 * GIGABYTE,
+        ),
         "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),
         "holes.npy": (npy((40000, 40000, 3)), 20 * GIGABYTE),
         "holes-inside.npy": (npy((14000, 14000, 3), "<f8"), 14000 * 14000 * 24 + 128),
@@ -116,7 +127,9 @@ def _shots() -> dict[str, bytes]:
 
 
 def zeros(count: int) -> bytes:
-    """The zlib stream of so many zeros, in a thousandth of the space: one megabyte again and again, so that it takes no time."""
+    """The zlib stream of so many zeros, in a thousandth of the space: one megabyte again and again,
+    so that it takes no time.
+    """
     whole, last = (zlib.compressobj(9, wbits=-15) for _ in range(2))
     megabyte = whole.compress(bytes(1 << 20)) + whole.flush(zlib.Z_FULL_FLUSH)
     end = last.compress(bytes(count % (1 << 20))) + last.flush()
@@ -127,7 +140,9 @@ _DEFLATED = zeros(300 << 20)
 
 
 def _tiffs() -> dict[str, bytes]:
-    """Strips of every compression that declare sizes of their own, or lie on each other; camera RAWs among them."""
+    """Strips of every compression that declare sizes of their own, or lie on each other; camera
+    RAWs among them.
+    """
     flat = np.zeros((12000, 12000), np.uint8)
     strips: dict[str, tuple[int, bytes | bytearray]] = {
         "jpeg": (7, _claim("progressive")),
@@ -143,26 +158,48 @@ def _tiffs() -> dict[str, bytes]:
     raw = zlib.compress(bytes(120), 9)
     names: Fields = {33421: [2, 2], 33422: bytes([0, 1, 1, 2]), 271: b"Camera\0", 272: b"Camera\0"}
     noise = zlib.compress(np.random.default_rng(0).bytes(400_000), 1)
-    side = 13_000  # grey that inflates to 200 times its size, and as a scene to twelve times as much again
+    # grey that inflates to 200 times its size, and as a scene to twelve times as much again
+    side = 13_000
     even = zeros(side * side).ljust(side * side // 199, b"\0")
     return {
-        **{f"{name}.tif": tiff(grey | {259: kind, 278: SIDE}, [bytes(strip)]) for name, (kind, strip) in strips.items()},
+        **{
+            f"{name}.tif": tiff(grey | {259: kind, 278: SIDE}, [bytes(strip)])
+            for name, (kind, strip) in strips.items()
+        },
         "tile.tif": tiff(grey | {259: 8, 322: 20000, 323: 20000}, [_DEFLATED]),
         "deflate.tif": tiff(grey | {256: 16000, 257: 16000, 259: 8, 278: 16000}, [_DEFLATED]),
         "grey.tif": tiff(grey | {256: side, 257: side, 259: 8, 278: side}, [even]),
-        "overlap.tif": tiff(grey | {256: 20, 257: 20_000, 259: 8, 278: 1}, [noise] * 20_000, different=1),
+        "overlap.tif": tiff(
+            grey | {256: 20, 257: 20_000, 259: 8, 278: 1}, [noise] * 20_000, different=1
+        ),
         "rows.tif": tiff(_linear(20, 65536, 8, 1) | {50706: b"", 262: 2}, [raw] * 65536),
         "rows.nef": tiff(_linear(20, 65536, 8, 1), [raw] * 65536),
-        "overlap.nef": tiff(_linear(20, 60_000, 8, 1), [raw + bytes(400_000)] * 60_000, different=1),
-        "lossless.nef": tiff({**square, **names, 258: [16], 259: 7, 262: 32803, 277: 1}, [_claim("lossless")]),
-        "lossy.nef": tiff({**square, **names, 258: [8] * 3, 259: _LINEAR_RAW, 262: _LINEAR_RAW, 277: 3}, [_claim("progressive")]),
+        "overlap.nef": tiff(
+            _linear(20, 60_000, 8, 1), [raw + bytes(400_000)] * 60_000, different=1
+        ),
+        "lossless.nef": tiff(
+            {**square, **names, 258: [16], 259: 7, 262: 32803, 277: 1}, [_claim("lossless")]
+        ),
+        "lossy.nef": tiff(
+            {**square, **names, 258: [8] * 3, 259: _LINEAR_RAW, 262: _LINEAR_RAW, 277: 3},
+            [_claim("progressive")],
+        ),
         "chain.tif": _chain(300_000),
     }
 
 
 def _linear(width: int, height: int, compression: int, rows: int) -> Fields:
     """Fields of a linear DNG."""
-    sizes = {254: 0, 256: width, 257: height, 259: compression, 262: _LINEAR_RAW, 277: 3, 278: rows, 284: 1}
+    sizes = {
+        254: 0,
+        256: width,
+        257: height,
+        259: compression,
+        262: _LINEAR_RAW,
+        277: 3,
+        278: rows,
+        284: 1,
+    }
     return {**sizes, 258: [16] * 3, **_DNG_VERSION}
 
 
@@ -171,7 +208,9 @@ def _pngs() -> dict[str, bytes]:
     return {
         "header.png": png(side=60000, colour=2, samples=b""),
         "deflate.png": png(side=16000, colour=2, samples=deflate),
-        "texts.png": png(b"".join(chunk(b"zTXt", b"a%d\0\0" % number + text) for number in range(3000))),
+        "texts.png": png(
+            b"".join(chunk(b"zTXt", b"a%d\0\0" % number + text) for number in range(3000))
+        ),
         "profile.png": png(chunk(b"iCCP", b"a\0\0" + deflate)),
         "chunks.png": png(chunk(b"zzZz", b"") * 3_000_000),
         "samples.png": png(chunk(b"IDAT", b"") * 3_000_000),
@@ -180,7 +219,10 @@ def _pngs() -> dict[str, bytes]:
 
 
 def _jpegs() -> dict[str, bytes]:
-    jpeg, scans = picture("JPEG"), picture("JPEG", np.zeros((2000, 2000, 3), np.uint8), progressive=True)
+    jpeg, scans = (
+        picture("JPEG"),
+        picture("JPEG", np.zeros((2000, 2000, 3), np.uint8), progressive=True),
+    )
     # 1,000 fields of an Exif block that all are the same 50 kB.
     table = b"".join(struct.pack("<HHII", tag, 3, 25_000, 8) for tag in range(1000, 2000))
     block = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1000) + table + bytes(50_000)
@@ -209,10 +251,17 @@ def _exrs() -> dict[str, bytes]:
     """Pictures with a window, with tiles, and with a second part that are larger than they seem."""
     tiles = OpenEXR.TileDescription()
     tiles.xSize = tiles.ySize = 32
-    window = np.array([0, 0], np.int32), np.array([8999, 8999], np.int32)  # of display: all parts have the same
-    lines, grey = {"type": OpenEXR.scanlineimage}, {side: np.zeros((side, side), np.float32) for side in (8, SIDE, 9000)}
+    # of display: all parts have the same
+    window = np.array([0, 0], np.int32), np.array([8999, 8999], np.int32)
+    lines, grey = (
+        {"type": OpenEXR.scanlineimage},
+        {side: np.zeros((side, side), np.float32) for side in (8, SIDE, 9000)},
+    )
     tiled = {"type": OpenEXR.tiledimage, "tiles": tiles, "compression": OpenEXR.ZIP_COMPRESSION}
-    parts = [OpenEXR.Part({**lines, "displayWindow": window}, {"Y": grey[side]}, f"p{side}") for side in (SIDE, 9000)]
+    parts = [
+        OpenEXR.Part({**lines, "displayWindow": window}, {"Y": grey[side]}, f"p{side}")
+        for side in (SIDE, 9000)
+    ]
     made = {
         "window.exr": exr(OpenEXR.Part(lines, {"RGB": np.zeros((8, 8, 3), np.float32)}, "a")),
         "tiles.exr": exr(OpenEXR.Part(tiled, {"RGB": np.zeros((SIDE, SIDE, 3), np.float32)}, "a")),
@@ -220,7 +269,10 @@ def _exrs() -> dict[str, bytes]:
     }
     claims = {
         "window.exr": (struct.pack("<4i", 0, 0, 7, 7), struct.pack("<4i", 0, 0, 29999, 29999)),
-        "tiles.exr": (b"tiledesc\0" + struct.pack("<III", 9, 32, 32), b"tiledesc\0" + struct.pack("<III", 9, 60000, 60000)),
+        "tiles.exr": (
+            b"tiledesc\0" + struct.pack("<III", 9, 32, 32),
+            b"tiledesc\0" + struct.pack("<III", 9, 60000, 60000),
+        ),
     }
     for name, (own, claimed) in claims.items():
         assert own in made[name]
@@ -238,22 +290,35 @@ def _many(tag: int, count: int, kind: int = 4) -> bytes:
 def _chain(length: int) -> bytes:
     """A TIFF of `length` pages, each an empty directory."""
     data = bytearray(tiff({256: 4, 257: 4, 258: 8, 259: 1, 262: 1, 277: 1, 278: 4}, [bytes(16)]))
-    end = max(place for *_, place in entries_of(data).values()) + 12  # where the offset of the next page is
+    # where the offset of the next page is
+    end = max(place for *_, place in entries_of(data).values()) + 12
     data += bytes(len(data) % 2)
     struct.pack_into("<I", data, end, len(data))
     start = len(data)
-    return bytes(data) + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length)) + bytes(6)
+    return (
+        bytes(data)
+        + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length))
+        + bytes(6)
+    )
 
 
 def _chunk(bits: int, name: bytes = b"zzZz") -> bytes:
     """The beginning of a PNG with a chunk of two gigabytes behind the header."""
-    return png(side=10, bits=bits, colour=2, samples=b"")[: 8 + 25] + struct.pack(">I", (1 << 31) - 1) + name
+    return (
+        png(side=10, bits=bits, colour=2, samples=b"")[: 8 + 25]
+        + struct.pack(">I", (1 << 31) - 1)
+        + name
+    )
 
 
 def _claim(kind: str) -> bytes:
     """A JPEG of 64 x 64 pixels whose frame claims 65500 x 65500."""
     if kind == "lossless":
-        jpeg = bytes(imagecodecs.jpeg8_encode(np.zeros((SIDE, SIDE), np.uint16), lossless=True, predictor=1, bitspersample=16))
+        jpeg = bytes(
+            imagecodecs.jpeg8_encode(
+                np.zeros((SIDE, SIDE), np.uint16), lossless=True, predictor=1, bitspersample=16
+            )
+        )
     else:
         jpeg = picture("JPEG", progressive=kind == "progressive")
     place = jpeg.index(_FRAME[kind]) + 5
@@ -272,7 +337,9 @@ def write(name: str, folder: Path) -> Path:
 
 
 def measure(path: Path) -> tuple[str, float, int]:
-    """(refusal, seconds, bytes) of reading a bomb. refusal: "" if it was read; bytes: beyond the process's own memory."""
+    """(refusal, seconds, bytes) of reading a bomb. refusal: "" if it was read; bytes: beyond the
+    process's own memory.
+    """
     load_scene("builtin:24x18")  # loads the libraries, whose memory is not the bomb's
     before, began = _peak(), time.perf_counter()
     try:
@@ -285,7 +352,13 @@ def measure(path: Path) -> tuple[str, float, int]:
 
 def _peak() -> int:
     """Peak memory of this process, and of the largest of those that it has started."""
-    return sum(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) * 1024
+    return (
+        sum(
+            resource.getrusage(who).ru_maxrss
+            for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+        )
+        * 1024
+    )
 
 
 def main() -> int:
@@ -300,12 +373,18 @@ def main() -> int:
             line = [sys.executable, "-m", "tests.fuzz.bombs", str(path)]
             done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=100)
             path.unlink(missing_ok=True)
-            said, seconds, grown = json.loads(done.stdout) if not done.returncode else (done.stderr[-200:], 99.0, 0)
+            said, seconds, grown = (
+                json.loads(done.stdout) if not done.returncode else (done.stderr[-200:], 99.0, 0)
+            )
             # Reading what lies between the holes is harmless if it is quick.
             harmful = seconds > LIMIT_SECONDS or grown > LIMIT_BYTES
             bad += harmful
-            print(f"{name:24}{seconds:6.2f}{grown >> 20:6}  {'FAULT ' * harmful}{said[:90] or 'read'}")
-    print(f"{len(bombs())} bombs, {bad} took more than {LIMIT_SECONDS:g} s or {LIMIT_BYTES >> 20} MB")
+            print(
+                f"{name:24}{seconds:6.2f}{grown >> 20:6}  {'FAULT ' * harmful}{said[:90] or 'read'}"
+            )
+    print(
+        f"{len(bombs())} bombs, {bad} took more than {LIMIT_SECONDS:g} s or {LIMIT_BYTES >> 20} MB"
+    )
     return 1 if bad else 0
 
 

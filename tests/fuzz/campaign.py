@@ -1,4 +1,6 @@
-"""Read many damaged files in worker processes, so that a file that crashes, hangs or swells one ends nothing else."""
+"""Read many damaged files in worker processes, so that a file that crashes, hangs or swells one
+ends nothing else.
+"""
 
 import multiprocessing
 import os
@@ -45,27 +47,50 @@ class Campaign:
 
     def table(self) -> str:
         """The counts, and the extremes, as lines of text."""
-        most = f"slowest {self.seconds:.2f} s, most memory beyond the program's own {self.bytes >> 20} MB"
+        most = (
+            f"slowest {self.seconds:.2f} s, most memory beyond the program's own "
+            f"{self.bytes >> 20} MB"
+        )
         return f"{table(self.counts)}\n{most}"
 
 
 def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = None) -> Campaign:
-    """Read the files with these numbers, `jobs` at a time. Files that cause faults are kept in the folder `keep`."""
+    """Read the files with these numbers, `jobs` at a time. Files that cause faults are kept in the
+    folder `keep`.
+    """
     campaign, samples = Campaign(), corpus()
-    with ProcessPool(jobs, initializer=_prepare, context=multiprocessing.get_context("spawn")) as pool:
-        readings = {number: pool.schedule(_read, args=[seed, number], timeout=LIMIT_SECONDS) for number in numbers}
+    with ProcessPool(
+        jobs, initializer=_prepare, context=multiprocessing.get_context("spawn")
+    ) as pool:
+        readings = {
+            number: pool.schedule(_read, args=[seed, number], timeout=LIMIT_SECONDS)
+            for number in numbers
+        }
         for number, reading in readings.items():
             sample, data = case(samples, seed, number)
             try:
                 (outcome, why), seconds, size = reading.result()
             except TimeoutError:
-                outcome, why, seconds, size = FAULT, f"did not end within {LIMIT_SECONDS:g} s", LIMIT_SECONDS, 0
+                outcome, why, seconds, size = (
+                    FAULT,
+                    f"did not end within {LIMIT_SECONDS:g} s",
+                    LIMIT_SECONDS,
+                    0,
+                )
             except ProcessExpired as error:
-                outcome, why, seconds, size = FAULT, f"the process that read it ended with {error.exitcode}", 0.0, 0
+                outcome, why, seconds, size = (
+                    FAULT,
+                    f"the process that read it ended with {error.exitcode}",
+                    0.0,
+                    0,
+                )
             if size > LIMIT_BYTES:
                 outcome, why = FAULT, f"took {size >> 20} MB"
             campaign.counts[sample.kind, outcome] += 1
-            campaign.seconds, campaign.bytes = max(campaign.seconds, seconds), max(campaign.bytes, size)
+            campaign.seconds, campaign.bytes = (
+                max(campaign.seconds, seconds),
+                max(campaign.bytes, size),
+            )
             if outcome == FAULT:
                 campaign.faults[number] = why
                 if keep:
@@ -103,7 +128,9 @@ def _originals() -> tuple[list[Sample], dict[bytes, object]]:
 
 
 def _read(seed: int, number: int) -> tuple[Outcome, float, int]:
-    """In a worker: the outcome of reading a damaged file, the seconds, and the bytes beyond those that it had before."""
+    """In a worker: the outcome of reading a damaged file, the seconds, and the bytes beyond those
+    that it had before.
+    """
     samples, originals = _originals()
     sample, data = case(samples, seed, number)
     # A splice may have made another whole sample.
@@ -118,7 +145,9 @@ def _read(seed: int, number: int) -> tuple[Outcome, float, int]:
 
 
 def _outcome(sample: Sample, original: object, path: Path) -> Outcome:
-    """Outcome of reading the file at `path`. A sealed file that reads as something else than `original` is a fault."""
+    """Outcome of reading the file at `path`. A sealed file that reads as something else than
+    `original` is a fault.
+    """
     try:
         content = sample.read(path)
     except InputError as error:
@@ -127,7 +156,11 @@ def _outcome(sample: Sample, original: object, path: Path) -> Outcome:
         return FAULT, "".join(traceback.format_exception(error))
     if content == original:
         return SAME, ""
-    return (FAULT, "silently wrong: accepted, and not what was written") if sample.sealed else (ALTERED, "")
+    return (
+        (FAULT, "silently wrong: accepted, and not what was written")
+        if sample.sealed
+        else (ALTERED, "")
+    )
 
 
 def _memory(figure: str) -> int:

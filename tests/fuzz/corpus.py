@@ -1,4 +1,6 @@
-"""The files that the fuzzer damages: small, of every kind that Panchroma reads, made by its writers; and their readers."""
+"""The files that the fuzzer damages: small, of every kind that Panchroma reads, made by its
+writers; and their readers.
+"""
 
 import io
 import json
@@ -61,7 +63,12 @@ def corpus() -> list[Sample]:
 
 
 def _shots() -> list[Sample]:
-    patterns = [CfaPattern.bayer(6), CfaPattern.bayer(9), CfaPattern.with_block(("RGB", "XWY"), 9, (2, 3)), CfaPattern.bayer(4)]
+    patterns = [
+        CfaPattern.bayer(6),
+        CfaPattern.bayer(9),
+        CfaPattern.with_block(("RGB", "XWY"), 9, (2, 3)),
+        CfaPattern.bayer(4),
+    ]
     patterns.append(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)))
     files = [encode_dng(mosaic(pattern), preview(24, 32)) for pattern in patterns]
     files.append(encode_dng(mosaic(CfaPattern.bayer(9), (64, 48)), preview(24, 32)))
@@ -71,24 +78,40 @@ def _shots() -> list[Sample]:
 def _read_shot(path: Path) -> bytes:
     shot = read_dng(path)
     read_preview(path)
-    return b"".join((repr((shot.pattern, shot.calibration, shot.shape)).encode(), shot.codes.tobytes()))
+    return b"".join(
+        (repr((shot.pattern, shot.calibration, shot.shape)).encode(), shot.codes.tobytes())
+    )
 
 
 def _pictures() -> list[Sample]:
-    rgb = np.random.default_rng(3).random((23, 31, 3)).astype(np.float32) * np.linspace(0, 1, 31, dtype=np.float32)[:, None]
+    rgb = (
+        np.random.default_rng(3).random((23, 31, 3)).astype(np.float32)
+        * np.linspace(0, 1, 31, dtype=np.float32)[:, None]
+    )
     known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
     kinds = [PictureKind(name, bits, space) for name, bits, space in _KINDS]
     samples = [
-        Sample(kind.format.upper(), kind.suffix, encode_picture(rgb, Development(kind, (23, 31), known, METADATA)), _read_scene)
+        Sample(
+            kind.format.upper(),
+            kind.suffix,
+            encode_picture(rgb, Development(kind, (23, 31), known, METADATA)),
+            _read_scene,
+        )
         for kind in kinds
     ]
     for tile, compression in product((None, (16, 16)), ("zlib", "lzw", None)):
-        written = _tiff((rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression)
+        written = _tiff(
+            (rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression
+        )
         samples.append(Sample("TIF", ".tif", written, _read_scene))
     bands = (rgb[..., [0, 1, 2, 0, 1]] * 65535).astype(np.uint16)
     stack = _tiff(np.moveaxis(bands, -1, 0).copy(), photometric="minisblack", compression="zlib")
     array = npy(bands.shape, "<u2") + bands.tobytes()
-    return [*samples, Sample("TIF", ".tif", stack, _read_bands), Sample("NPY", ".npy", array, _read_bands)]
+    return [
+        *samples,
+        Sample("TIF", ".tif", stack, _read_bands),
+        Sample("NPY", ".npy", array, _read_bands),
+    ]
 
 
 def _tiff(samples: NDArray[Any], **options: Any) -> bytes:
@@ -120,10 +143,16 @@ def _read_bands(path: Path) -> bytes:
 
 
 def _linear() -> list[Sample]:
-    """Linear DNGs: a render of ours, and those that other programs write, in tiles or strips, of integers or floating point."""
+    """Linear DNGs: a render of ours, and those that other programs write, in tiles or strips, of
+    integers or floating point.
+    """
     rgb = np.random.default_rng(4).random((23, 31, 3)).astype(np.float32)
     known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
-    files = [encode_picture(rgb, Development(PictureKind("dng", 16, "camera"), (23, 31), known, METADATA))]
+    files = [
+        encode_picture(
+            rgb, Development(PictureKind("dng", 16, "camera"), (23, 31), known, METADATA)
+        )
+    ]
     levels = (
         (50712, 3, 3, (0, 30000, 65535), True),
         (50714, 3, 1, 7, True),
@@ -135,9 +164,20 @@ def _linear() -> list[Sample]:
         ((rgb * 2).astype(np.uint16), None, "zlib"),
         (rgb, (16, 16), "zlib"),
     ):
-        tags: list[Any] = [(50706, 1, 4, bytes([1, 4, 0, 0]), True), *(levels if samples.dtype == np.uint16 else ())]
+        tags: list[Any] = [
+            (50706, 1, 4, bytes([1, 4, 0, 0]), True),
+            *(levels if samples.dtype == np.uint16 else ()),
+        ]
         options: dict[str, Any] = {"tile": tile} if tile else {"rowsperstrip": 7}
-        files.append(_tiff(samples, photometric="linear_raw", compression=compression, extratags=tags, **options))
+        files.append(
+            _tiff(
+                samples,
+                photometric="linear_raw",
+                compression=compression,
+                extratags=tags,
+                **options,
+            )
+        )
     return [Sample("linear DNG", ".dng", data, _read_scene) for data in files]
 
 
@@ -155,11 +195,18 @@ def _raws() -> list[Sample]:
 
 
 def _documents() -> list[Sample]:
-    full = Camera(calibration(defects=((3, 4), (5, 6))), CfaPattern.bayer(6), {"gamma": {"shots": 3, "sigma": [0.1, 0.2]}})
+    full = Camera(
+        calibration(defects=((3, 4), (5, 6))),
+        CfaPattern.bayer(6),
+        {"gamma": {"shots": 3, "sigma": [0.1, 0.2]}},
+    )
     plain = SensorCalibration()
     colours = cgats(color_checker_xyz())
     return [
-        *(Sample("camera.json", ".json", json.dumps(each.to_json()).encode(), _read_camera) for each in (full, plain, _measured())),
+        *(
+            Sample("camera.json", ".json", json.dumps(each.to_json()).encode(), _read_camera)
+            for each in (full, plain, _measured())
+        ),
         Sample("CGATS", ".ti3", colours.encode(), lambda path: read_reference(path).tobytes()),
     ]
 
@@ -168,14 +215,22 @@ def _measured() -> Camera:
     """A camera file that was measured: from a dark frame, and a chart."""
     dark, lit = frame(np.zeros((60, 60, 3))), frame(chart().rgb)
     shot = measure_chart("chart.dng", lit, color_checker_xyz(), true_place().corners)
-    return conclude(Measurements(color_checker_xyz(), lit, dark=measure_dark([dark]), shots=[shot])).camera
+    return conclude(
+        Measurements(color_checker_xyz(), lit, dark=measure_dark([dark]), shots=[shot])
+    ).camera
 
 
 def _read_camera(path: Path) -> bytes:
-    """The file, and all that is computed from it, where no number may overflow: an update, a preview and a render."""
+    """The file, and all that is computed from it, where no number may overflow: an update, a
+    preview and a render.
+    """
     camera = read_known(path)
     pattern = camera.pattern or CfaPattern.bayer(6)
-    codes = np.linspace(0, (1 << camera.calibration.bits) - 1, 24 * 30).astype(np.uint16).reshape(24, 30)
+    codes = (
+        np.linspace(0, (1 << camera.calibration.bits) - 1, 24 * 30)
+        .astype(np.uint16)
+        .reshape(24, 30)
+    )
     with np.errstate(all="raise", under="ignore"):
         shot = Mosaic(codes, pattern, camera.calibration)
         conclude(Measurements(color_checker_xyz(), shot, camera))
@@ -189,7 +244,9 @@ def _streams() -> list[Sample]:
     for name, bits, stride in (("raw10", 10, 40), ("raw12", 12, 64), ("u16", 12, 0)):
         layout = FrameLayout(24, 18, name, stride)
         sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(bits))
-        data = b"".join(pack(random_codes((18, 24), bits, seed), name, layout.stride) for seed in range(2))
+        data = b"".join(
+            pack(random_codes((18, 24), bits, seed), name, layout.stride) for seed in range(2)
+        )
 
         def read(path: Path, sensor: Sensor = sensor) -> bytes:
             with path.open("rb", buffering=0) as file:

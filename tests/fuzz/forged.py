@@ -22,27 +22,39 @@ Fields = dict[int, int | list[int] | bytes]
 
 
 def tiff(fields: Fields, strips: Sequence[bytes] = (), different: int = 0) -> bytes:
-    """A TIFF of one directory. different: 1: all strips are the same bytes of the file; 0: each has its own."""
+    """A TIFF of one directory. different: 1: all strips are the same bytes of the file; 0: each has
+    its own.
+    """
     kinds = {int: FieldType.LONG, list: FieldType.SHORT, bytes: FieldType.BYTE}
     known: Any = {
-        tag: (kinds[type(value)], [value] if isinstance(value, int) else value) for tag, value in fields.items() if value != b""
+        tag: (kinds[type(value)], [value] if isinstance(value, int) else value)
+        for tag, value in fields.items()
+        if value != b""
     }
     if not different:
         return encode_tiff(Directory(known, strips=strips))
     sizes: Any = {279: (FieldType.LONG, [len(strips[0])] * len(strips))}
     start = 0
     for _ in range(2):  # how long the directory is does not depend on where the strips are
-        data = encode_tiff(Directory(known | sizes | {273: (FieldType.LONG, [start] * len(strips))}))
+        data = encode_tiff(
+            Directory(known | sizes | {273: (FieldType.LONG, [start] * len(strips))})
+        )
         start = len(data)
     return data + strips[0]
 
 
 def entries_of(data: bytes | bytearray) -> dict[int, tuple[int, int, int, int]]:
-    """The fields of the first directory of a TIFF: tag -> (type, count, value or offset, place of the entry)."""
+    """The fields of the first directory of a TIFF: tag -> (type, count, value or offset, place of
+    the entry).
+    """
     (first,) = struct.unpack_from("<I", data, 4)
     (count,) = struct.unpack_from("<H", data, first)
     places = range(first + 2, first + 2 + 12 * count, 12)
-    return {tag: (*entry, place) for place in places for tag, *entry in [struct.unpack_from("<HHII", data, place)]}
+    return {
+        tag: (*entry, place)
+        for place in places
+        for tag, *entry in [struct.unpack_from("<HHII", data, place)]
+    }
 
 
 def chunk(name: bytes, data: bytes) -> bytes:
@@ -50,25 +62,44 @@ def chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
-def png(inserted: bytes = b"", *, side: int = SIDE, bits: int = 8, colour: int = 0, samples: bytes | None = None) -> bytes:
-    """A PNG of side x side pixels, grey (colour 0) or RGB (2). inserted: chunks between header and samples."""
+def png(
+    inserted: bytes = b"",
+    *,
+    side: int = SIDE,
+    bits: int = 8,
+    colour: int = 0,
+    samples: bytes | None = None,
+) -> bytes:
+    """A PNG of side x side pixels, grey (colour 0) or RGB (2). inserted: chunks between header and
+    samples.
+    """
     header = struct.pack(">IIBBBBB", side, side, bits, colour, 0, 0, 0)
     if samples is None:
         samples = zlib.compress(bytes(side * (1 + side * bits // 8)))
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + inserted + chunk(b"IDAT", samples) + chunk(b"IEND", b"")
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", header)
+        + inserted
+        + chunk(b"IDAT", samples)
+        + chunk(b"IEND", b"")
+    )
 
 
 def picture(kind: str, pixels: NDArray[np.uint8] | None = None, **options: object) -> bytes:
     """A black picture as Pillow writes it. pixels: in place of SIDE x SIDE RGB ones."""
     buffer = io.BytesIO()
-    Image.fromarray(np.zeros((SIDE, SIDE, 3), np.uint8) if pixels is None else pixels).save(buffer, kind, **options)
+    Image.fromarray(np.zeros((SIDE, SIDE, 3), np.uint8) if pixels is None else pixels).save(
+        buffer, kind, **options
+    )
     return buffer.getvalue()
 
 
 def npy(shape: tuple[int, ...], kind: str = "<f4") -> bytes:
     """The header of an array."""
     buffer = io.BytesIO()
-    np.lib.format.write_array_header_1_0(buffer, {"descr": kind, "fortran_order": False, "shape": shape})
+    np.lib.format.write_array_header_1_0(
+        buffer, {"descr": kind, "fortran_order": False, "shape": shape}
+    )
     return buffer.getvalue()
 
 

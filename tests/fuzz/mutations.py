@@ -1,4 +1,6 @@
-"""Damage that disks, cables, editors and attackers do to files. The same seed does the same damage."""
+"""Damage that disks, cables, editors and attackers do to files. The same seed does the same
+damage.
+"""
 
 import re
 import struct
@@ -8,7 +10,23 @@ import numpy as np
 
 Random = np.random.Generator
 
-_SIZES = (0, 1, 2, 7, 255, 256, 32767, 65500, 65535, 65536, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, (1 << 63) - 1)
+_SIZES = (
+    0,
+    1,
+    2,
+    7,
+    255,
+    256,
+    32767,
+    65500,
+    65535,
+    65536,
+    1 << 24,
+    (1 << 31) - 1,
+    1 << 31,
+    (1 << 32) - 1,
+    (1 << 63) - 1,
+)
 _NUMBERS = (
     *b"0 -1 1e999 NaN".split(),
     *(b"9" * digits for digits in (30, 401, 6000)),
@@ -84,7 +102,9 @@ def _noise(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
 
 
 def _splice(data: bytearray, random: Random, others: Sequence[bytes]) -> bytearray:
-    """Join the beginning of one file and the end of another, or copy a piece of another to the same place."""
+    """Join the beginning of one file and the end of another, or copy a piece of another to the same
+    place.
+    """
     other = others[int(random.integers(len(others)))]
     place = _place(data, random)
     if random.integers(2):
@@ -94,4 +114,15 @@ def _splice(data: bytearray, random: Random, others: Sequence[bytes]) -> bytearr
     return data
 
 
-_MUTATIONS = (_flip, _flip, _truncate, _size_field, _size_field, _number, _duplicate, _remove, _noise, _splice)
+_MUTATIONS = (
+    _flip,
+    _flip,
+    _truncate,
+    _size_field,
+    _size_field,
+    _number,
+    _duplicate,
+    _remove,
+    _noise,
+    _splice,
+)

@@ -1,9 +1,11 @@
-"""Extreme scenes through every way to a picture: each has to end in a picture that is finite, and right where that is known.
+"""Extreme scenes through every way to a picture: each has to end in a picture that is finite, and
+right where that is known.
 
     python -m tests.fuzz.scenes --count 2000 --seed 1
     python -m tests.fuzz.scenes --number 4711 --seed 1        repeat one of them
 
-A case is a scene, its light, a filter pattern, a calibration and a way to the picture. What is known of the result:
+A case is a scene, its light, a filter pattern, a calibration and a way to the picture. What is
+known of the result:
     finite      every value of every picture, without an invalid operation in NumPy on the way
     even        a constant scene without noise comes back constant, and a black one black
     moderate    nothing is brighter, or darker than black, than a few times the brightest sample
@@ -28,25 +30,53 @@ from tests.fuzz.sweep import sweep
 
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
 WAYS = (*PRESETS, "burst", "preview")
-SCENES = ("black", "white", "constant", "pixel", "row", "checker", "letterbox", "below black", "strokes", "random")
+SCENES = (
+    "black",
+    "white",
+    "constant",
+    "pixel",
+    "row",
+    "checker",
+    "letterbox",
+    "below black",
+    "strokes",
+    "random",
+)
 LIGHTS = (1.0, 1.0, 1.0, 2.0**-6, 30.0, 100.0)  # times the scene
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 EIGHT = ("HIJ", "KWL", "NOP"), ("HIJK", "LNOP")
 TAKES = ("exact", "exact", "exact", "noisy", "codes")
-NOISES = ("none", "none", "unknown", "typical", "no read noise", "no shot noise", "tiny", "tiny shot noise", "huge")
+NOISES = (
+    "none",
+    "none",
+    "unknown",
+    "typical",
+    "no read noise",
+    "no shot noise",
+    "tiny",
+    "tiny shot noise",
+    "huge",
+)
 LENSES = ("none", "none", "none", "shading")
 _ORDINARY = 0.3  # least gamma; beyond it and its inverse a picture has to be finite and moderate
-_EVEN = 1e-3  # of the brightest: what a constant scene may be off by; the solvers end at residuals of this size
-_SHADED = 0.03  # likewise with shading, whose slopes over a few pixels are harder to fill in than any lens's
-_CODES = 0.1  # likewise of previews, which see codes: ten bits, of which the black level may leave forty codes
+# of the brightest: what a constant scene may be off by; the solvers end at residuals of this size
+_EVEN = 1e-3
+# likewise with shading, whose slopes over a few pixels are harder to fill in than any lens's
+_SHADED = 0.03
+# likewise of previews, which see codes: ten bits, of which the black level may leave forty codes
+_CODES = 0.1
 _BLACK = 1e-6  # scene units: what a black scene may show
 _WILD = 10.0  # times the brightest: where light is below black, colours are hardly bound
-_UNITS = 0.1  # of the brightest, root mean square: thresholds in scene units make the same scene come back a little differently
+# of the brightest, root mean square: thresholds in scene units make the same scene come back a
+# little differently
+_UNITS = 0.1
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case. scene: (H, W, C), scene units, `light` included; for the other fields see the module."""
+    """One case. scene: (H, W, C), scene units, `light` included; for the other fields see the
+    module.
+    """
 
     way: str
     name: str
@@ -63,7 +93,8 @@ class Case:
         height, width, _ = self.scene.shape
         tile, origin = "/".join(self.pattern.tile), self.pattern.origin
         return (
-            f"{self.way}, {self.name} x {self.light:g}, {self.take}, noise {self.noise}, lens {self.lens}, {width} x {height}, "
+            f"{self.way}, {self.name} x {self.light:g}, {self.take}, noise {self.noise}, lens "
+            f"{self.lens}, {width} x {height}, "
             f"{tile} at {origin}, gamma {[round(each, 3) for each in self.calibration.gamma]}"
         )
 
@@ -73,13 +104,20 @@ def case(seed: int, number: int) -> Case:
     random = Random(f"{seed} {number}")
     pattern, way = _pattern(random), random.choice(WAYS)
     least = 24 if way == "burst" else 2 * pattern.period
-    height, width = (random.choice((least, random.randrange(least, least + 12), random.randrange(60, 140))) for _ in range(2))
+    height, width = (
+        random.choice((least, random.randrange(least, least + 12), random.randrange(60, 140)))
+        for _ in range(2)
+    )
     channels, name, light = len(pattern.channels), random.choice(SCENES), random.choice(LIGHTS)
-    scene = light * _drawn(name, (height, width, channels), np.random.default_rng(random.randrange(1 << 30)))
+    scene = light * _drawn(
+        name, (height, width, channels), np.random.default_rng(random.randrange(1 << 30))
+    )
     noise, lens = random.choice(NOISES), random.choice(LENSES)
     calibration = _calibration(random, pattern, (height, width), noise, lens, light)
     take, shot = random.choice(TAKES), scene.astype(np.float32)
-    return Case(way, name, light, take, noise, lens, pattern, calibration, shot, random.randrange(1 << 30))
+    return Case(
+        way, name, light, take, noise, lens, pattern, calibration, shot, random.randrange(1 << 30)
+    )
 
 
 def _pattern(random: Random) -> CfaPattern:
@@ -101,7 +139,9 @@ def _pattern(random: Random) -> CfaPattern:
 
 def _drawn(name: str, shape: tuple[int, int, int], random: np.random.Generator) -> FloatArray:
     colour, row, column = random.uniform(0.05, 1, shape[2]), *np.indices(shape[:2])
-    scene = np.full(shape, 0.0 if name == "black" else 1.0) * (1 if name in ("black", "white") else colour)
+    scene = np.full(shape, 0.0 if name == "black" else 1.0) * (
+        1 if name in ("black", "white") else colour
+    )
     place = tuple(int(random.integers(size)) for size in shape[:2])
     period = int(random.integers(1, 9))
     match name:
@@ -129,7 +169,11 @@ def _calibration(
 ) -> SensorCalibration:
     count, letters = len(pattern.channels), pattern.channels
     gamma = random.choice(
-        ((1.0,) * count, tuple(random.uniform(0.5, 1.5) for _ in letters), tuple(10 ** random.uniform(-2, 2) for _ in letters))
+        (
+            (1.0,) * count,
+            tuple(random.uniform(0.5, 1.5) for _ in letters),
+            tuple(10 ** random.uniform(-2, 2) for _ in letters),
+        )
     )
     figures = {
         "unknown": None,
@@ -151,18 +195,28 @@ def _calibration(
         model,
         (black,) * (count + 1),
         (1 << bits) - 1,
-        defects=random.choice(((), tuple((random.randrange(shape[0]), random.randrange(shape[1])) for _ in range(20)))),
+        defects=random.choice(
+            ((), tuple((random.randrange(shape[0]), random.randrange(shape[1])) for _ in range(20)))
+        ),
         shading=Shading(points, shape) if lens == "shading" else None,
     )
 
 
 def photographed(case: Case, factor: float = 1.0, frame: int = 0) -> Mosaic:
-    """The shot of a case. factor: times its light. frame: of a burst; each is displaced, and has noise of its own."""
-    random, scene = np.random.default_rng((case.seed, frame)), np.roll(case.scene, frame, (0, 1)) * np.float32(factor)
+    """The shot of a case. factor: times its light. frame: of a burst; each is displaced, and has
+    noise of its own.
+    """
+    random, scene = (
+        np.random.default_rng((case.seed, frame)),
+        np.roll(case.scene, frame, (0, 1)) * np.float32(factor),
+    )
     if case.take == "codes":
         return simulate_sensor(scene, case.pattern, case.calibration, 1.0, random)
     sigma = 0.02 * case.light if case.take == "noisy" else 0.0
-    return replace(simulate_additive(scene, case.pattern, case.calibration, sigma, random), calibration=case.calibration)
+    return replace(
+        simulate_additive(scene, case.pattern, case.calibration, sigma, random),
+        calibration=case.calibration,
+    )
 
 
 def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
@@ -170,11 +224,18 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
     shot = photographed(case, factor)
     match case.way:
         case "preview":
-            screen, light = (Preview.for_mosaic(shot, linear=linear, threads=1).run(shot) for linear in (False, True))
+            screen, light = (
+                Preview.for_mosaic(shot, linear=linear, threads=1).run(shot)
+                for linear in (False, True)
+            )
             return [light.astype(np.float32), screen.astype(np.float32)]
         case "burst":
             merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
-            return [np.concatenate(list(render_burst_bands(merged))), merged.shares, merged.measured.luminance]
+            return [
+                np.concatenate(list(render_burst_bands(merged))),
+                merged.shares,
+                merged.measured.luminance,
+            ]
         case preset:
             made = render(shot, PRESETS[preset])
             return [made.rgb, made.luminance, made.chromaticity]
@@ -199,20 +260,40 @@ def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
     if case.take != "exact" or case.noise == "huge":
         return RIGHT, ""
     gamma = np.array(case.calibration.gamma)
-    brightest = float(max(np.abs(sample(case.scene, case.pattern, case.calibration)).max(), (gamma * np.abs(case.scene)).max()))
+    brightest = float(
+        max(
+            np.abs(sample(case.scene, case.pattern, case.calibration)).max(),
+            (gamma * np.abs(case.scene)).max(),
+        )
+    )
     weighted, quantised = picture * gamma, case.way == "preview"
     if case.name == "black" and np.abs(weighted).max() > _BLACK:
         return FAULT, f"not black: {weighted.min():g} to {weighted.max():g}"
     if np.abs(weighted).max() > _WILD * brightest + _BLACK and not quantised:
-        return FAULT, f"wild: {weighted.min():g} to {weighted.max():g} where {brightest:g} is the brightest"
-    ordinary = _ORDINARY <= min(case.calibration.gamma) <= max(case.calibration.gamma) <= 1 / _ORDINARY
+        return (
+            FAULT,
+            f"wild: {weighted.min():g} to {weighted.max():g} where {brightest:g} is the brightest",
+        )
+    ordinary = (
+        _ORDINARY <= min(case.calibration.gamma) <= max(case.calibration.gamma) <= 1 / _ORDINARY
+    )
     if case.name in ("white", "constant") and ordinary and (case.light == 1 or not quantised):
-        limit = (_CODES if quantised else _EVEN if case.calibration.shading is None else _SHADED) * brightest
-        limit += case.calibration.noise.sigma(brightest) if case.calibration.noise else 0.0  # what is in the noise may move
+        limit = (
+            _CODES if quantised else _EVEN if case.calibration.shading is None else _SHADED
+        ) * brightest
+        # what is in the noise may move
+        limit += case.calibration.noise.sigma(brightest) if case.calibration.noise else 0.0
         known = case.noise == "none"
-        off = float(np.abs(weighted - gamma * case.scene[0, 0]).max() if known else np.ptp(weighted, axis=(0, 1)).max())
+        off = float(
+            np.abs(weighted - gamma * case.scene[0, 0]).max()
+            if known
+            else np.ptp(weighted, axis=(0, 1)).max()
+        )
         if off > limit:
-            return FAULT, f"{'off' if known else 'uneven'} by {off:g} where the brightest is {brightest:g}"
+            return (
+                FAULT,
+                f"{'off' if known else 'uneven'} by {off:g} where the brightest is {brightest:g}",
+            )
     if case.way in PRESETS and ordinary and case.noise == "none":
         off = float(np.sqrt(np.square((pictures(case, 2.0)[0] / 2 - picture) * gamma).mean()))
         if off > _UNITS * brightest:

@@ -1,4 +1,6 @@
-"""A campaign of cases with numbers, on the command line: each is tried, faults are told, and a table of outcomes is shown."""
+"""A campaign of cases with numbers, on the command line: each is tried, faults are told, and a
+table of outcomes is shown.
+"""
 
 import argparse
 import sys
@@ -9,8 +11,12 @@ _REPORT = 100  # cases between two reports of progress
 
 
 def options(about: str | None, count: int) -> argparse.ArgumentParser:
-    """The options of every campaign: how many cases (`count` unless it is said), of which seed, or one of them alone."""
-    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """The options of every campaign: how many cases (`count` unless it is said), of which seed, or
+    one of them alone.
+    """
+    parser = argparse.ArgumentParser(
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=count, metavar="N", help="cases")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--number", type=int, help="only this case")
@@ -22,7 +28,11 @@ def numbers(arguments: argparse.Namespace) -> Sequence[int]:
     return range(arguments.count) if arguments.number is None else [arguments.number]
 
 
-def sweep(about: str | None, tried: Callable[[int, int], tuple[str, str, str]], is_fault: Callable[[str, str], bool]) -> int:
+def sweep(
+    about: str | None,
+    tried: Callable[[int, int], tuple[str, str, str]],
+    is_fault: Callable[[str, str], bool],
+) -> int:
     """Try the cases that the command line asks for. Returns the exit code: 1 if one is a fault.
 
     tried: (seed, number) -> kind of the case, outcome, and what is to be told of it; "" = nothing.
@@ -34,7 +44,11 @@ def sweep(about: str | None, tried: Callable[[int, int], tuple[str, str, str]], 
         kind, outcome, told = tried(arguments.seed, number)
         counts[kind, outcome] += 1
         if told:
-            print(f"seed {arguments.seed} number {number}: {outcome}: {told}", file=sys.stderr, flush=True)
+            print(
+                f"seed {arguments.seed} number {number}: {outcome}: {told}",
+                file=sys.stderr,
+                flush=True,
+            )
         if counts.total() % _REPORT == 0:
             print(f"{counts.total()} of {arguments.count}", file=sys.stderr, flush=True)
     print(table(counts))
@@ -46,6 +60,9 @@ def table(counts: Counter[tuple[str, str]]) -> str:
     kinds, outcomes = (sorted(dict.fromkeys(each)) for each in zip(*counts, strict=True))
     rows = [f"{'':12}{'cases':>8}" + "".join(f"{name:>12}" for name in outcomes)]
     for kind in [*kinds, "all"]:
-        figures = [sum(counts[each, name] for each in (kinds if kind == "all" else [kind])) for name in outcomes]
+        figures = [
+            sum(counts[each, name] for each in (kinds if kind == "all" else [kind]))
+            for name in outcomes
+        ]
         rows.append(f"{kind:12}{sum(figures):8}" + "".join(f"{figure:12}" for figure in figures))
     return "\n".join(rows)

@@ -16,11 +16,15 @@ def test_no_damage_does_harm() -> None:
     assert sum(found.counts.values()) == 200
     kinds = {sample.kind for sample in corpus()}
     assert {kind for kind, _ in found.counts} == kinds
-    assert min(sum(found.counts[kind, name] for kind in kinds) for name in (SAME, ALTERED, REFUSED)) > 8
+    assert (
+        min(sum(found.counts[kind, name] for kind in kinds) for name in (SAME, ALTERED, REFUSED))
+        > 8
+    )
 
 
 def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
-    """All in one process, whose peak bounds that of each; of needless pieces only time would show that they are read.
+    """All in one process, whose peak bounds that of each; of needless pieces only time would show
+    that they are read.
 
     The command measures them one by one.
     """
@@ -38,4 +42,8 @@ def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
 def test_extreme_scenes_end_in_pictures() -> None:
     cases = [scenes.case(2014, number) for number in range(40)]
     assert {each.way for each in cases} == set(scenes.WAYS)
-    assert [(str(each), scenes.outcome(each)) for each in cases if scenes.outcome(each)[0] != scenes.RIGHT] == []
+    assert [
+        (str(each), scenes.outcome(each))
+        for each in cases
+        if scenes.outcome(each)[0] != scenes.RIGHT
+    ] == []

@@ -1,6 +1,7 @@
 """Generate the pictures that `offline.version.ALGORITHM` stands for: python -m tests.golden.render
 
-Run it after raising the number, and say in the change what is different. (Before the first release the number may stay.)
+Run it after raising the number, and say in the change what is different. (Before the first release
+the number may stay.)
 """
 
 import argparse
@@ -45,26 +46,34 @@ class Golden:
 def now() -> Golden:
     """The pictures that this source makes on this machine."""
     pictures = {name: _picture(name) for name in PRESETS}
-    digests = {name: hashlib.sha256(picture.tobytes()).hexdigest() for name, picture in pictures.items()}
+    digests = {
+        name: hashlib.sha256(picture.tobytes()).hexdigest() for name, picture in pictures.items()
+    }
     return Golden(ALGORITHM, _compiler(), pictures, digests)
 
 
 def saved() -> Golden:
     """The pictures that were kept."""
     with np.load(_PICTURES) as file:
-        return Golden(**json.loads(_FACTS.read_text()), pictures={name: file[name] for name in PRESETS})
+        return Golden(
+            **json.loads(_FACTS.read_text()), pictures={name: file[name] for name in PRESETS}
+        )
 
 
 def _picture(preset: str) -> FloatArray:
     """The rendering of a noisy shot of leaves, 36 x 28, K = 6."""
     calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
-    taken = simulate_additive(leaves(28, 36), CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0))
+    taken = simulate_additive(
+        leaves(28, 36), CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0)
+    )
     rgb = render(Mosaic(taken.codes, taken.pattern, taken.calibration), PRESETS[preset]).rgb
     return np.stack([rgb, ColourTransform.to_space(calibration, "srgb").apply(rgb)])
 
 
 def _compiler() -> str:
-    """Everything that the bytes may depend on. Processors with other instructions round sums of floats differently."""
+    """Everything that the bytes may depend on. Processors with other instructions round sums of
+    floats differently.
+    """
     features = numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten()
     processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
     digest = hashlib.sha256(features.encode()).hexdigest()[:8]
@@ -73,7 +82,9 @@ def _compiler() -> str:
 
 def main() -> None:
     """Write both files."""
-    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     made = now()
     facts = {"algorithm": made.algorithm, "made_by": made.made_by, "digests": made.digests}
     _FACTS.write_text(json.dumps(facts, indent=1) + "\n")

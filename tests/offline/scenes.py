@@ -1,4 +1,6 @@
-"""Small scenes and sensors for the stages: all periods and phases, odd sizes, cut blocks, five channels, scattered sites."""
+"""Small scenes and sensors for the stages: all periods and phases, odd sizes, cut blocks, five
+channels, scattered sites.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,10 @@ CASES = {
     "one row": (CfaPattern.with_block(("RGB",), 5, (4, 3)), (17, 12)),
     "across the tile's edge": (CfaPattern(("BWWWG", "WWWWW", "WWWWW", "WWWWW", "GWWWR")), (16, 14)),
     "scattered": (CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)), (17, 22)),
-    "two blocks": (CfaPattern.of_letters("RGWWWW/GBWWWW/WWWWWW/WWWBGW/WWWGRW/WWWWWW", (4, 3)), (26, 21)),
+    "two blocks": (
+        CfaPattern.of_letters("RGWWWW/GBWWWW/WWWWWW/WWWBGW/WWWGRW/WWWWWW", (4, 3)),
+        (26, 21),
+    ),
     "one block": (CfaPattern.bayer(6, origin=(2, 3)), (4, 5)),
 }
 every_case = pytest.mark.parametrize(("pattern", "shape"), CASES.values(), ids=list(CASES))
@@ -33,19 +38,31 @@ def gamma_of(pattern: CfaPattern) -> tuple[float, ...]:
 
 
 def materials(shape: tuple[int, int], channels: int, seed: int = 0) -> DoubleArray:
-    """A scene of a few materials with slanted borders, each shaded and textured; values about 0.05 to 1."""
+    """A scene of a few materials with slanted borders, each shaded and textured; values about 0.05
+    to 1.
+    """
     random = np.random.default_rng(seed)
     row, column = np.indices(shape)
-    regions = (row + 0.3 * column > shape[0] / 2).astype(int) + 2 * (column - 0.4 * row > shape[1] / 3)
+    regions = (row + 0.3 * column > shape[0] / 2).astype(int) + 2 * (
+        column - 0.4 * row > shape[1] / 3
+    )
     colours = random.uniform(0.2, 1.0, (4, channels))
-    shading = 0.6 + 0.3 * np.sin(row / 5.0) * np.cos(column / 7.0) + random.uniform(-0.1, 0.1, shape)
+    shading = (
+        0.6 + 0.3 * np.sin(row / 5.0) * np.cos(column / 7.0) + random.uniform(-0.1, 0.1, shape)
+    )
     return colours[regions] * shading[..., None]
 
 
-def shot(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02, seed: int = 0) -> Mosaic:
+def shot(
+    pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02, seed: int = 0
+) -> Mosaic:
     """A noisy mosaic of `materials`, whose calibration knows the noise."""
-    noise = None if sigma is None else np.random.default_rng(seed + 1).normal(scale=sigma, size=shape)
-    return observe(materials(shape, len(pattern.channels), seed), pattern, gamma_of(pattern), sigma, noise)
+    noise = (
+        None if sigma is None else np.random.default_rng(seed + 1).normal(scale=sigma, size=shape)
+    )
+    return observe(
+        materials(shape, len(pattern.channels), seed), pattern, gamma_of(pattern), sigma, noise
+    )
 
 
 def cleaned(mosaic: Mosaic, clipping: float = np.inf) -> Cleaned:

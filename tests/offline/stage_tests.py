@@ -1,4 +1,6 @@
-"""Properties that every stage has, written once: the tests of a stage derive a class from one of these."""
+"""Properties that every stage has, written once: the tests of a stage derive a class from one of
+these.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -29,12 +31,19 @@ class StageTests(ABC):
 
     @abstractmethod
     def run(self, mosaic: Mosaic) -> FloatArray:
-        """Return the stage's result for a mosaic: one array, rows and columns first; not flat by itself, flat for a flat scene."""
+        """Return the stage's result for a mosaic: one array, rows and columns first; not flat by
+        itself, flat for a flat scene.
+        """
 
     def flat_scene(self, pattern: CfaPattern, shape: tuple[int, int]) -> Mosaic:
         """A surface of one colour, without noise."""
         colour = np.linspace(0.3, 0.9, len(pattern.channels))
-        return observe(np.broadcast_to(colour, (*shape, len(colour))), pattern, gamma_of(pattern), self.sigma and 1e-4)
+        return observe(
+            np.broadcast_to(colour, (*shape, len(colour))),
+            pattern,
+            gamma_of(pattern),
+            self.sigma and 1e-4,
+        )
 
     @every_case
     def test_a_flat_scene_stays_flat(self, pattern: CfaPattern, shape: tuple[int, int]) -> None:
@@ -43,7 +52,9 @@ class StageTests(ABC):
         assert (spread <= FLAT * np.abs(result).max(axis=(0, 1))).all()
 
     @every_case
-    def test_the_result_is_finite_and_the_input_stays(self, pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    def test_the_result_is_finite_and_the_input_stays(
+        self, pattern: CfaPattern, shape: tuple[int, int]
+    ) -> None:
         mosaic = shot(pattern, shape, self.sigma)
         before = mosaic.samples.copy()
         assert np.isfinite(self.run(mosaic)).all()
@@ -78,7 +89,9 @@ class RowStageTests(StageTests):
     def rendered(self, mosaic: Mosaic, cuts: list[int]) -> FloatArray:
         """Return colour after the stage, (H, W, C), from parts that end at these rows."""
         measured = measure(mosaic, self.settings)
-        grey = np.full((*measured.shape, len(measured.gamma)), measured.calibration.grey, np.float32)
+        grey = np.full(
+            (*measured.shape, len(measured.gamma)), measured.calibration.grey, np.float32
+        )
         whole = Part(0, measured.luminance, grey)
         first, *others = self.stages(measured)
         assert isinstance(first, Propagation)

@@ -20,7 +20,8 @@ from tests.reference import geometry
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of
 
-# Conjugate gradients in float32 reach a relative residual of 1e-6 and no further; systems of this size magnify it about ten times.
+# Conjugate gradients in float32 reach a relative residual of 1e-6 and no further; systems of this
+# size magnify it about ten times.
 TIGHT = AffinitySettings(tolerance=1e-6)
 SOLVED = 5e-5
 # What the residual of 1e-3 that a render asks for leaves in the affinities of such systems.
@@ -28,19 +29,24 @@ PAPER = AffinitySettings()
 RENDERED = 0.03
 # Four values of about one, each rounded to float32.
 SUM = 5e-7
-# What a halo of two patches leaves at most, for periods up to 8. The solver's tolerance of 1e-3 leaves 0.1 and 1e-3.
+# What a halo of two patches leaves at most, for periods up to 8. The solver's tolerance of 1e-3
+# leaves 0.1 and 1e-3.
 CUT, CUT_RMS = 0.01, 5e-4
 
 
 def light_of(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> FloatArray:
-    return luminance_of(materials(shape, len(pattern.channels), seed), gamma_of(pattern)).astype(np.float32)
+    return luminance_of(materials(shape, len(pattern.channels), seed), gamma_of(pattern)).astype(
+        np.float32
+    )
 
 
 def solve(light: FloatArray, pattern: CfaPattern, settings: AffinitySettings) -> FloatArray:
     return solve_affinities(light, pattern, settings)
 
 
-def expected(luminance: FloatArray, pattern: CfaPattern, scales: tuple[float, ...] = PAPER.scales) -> DoubleArray:
+def expected(
+    luminance: FloatArray, pattern: CfaPattern, scales: tuple[float, ...] = PAPER.scales
+) -> DoubleArray:
     return reference.fields(luminance.astype(np.float64), pattern, scales)
 
 
@@ -58,7 +64,11 @@ def test_equals_the_reference_at_other_scales(scales: tuple[float, ...]) -> None
     """At a tenth of a pixel the derivative reaches no neighbour: no edges at all."""
     pattern, shape = CASES["odd"]
     light = light_of(pattern, shape)
-    assert_close(solve(light, pattern, AffinitySettings(scales, 1e-6)), expected(light, pattern, scales), SOLVED)
+    assert_close(
+        solve(light, pattern, AffinitySettings(scales, 1e-6)),
+        expected(light, pattern, scales),
+        SOLVED,
+    )
 
 
 @pytest.mark.parametrize("value", [0.0, 0.7, -1.0, 1e4])
@@ -69,7 +79,9 @@ def test_equals_the_reference_without_edges(value: float) -> None:
 
 
 @every_case
-def test_sums_to_one_within_bounds_and_holds_the_pins(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_sums_to_one_within_bounds_and_holds_the_pins(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     found = solve(light_of(pattern, shape), pattern, PAPER)
     down, across = geometry.patch_counts(pattern, shape)
     assert found.shape == (2, 2, down * pattern.period, across * pattern.period)
@@ -86,15 +98,21 @@ def test_brightness_does_not_matter(scale: float) -> None:
     """e is a ratio."""
     pattern, shape = CASES["odd"]
     light = light_of(pattern, shape)
-    assert_close(solve(light * np.float32(scale), pattern, TIGHT), solve(light, pattern, TIGHT), SOLVED)
+    assert_close(
+        solve(light * np.float32(scale), pattern, TIGHT), solve(light, pattern, TIGHT), SOLVED
+    )
 
 
 def test_affinity_stops_at_an_edge() -> None:
-    """A step half way between two blocks: pixels before it belong more to the left one than without it, those after it less."""
-    pattern, shape = CfaPattern.bayer(6, origin=(5, 5)), (24, 24)  # patches begin at column 0, 6, 12, ...
+    """A step half way between two blocks: pixels before it belong more to the left one than without
+    it, those after it less.
+    """
+    # patches begin at column 0, 6, 12, ...
+    pattern, shape = CfaPattern.bayer(6, origin=(5, 5)), (24, 24)
     step = np.where(np.arange(24) < 9, 0.2, 1.0).astype(np.float32) * np.ones((24, 1), np.float32)
     even, edge = (
-        solve(light, pattern, TIGHT)[:, 1].sum(axis=0)[:, 6:12] for light in (np.ones(shape, np.float32), step)
+        solve(light, pattern, TIGHT)[:, 1].sum(axis=0)[:, 6:12]
+        for light in (np.ones(shape, np.float32), step)
     )  # how far the second patch's pixels belong to its left blocks, whose column index is one
     within = slice(8, 10)  # rows away from the blocks, which are pinned
     assert (edge[within, :3] > even[within, :3] + 0.01).all()
@@ -104,12 +122,17 @@ def test_affinity_stops_at_an_edge() -> None:
 @pytest.mark.parametrize("iterations", [1, 5])
 def test_too_few_iterations_are_an_error_that_says_how_far_it_came(iterations: int) -> None:
     pattern, shape = CASES["odd"]
-    with pytest.raises(ConvergenceError, match=rf"relative residual of .* after {iterations} iterations, short of 1\.0e-03"):
+    with pytest.raises(
+        ConvergenceError,
+        match=rf"relative residual of .* after {iterations} iterations, short of 1\.0e-03",
+    ):
         solve(light_of(pattern, shape), pattern, AffinitySettings(iterations=iterations))
 
 
 def test_blocks_that_differ_from_even_light_by_rounding_take_long_and_converge() -> None:
-    """Such a step around every block is the strongest edge there is, and nearly cuts all light off from the blocks."""
+    """Such a step around every block is the strongest edge there is, and nearly cuts all light off
+    from the blocks.
+    """
     pattern, shape = CfaPattern.bayer(13), (400, 430)
     light = np.where(pattern.panchromatic_mask(shape), 2.4, 2.4 * (1 - 3e-7)).astype(np.float32)
     log = SolverLog()
@@ -136,7 +159,9 @@ def test_difficult_pictures_converge_in_the_papers_settings(kind: str, period: i
 
 
 def test_shares_what_edges_cut_off_from_every_block() -> None:
-    """Behind edges so strong that their weights all but vanish the solver must not leave a pixel where it started."""
+    """Behind edges so strong that their weights all but vanish the solver must not leave a pixel
+    where it started.
+    """
     light = np.full((60, 60), 1.0, np.float32)
     light[:, :20], light[:, 20] = 0.0, 0.5
     pattern = CfaPattern.bayer(16)
@@ -155,7 +180,9 @@ def shaded_steps(shape: tuple[int, int], seed: int = 0) -> FloatArray:
     random = np.random.default_rng(seed)
     row, column = np.indices(shape)
     steps = 0.4 * (np.sin(row / 9.0 + seed) * np.cos(column / 13.0) > 0.2)
-    return (0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)).astype(np.float32)
+    return (0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)).astype(
+        np.float32
+    )
 
 
 def compare_with_the_whole_frame(light: FloatArray, pattern: CfaPattern) -> None:
@@ -165,14 +192,18 @@ def compare_with_the_whole_frame(light: FloatArray, pattern: CfaPattern) -> None
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(6, 150, seed=3))
-def test_small_regions_equal_the_whole_frame(pattern: CfaPattern, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_small_regions_equal_the_whole_frame(
+    pattern: CfaPattern, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Cores of three patches: nine times as many borders as there will ever be."""
     monkeypatch.setattr(stage, "core_patches", lambda _: (3, 3))
     compare_with_the_whole_frame(shaded_steps(shape), pattern)
 
 
 @pytest.mark.parametrize("period", [3, 6])
-def test_rows_of_patches_and_threads_leave_no_trace(period: int, each_thread_count: Iterator[int]) -> None:
+def test_rows_of_patches_and_threads_leave_no_trace(
+    period: int, each_thread_count: Iterator[int]
+) -> None:
     pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
     light = shaded_steps(shape)
     entire = solve(light, pattern, PAPER)

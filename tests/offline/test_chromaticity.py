@@ -1,4 +1,6 @@
-"""Block chromaticities and oriented medians against their reference, and against the constraint of Eq. 7."""
+"""Block chromaticities and oriented medians against their reference, and against the constraint of
+Eq. 7.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -6,7 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from panchroma.offline.stages.chromaticity import ChromaticitySettings, estimate_chromaticities, oriented_medians
+from panchroma.offline.stages.chromaticity import (
+    ChromaticitySettings,
+    estimate_chromaticities,
+    oriented_medians,
+)
 from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
@@ -35,7 +41,11 @@ class TestChromaticity(StageTests):
 def expected(mosaic: Mosaic, luminance: FloatArray, settings: ChromaticitySettings) -> DoubleArray:
     gamma = mosaic.calibration.gamma
     coarse = reference.estimate(
-        mosaic.signal.astype(np.float64), luminance.astype(np.float64), mosaic.pattern, gamma, sigma_of_colour(mosaic)
+        mosaic.signal.astype(np.float64),
+        luminance.astype(np.float64),
+        mosaic.pattern,
+        gamma,
+        sigma_of_colour(mosaic),
     )
     coarse = reference.oriented_medians(coarse, gamma, settings.taps, settings.repetitions)
     return reference.extend(coarse, mosaic.pattern, mosaic.shape)
@@ -43,7 +53,9 @@ def expected(mosaic: Mosaic, luminance: FloatArray, settings: ChromaticitySettin
 
 def light_of(mosaic: Mosaic, seed: int = 0) -> FloatArray:
     """The true luminance of `shot`, and some error, as hole filling makes it."""
-    true = luminance_of(materials(mosaic.shape, len(mosaic.pattern.channels), seed), mosaic.calibration.gamma)
+    true = luminance_of(
+        materials(mosaic.shape, len(mosaic.pattern.channels), seed), mosaic.calibration.gamma
+    )
     return (true * np.random.default_rng(9).uniform(0.9, 1.1, true.shape)).astype(np.float32)
 
 
@@ -96,13 +108,17 @@ def test_exact_where_the_model_holds(pattern: CfaPattern, shape: tuple[int, int]
     colour = np.linspace(0.3, 1.0, len(gamma))
     scene = colour * np.random.default_rng(2).uniform(0.1, 1.0, (*shape, 1))
     mosaic = observe(scene, pattern, gamma_of(pattern), 0.0)
-    found = estimate_chromaticities(cleaned(mosaic), luminance_of(scene, gamma_of(pattern)).astype(np.float32), PAPER)
+    found = estimate_chromaticities(
+        cleaned(mosaic), luminance_of(scene, gamma_of(pattern)).astype(np.float32), PAPER
+    )
     assert_close(found, np.broadcast_to(colour / (colour @ gamma), found.shape), RELATIVE)
 
 
 @every_case
 @pytest.mark.parametrize("sigma", [None, 0.0, 0.02])
-def test_blackness_is_grey(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+def test_blackness_is_grey(
+    pattern: CfaPattern, shape: tuple[int, int], sigma: float | None
+) -> None:
     mosaic = observe(np.zeros((*shape, len(pattern.channels))), pattern, gamma_of(pattern), sigma)
     found = estimate_chromaticities(cleaned(mosaic), np.zeros(shape, np.float32), PAPER)
     assert_close(found, np.full(found.shape, mosaic.calibration.grey), FLOAT32)
@@ -126,22 +142,31 @@ def test_noise_is_that_of_the_colour_planes_at_the_mean_colour_sample() -> None:
     dark = observe(materials(shape, 3), pattern, gamma_of(pattern))
     mosaic = Mosaic(dark.signal, pattern, replace(dark.calibration, noise=noise))
     found = estimate_chromaticities(cleaned(mosaic), light_of(mosaic), NO_MEDIANS)
-    # The mean of the channels' means and the mean of all samples differ by what the greens, of which there are two, differ.
+    # The mean of the channels' means and the mean of all samples differ by what the greens, of
+    # which there are two, differ.
     assert_close(found, expected(mosaic, light_of(mosaic), NO_MEDIANS), 1e-3)
-    assert np.abs(found - estimate_chromaticities(cleaned(dark), light_of(dark), NO_MEDIANS)).max() > 0.02
+    assert (
+        np.abs(found - estimate_chromaticities(cleaned(dark), light_of(dark), NO_MEDIANS)).max()
+        > 0.02
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_wild_estimates_stay_finite_and_on_the_constraint(seed: int) -> None:
-    """Black frames of pure noise that the calibration denies: chromaticities of any size and sign."""
+    """Black frames of pure noise that the calibration denies: chromaticities of any size and
+    sign.
+    """
     random = np.random.default_rng(seed)
     pattern = CfaPattern.bayer(3)
-    mosaic = Mosaic(random.normal(scale=0.1, size=(40, 41)).astype(np.float32), pattern, SensorCalibration())
+    mosaic = Mosaic(
+        random.normal(scale=0.1, size=(40, 41)).astype(np.float32), pattern, SensorCalibration()
+    )
     light = random.normal(scale=0.01, size=mosaic.shape).astype(np.float32)
     found = estimate_chromaticities(cleaned(mosaic), light, PAPER)
     assert np.isfinite(found).all()
     assert_constraint(found, mosaic)
-    # Scaling a median that lies nearly across the constraint's plane would throw it far out (seed 4: a thousand times).
+    # Scaling a median that lies nearly across the constraint's plane would throw it far out (seed
+    # 4: a thousand times).
     before = estimate_chromaticities(cleaned(mosaic), light, NO_MEDIANS)
     assert 10 < np.abs(found).max() <= np.abs(before).max()
 
@@ -170,7 +195,9 @@ def test_one_step_equals_the_reference(shape: tuple[int, int, int], taps: int) -
     expected = np.empty_like(coarse)
     for row, column in np.ndindex(shape[:2]):
         near = reference.proposals(coarse, row, column, taps)
-        expected[row, column] = near[int(np.argmin([np.sum((value - coarse[row, column]) ** 2) for value in near]))]
+        expected[row, column] = near[
+            int(np.argmin([np.sum((value - coarse[row, column]) ** 2) for value in near]))
+        ]
     assert np.array_equal(oriented_medians(coarse, taps, 1), expected)
 
 
@@ -184,5 +211,8 @@ def test_only_rows_that_change_are_done_again(taps: int) -> None:
         step, steps = following, steps + 1
     assert steps > 3
     assert np.array_equal(oriented_medians(coarse, taps, 100), step)
-    assert np.array_equal(oriented_medians(coarse, taps, 2), oriented_medians(oriented_medians(coarse, taps, 1), taps, 1))
+    assert np.array_equal(
+        oriented_medians(coarse, taps, 2),
+        oriented_medians(oriented_medians(coarse, taps, 1), taps, 1),
+    )
     assert np.array_equal(oriented_medians(coarse, taps, 0), coarse)

@@ -26,7 +26,9 @@ def mend(mosaic: Mosaic, settings: DefectsSettings = SETTINGS) -> Mosaic:
 
 
 def photographed(scene: FloatArray, sigma: float = 0.0) -> Mosaic:
-    return simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0))
+    return simulate_additive(
+        scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0)
+    )
 
 
 def with_hot(mosaic: Mosaic, part: float) -> tuple[Mosaic, BoolArray]:
@@ -83,11 +85,15 @@ def test_hot_pixels_of_a_smooth_scene_are_all_found_and_nothing_else(sigma: floa
 
 @pytest.mark.parametrize("value", [FULL, 0.0])
 def test_a_bad_colour_sample_tints_nothing(value: float) -> None:
-    """Hot or dead, each site of a block, and without the medians' help: the picture is as with it."""
+    """Hot or dead, each site of a block, and without the medians' help: the picture is as with
+    it.
+    """
     row, column = np.indices((48, 60))
     scene = ((0.5 + row / 500 + column / 800)[..., None] * [0.9, 0.6, 0.3]).astype(np.float32)
     sound = photographed(scene)
-    best, paper = (replace(preset, chromaticity=ChromaticitySettings(taps=1)) for preset in (BEST, PAPER))
+    best, paper = (
+        replace(preset, chromaticity=ChromaticitySettings(taps=1)) for preset in (BEST, PAPER)
+    )
     before = render(sound, best).rgb
     for down, across, _ in sound.pattern.sites:
         samples = sound.signal.copy()
@@ -99,11 +105,18 @@ def test_a_bad_colour_sample_tints_nothing(value: float) -> None:
 
 @every_case
 def test_listed_samples_are_never_looked_at(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    """Whatever listed samples read, panchromatic ones and those of whole blocks are replaced by the same."""
+    """Whatever listed samples read, panchromatic ones and those of whole blocks are replaced by the
+    same.
+    """
     mosaic = shot(pattern, shape)
     places = np.random.default_rng(1).random(shape) < 0.2
-    wild = np.where(places, np.random.default_rng(2).uniform(-1, 5, shape), mosaic.signal).astype(np.float32)
-    first, second = (mend(listing(replace(mosaic, samples=samples), places), LISTED).signal for samples in (mosaic.signal, wild))
+    wild = np.where(places, np.random.default_rng(2).uniform(-1, 5, shape), mosaic.signal).astype(
+        np.float32
+    )
+    first, second = (
+        mend(listing(replace(mosaic, samples=samples), places), LISTED).signal
+        for samples in (mosaic.signal, wild)
+    )
     judged = pattern.panchromatic_mask(shape)
     judged[Sites.in_frame(mosaic).pixels] = True
     assert np.array_equal(first[judged], second[judged])
@@ -114,10 +127,15 @@ def test_listed_samples_are_never_looked_at(pattern: CfaPattern, shape: tuple[in
 
 def test_a_listed_sample_on_a_slope_becomes_the_slope() -> None:
     row, column = np.indices((48, 60))
-    sound = photographed(np.repeat((0.2 + row / 300 + column / 200)[..., None], 3, axis=2).astype(np.float32))
+    sound = photographed(
+        np.repeat((0.2 + row / 300 + column / 200)[..., None], 3, axis=2).astype(np.float32)
+    )
     places = np.zeros(sound.shape, bool)
     places[[10, 21, 21, 40], [11, 33, 34, 5]] = True
-    assert np.abs(mend(listing(with_hot(sound, 0.0)[0], places), LISTED).signal - sound.signal).max() < 1e-3
+    assert (
+        np.abs(mend(listing(with_hot(sound, 0.0)[0], places), LISTED).signal - sound.signal).max()
+        < 1e-3
+    )
 
 
 def test_along_an_edge_the_edge_goes_on() -> None:
@@ -138,7 +156,9 @@ def test_a_listed_sample_below_black_is_mended_within_the_range_of_the_others() 
 
 def test_places_outside_the_frame_are_nobodys_and_paper_takes_every_sample_for_good() -> None:
     mosaic = photographed(smooth())
-    outside = replace(mosaic, calibration=replace(mosaic.calibration, defects=((3, 4000), (4000, 3))))
+    outside = replace(
+        mosaic, calibration=replace(mosaic.calibration, defects=((3, 4000), (4000, 3)))
+    )
     assert mend(outside) is outside
     hurt = listing(*with_hot(mosaic, 0.01))
     assert mend(hurt, PAPER.defects) is hurt
@@ -152,7 +172,9 @@ def test_small_bright_things_stay(scene: FloatArray) -> None:
 
 @pytest.mark.parametrize(("around", "thing"), [(0.8, 0.06), (0.1, 0.8)])
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
-def test_what_a_colour_site_beside_it_sees_as_well_stays(around: float, thing: float, sigma: float) -> None:
+def test_what_a_colour_site_beside_it_sees_as_well_stays(
+    around: float, thing: float, sigma: float
+) -> None:
     """The dot of a small i, and a star: two pixels, of which one is panchromatic."""
     down, across, _ = CfaPattern.bayer().sites[0]
     row, column = 23 + down, 30 + across  # above a colour site

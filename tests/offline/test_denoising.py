@@ -18,7 +18,11 @@ from tests.reference.sensor import observe
 
 # Float32 sums.
 FLOAT32 = 5e-5
-MODELS = [NoiseModel.gaussian(0.05, 4), NoiseModel((2e-3,) * 4, (0.02,) * 4), NoiseModel((3e-3,) * 4, (0.0,) * 4)]
+MODELS = [
+    NoiseModel.gaussian(0.05, 4),
+    NoiseModel((2e-3,) * 4, (0.02,) * 4),
+    NoiseModel((3e-3,) * 4, (0.0,) * 4),
+]
 SETTINGS = BEST.denoising
 
 
@@ -29,7 +33,9 @@ class TestDenoising(StageTests):
 
 
 def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArray]:
-    """A mosaic whose calibration has this noise, and a plane of panchromatic samples at all its pixels."""
+    """A mosaic whose calibration has this noise, and a plane of panchromatic samples at all its
+    pixels.
+    """
     pattern = CfaPattern.bayer(6, origin=(2, 3))
     mosaic = observe(materials(shape, 3), pattern, gamma_of(pattern))
     clean = materials(shape, 3) @ np.array(gamma_of(pattern))
@@ -40,7 +46,9 @@ def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArra
 
 @pytest.mark.parametrize("shape", [(45, 38), (7, 9), (9, 37), (140, 9), (8, 270)])
 @pytest.mark.parametrize("sizes", [(4, 8, 12), (16,)])
-def test_pieces_equal_the_whole(shape: tuple[int, int], sizes: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pieces_equal_the_whole(
+    shape: tuple[int, int], sizes: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
     mosaic, plane = noisy(shape, MODELS[1])
     settings, luminance = replace(SETTINGS, sizes=sizes), plane.astype(np.float32)
     whole = denoise_luminance(luminance, mosaic, settings)
@@ -80,7 +88,9 @@ def test_without_noise_the_samples_are_left_alone(model: NoiseModel | None) -> N
 
 
 def test_windows_leave_no_trace() -> None:
-    """A window sees all that its pixels depend on: seams would show where frames of other sizes have none."""
+    """A window sees all that its pixels depend on: seams would show where frames of other sizes
+    have none.
+    """
     mosaic, plane = noisy((300, 530), MODELS[0])
     part = Mosaic(mosaic.signal[:, :200].copy(), mosaic.pattern, mosaic.calibration)
     whole = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)

@@ -32,7 +32,9 @@ def filled(mosaic: Mosaic) -> FloatArray:
 @pytest.mark.parametrize("sigma", [0.0, 0.03])
 @pytest.mark.parametrize("block", [("RG", "GB"), ("RG", "BW"), ("WB", "GR")])
 @pytest.mark.parametrize("period", [4, 5, 6, 8])
-def test_it_takes_errors_away_under_blocks_alone(period: int, block: tuple[str, str], sigma: float) -> None:
+def test_it_takes_errors_away_under_blocks_alone(
+    period: int, block: tuple[str, str], sigma: float
+) -> None:
     pattern = CfaPattern.with_block(block, period, origin=(1, 2))
     mosaic = shot(pattern, sigma)
     before, after = filled(mosaic), recover_luminance(mosaic, BEST.luminance)
@@ -70,11 +72,15 @@ def test_what_is_flat_stays_flat() -> None:
 def test_half_the_light_gives_half_the_picture() -> None:
     mosaic = shot(CfaPattern.bayer(6), 0.01)
     noise = NoiseModel(
-        tuple(each / 2 for each in mosaic.calibration.noise.shot), tuple(each / 2 for each in mosaic.calibration.noise.read)
+        tuple(each / 2 for each in mosaic.calibration.noise.shot),
+        tuple(each / 2 for each in mosaic.calibration.noise.read),
     )
     darker = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
     luminance = filled(mosaic)
-    assert np.array_equal(2 * correct_fill(luminance * np.float32(0.5), darker), correct_fill(luminance.copy(), mosaic))
+    assert np.array_equal(
+        2 * correct_fill(luminance * np.float32(0.5), darker),
+        correct_fill(luminance.copy(), mosaic),
+    )
 
 
 def test_the_number_of_threads_changes_no_bit() -> None:

@@ -13,7 +13,9 @@ from tests.reference.sensor import observe
 
 
 @every_case
-def test_blocks_see_the_panchromatic_samples_in_and_next_to_them(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_blocks_see_the_panchromatic_samples_in_and_next_to_them(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     frame = cleaned(shot(pattern, shape))
     grid, (height, width) = frame.sites.grid, pattern.block_shape
     light, lowest, highest = frame.around
@@ -38,15 +40,27 @@ def test_on_a_slope_luminance_at_a_site_is_that_of_its_place() -> None:
 
 
 @pytest.mark.parametrize(
-    "pattern", [CfaPattern.bayer(6), CfaPattern.with_block(("CM", "YC"), 4), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")]
+    "pattern",
+    [
+        CfaPattern.bayer(6),
+        CfaPattern.with_block(("CM", "YC"), 4),
+        CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
+    ],
 )
-@pytest.mark.parametrize("model", [NoiseModel.gaussian(0.02, 4), NoiseModel((1e-3,) * 4, (2e-3,) * 4)])
+@pytest.mark.parametrize(
+    "model", [NoiseModel.gaussian(0.02, 4), NoiseModel((1e-3,) * 4, (2e-3,) * 4)]
+)
 def test_the_noise_of_a_blocks_sum_is_known(pattern: CfaPattern, model: NoiseModel) -> None:
-    """1.6 times that of one sample for a Bayer block: three channels, one of which is seen twice, and the light around them."""
+    """1.6 times that of one sample for a Bayer block: three channels, one of which is seen twice,
+    and the light around them.
+    """
     gamma = (0.8, 1.1, 1.25)
     clean = observe(np.full((240, 240, 3), 0.4), pattern, gamma)
     spread = [model.sigma(0.4, plane) for plane in range(3)] + [model.sigma(0.4 * sum(gamma))]
-    noise = np.random.default_rng(0).normal(size=clean.shape) * np.array(spread)[pattern.filter_map(clean.shape)]
+    noise = (
+        np.random.default_rng(0).normal(size=clean.shape)
+        * np.array(spread)[pattern.filter_map(clean.shape)]
+    )
     frame = cleaned(replace(clean, samples=(clean.signal + noise).astype(np.float32)))
     weights = (np.array(gamma) / np.bincount(frame.sites.channels))[frame.sites.channels]
     surplus = frame.samples @ weights - frame.around.light.mean(axis=2)

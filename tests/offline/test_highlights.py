@@ -1,4 +1,6 @@
-"""Clipped panchromatic samples: highlights come back as far as colour samples reach, and end in white."""
+"""Clipped panchromatic samples: highlights come back as far as colour samples reach, and end in
+white.
+"""
 
 from dataclasses import replace
 
@@ -18,13 +20,22 @@ from tests.offline.stage_tests import StageTests
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0
-SPARSE = (CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"))
+SPARSE = (
+    CfaPattern.bayer(4),
+    CfaPattern.bayer(6),
+    CfaPattern.bayer(8),
+    CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
+)
 
 
-def exposed(scene: FloatArray, neutral: tuple[float, ...] | None = NEUTRAL, pattern: CfaPattern = SPARSE[1]) -> Mosaic:
+def exposed(
+    scene: FloatArray, neutral: tuple[float, ...] | None = NEUTRAL, pattern: CfaPattern = SPARSE[1]
+) -> Mosaic:
     """Sensor codes of a scene, clipped at full scale."""
     calibration = SensorCalibration.of_bits(12, headroom=False, neutral=neutral)
-    return simulate_sensor(scene.astype(np.float32), pattern, calibration, 1.0, np.random.default_rng(0))
+    return simulate_sensor(
+        scene.astype(np.float32), pattern, calibration, 1.0, np.random.default_rng(0)
+    )
 
 
 def lamp(peak: float, colour: tuple[float, ...], shape: tuple[int, int] = (72, 78)) -> FloatArray:
@@ -34,8 +45,12 @@ def lamp(peak: float, colour: tuple[float, ...], shape: tuple[int, int] = (72, 7
     return (light[..., None] * np.array(colour) / sum(colour)).astype(np.float32)
 
 
-def spark(pattern: CfaPattern, colour: tuple[float, ...], light: float = 0.25) -> tuple[Mosaic, tuple[slice, slice]]:
-    """A grey wall with a highlight of 3 x 3 pixels between its blocks, far beyond the limit; and where it is."""
+def spark(
+    pattern: CfaPattern, colour: tuple[float, ...], light: float = 0.25
+) -> tuple[Mosaic, tuple[slice, slice]]:
+    """A grey wall with a highlight of 3 x 3 pixels between its blocks, far beyond the limit; and
+    where it is.
+    """
     scene = np.full((48, 54, 3), light) * np.array(NEUTRAL)
     middle = [
         origin + size + (pattern.period - size - 3) // 2
@@ -50,7 +65,9 @@ def spark(pattern: CfaPattern, colour: tuple[float, ...], light: float = 0.25) -
 def pictures(mosaic: Mosaic, stops: float) -> tuple[FloatArray, FloatArray]:
     """The picture to look at, and as it would be if no light counted as lost."""
     rendering, display = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
-    return display.apply(display.whitened(rendering.rgb, rendering.lost), stops), display.apply(rendering.rgb, stops)
+    return display.apply(display.whitened(rendering.rgb, rendering.lost), stops), display.apply(
+        rendering.rgb, stops
+    )
 
 
 class TestHighlights(StageTests):
@@ -60,7 +77,9 @@ class TestHighlights(StageTests):
 
 
 @pytest.mark.parametrize("colour", [NEUTRAL, (0.9, 0.7, 0.4)])
-def test_a_highlight_comes_back_to_the_limit_of_the_colour_samples(colour: tuple[float, ...]) -> None:
+def test_a_highlight_comes_back_to_the_limit_of_the_colour_samples(
+    colour: tuple[float, ...],
+) -> None:
     scene = lamp(0.9 * LIMIT * sum(colour) / max(colour), colour)
     mosaic, clipped = exposed(scene), scene.sum(axis=2) > LIMIT
     restored = render(mosaic, BEST).rgb
@@ -71,7 +90,9 @@ def test_a_highlight_comes_back_to_the_limit_of_the_colour_samples(colour: tuple
 
 
 def test_past_all_limits_it_is_white_and_grows_smoothly() -> None:
-    """The wall is white and the light far too strong: hue stays white, and luminance has no dip on the way up."""
+    """The wall is white and the light far too strong: hue stays white, and luminance has no dip on
+    the way up.
+    """
     restored = render(exposed(lamp(12.0, NEUTRAL)), BEST).rgb / np.array(NEUTRAL)
     assert (restored.max(axis=2) / restored.min(axis=2))[6:-6, 6:-6].max() < 1.15
     line = restored[36, 8:40].mean(axis=1)
@@ -98,7 +119,9 @@ def test_what_is_not_clipped_is_not_touched() -> None:
     changed = restored.signal != mosaic.signal
     assert (mosaic.signal[changed & panchromatic] >= clipping).all()
     assert (restored.signal >= mosaic.signal).all()
-    assert (mosaic.signal[changed & ~panchromatic] > 0.9 * (1 - BEST.highlights.shoulder) * clipping).all()
+    assert (
+        mosaic.signal[changed & ~panchromatic] > 0.9 * (1 - BEST.highlights.shoulder) * clipping
+    ).all()
     assert restore_highlights(cleaned(mosaic, clipping), PAPER.highlights).mosaic is mosaic
 
 
@@ -115,12 +138,16 @@ def test_samples_without_a_limit_are_not_clipped() -> None:
 @every_case
 def test_any_pattern_and_number_of_channels(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     channels = len(pattern.channels)
-    calibration = SensorCalibration.of_bits(12, headroom=False, channels=pattern.channels, gamma=gamma_of(pattern))
+    calibration = SensorCalibration.of_bits(
+        12, headroom=False, channels=pattern.channels, gamma=gamma_of(pattern)
+    )
     scene = materials(shape, channels).astype(np.float32)
     mosaic = simulate_sensor(scene, pattern, calibration, 1.8, np.random.default_rng(0))
     assert (mosaic.signal >= clipping_level(mosaic)).any()
     off = replace(BEST, highlights=PAPER.highlights)
-    wrong, without = (np.square(render(mosaic, settings).rgb - 1.8 * scene).mean() for settings in (BEST, off))
+    wrong, without = (
+        np.square(render(mosaic, settings).rgb - 1.8 * scene).mean() for settings in (BEST, off)
+    )
     assert wrong < 1.01 * without
 
 
@@ -133,7 +160,9 @@ def test_without_a_known_neutral_white_is_equal_readings() -> None:
 @pytest.mark.parametrize("stops", [0, -4])
 @pytest.mark.parametrize("colour", [NEUTRAL, (0.9, 0.5, 0.3)])
 @pytest.mark.parametrize("pattern", SPARSE)
-def test_a_highlight_between_blocks_is_lost_and_shown_white(pattern: CfaPattern, colour: tuple[float, ...], stops: float) -> None:
+def test_a_highlight_between_blocks_is_lost_and_shown_white(
+    pattern: CfaPattern, colour: tuple[float, ...], stops: float
+) -> None:
     mosaic, place = spark(pattern, colour)
     picture, plain = pictures(mosaic, stops)
     assert picture[place[0].start + 1, place[1].start + 1].min() > 0.999
@@ -153,7 +182,9 @@ def test_a_restored_gradient_is_not_lost(peak: float, sigma: float) -> None:
 
 
 def test_the_rim_of_a_burnt_out_window_is_white() -> None:
-    """Beside the dark it lies between blocks of which one is burnt out and the other dark, and had the colour of neither."""
+    """Beside the dark it lies between blocks of which one is burnt out and the other dark, and had
+    the colour of neither.
+    """
     scene = np.full((72, 78, 3), (0.5, 0.02, 0.02))
     scene[:, 31:] = np.array(NEUTRAL) * 20
     picture, plain = pictures(exposed(scene), -2)
@@ -179,7 +210,9 @@ def test_blocks_tell_of_what_is_around_them() -> None:
     assert unmeasured(lowest, gone)[0].min() == 1
     gone[3, 3] = 1
     assert unmeasured(lowest, gone).min() == 1, "between a burnt-out block and dark ones"
-    assert np.array_equal(unmeasured(np.ones((7, 7)), gone), gone), "restored blocks beside a burnt-out one stay"
+    assert np.array_equal(unmeasured(np.ones((7, 7)), gone), gone), (
+        "restored blocks beside a burnt-out one stay"
+    )
 
 
 def test_interpolation_keeps_parabolas() -> None:

@@ -1,4 +1,6 @@
-"""The network's surroundings: cells, mirror images, tiles, bounds. How good its corrections are is told by the evaluation."""
+"""The network's surroundings: cells, mirror images, tiles, bounds. How good its corrections are is
+told by the evaluation.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +28,11 @@ from tests.scenes import leaves
 WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
 GREY = SensorCalibration()
 ONES = np.ones(3, np.float32)
-TILES = [*map(CfaPattern.bayer, (4, 5, 6, 8)), CfaPattern.with_block(("RG", "BW"), 4), CfaPattern.of_letters("kodak")]
+TILES = [
+    *map(CfaPattern.bayer, (4, 5, 6, 8)),
+    CfaPattern.with_block(("RG", "BW"), 4),
+    CfaPattern.of_letters("kodak"),
+]
 LEAVES = leaves(220, 330)
 # The same sums in another order, where a tile begins elsewhere.
 FLOAT32 = 2e-5
@@ -69,24 +75,40 @@ KODAK = CfaPattern.of_letters("kodak").tile
 @pytest.mark.parametrize(
     ("name", "patterns"),
     [
-        *[(f"rggb-k{period}", blocks_of(period, "RG/GB", "GR/BG", "GB/RG", "BG/GR")) for period in (4, 5, 6, 8)],
+        *[
+            (f"rggb-k{period}", blocks_of(period, "RG/GB", "GR/BG", "GB/RG", "BG/GR"))
+            for period in (4, 5, 6, 8)
+        ],
         ("rgbw-k4", blocks_of(4, "RG/BW", "GR/WB", "BW/RG", "WB/GR")),
         (
             "gwrwwgwrbwgwwbwg-k4",
-            [CfaPattern(tuple(row[::step] for row in rows)) for rows in (KODAK, KODAK[::-1]) for step in (1, -1)],
+            [
+                CfaPattern(tuple(row[::step] for row in rows))
+                for rows in (KODAK, KODAK[::-1])
+                for step in (1, -1)
+            ],
         ),
         (
             None,
-            [*blocks_of(7, "RG/GB"), *blocks_of(6, "RG/WB", "RGB", "RGGB"), *blocks_of(4, "RB/GW"), CfaPattern.of_letters("sony")],
+            [
+                *blocks_of(7, "RG/GB"),
+                *blocks_of(6, "RG/WB", "RGB", "RGGB"),
+                *blocks_of(4, "RB/GW"),
+                CfaPattern.of_letters("sony"),
+            ],
         ),
     ],
 )
-def test_a_network_serves_a_block_and_its_mirror_images(name: str | None, patterns: list[CfaPattern]) -> None:
+def test_a_network_serves_a_block_and_its_mirror_images(
+    name: str | None, patterns: list[CfaPattern]
+) -> None:
     assert {network_name(pattern) for pattern in patterns} == {name}
 
 
 def test_a_pattern_without_a_network_is_rendered_without() -> None:
-    mosaic = simulate_additive(scene(80, 90), CfaPattern.bayer(7), GREY, 0.01, np.random.default_rng(0))
+    mosaic = simulate_additive(
+        scene(80, 90), CfaPattern.bayer(7), GREY, 0.01, np.random.default_rng(0)
+    )
     assert np.array_equal(render(mosaic).rgb, render(mosaic, WITHOUT).rgb)
 
 
@@ -107,18 +129,39 @@ def test_the_other_orders_are_mirror_images(pattern: CfaPattern, axes: tuple[int
         (tile, places)
         for places, tiles in {
             # Channel, row and column in the cell.
-            ((0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)): [CfaPattern.bayer(6, order) for order in ("RGGB", "GRBG", "BGGR")],
-            ((0, 1, 1), (1, 1, 2), (1, 2, 1), (2, 2, 2)): [CfaPattern.bayer(5, order) for order in BAYER_ORDERS],
-            ((0, 1, 1), (1, 1, 2), (2, 2, 1)): [CfaPattern.with_block(("RG", "BW"), 4), CfaPattern.with_block(("WB", "GR"), 4)],
-            ((1, 0, 0), (0, 0, 2), (1, 1, 1), (0, 1, 3), (2, 2, 0), (1, 2, 2), (2, 3, 1), (1, 3, 3)): [
-                CfaPattern.of_letters(letters) for letters in ("WBWG/BWGW/WGWR/GWRW", "GWBW/WGWB/RWGW/WRWG")
+            ((0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)): [
+                CfaPattern.bayer(6, order) for order in ("RGGB", "GRBG", "BGGR")
+            ],
+            ((0, 1, 1), (1, 1, 2), (1, 2, 1), (2, 2, 2)): [
+                CfaPattern.bayer(5, order) for order in BAYER_ORDERS
+            ],
+            ((0, 1, 1), (1, 1, 2), (2, 2, 1)): [
+                CfaPattern.with_block(("RG", "BW"), 4),
+                CfaPattern.with_block(("WB", "GR"), 4),
+            ],
+            (
+                (1, 0, 0),
+                (0, 0, 2),
+                (1, 1, 1),
+                (0, 1, 3),
+                (2, 2, 0),
+                (1, 2, 2),
+                (2, 3, 1),
+                (1, 3, 3),
+            ): [
+                CfaPattern.of_letters(letters)
+                for letters in ("WBWG/BWGW/WGWR/GWRW", "GWBW/WGWB/RWGW/WRWG")
             ],
         }.items()
         for tile in tiles
     ],
 )
-def test_every_cell_holds_its_own_block(origin: tuple[int, int], tile: CfaPattern, places: tuple[tuple[int, ...], ...]) -> None:
-    """The samples of a block, put into the picture at their sites, are found in the middle of the cell, in one order."""
+def test_every_cell_holds_its_own_block(
+    origin: tuple[int, int], tile: CfaPattern, places: tuple[tuple[int, ...], ...]
+) -> None:
+    """The samples of a block, put into the picture at their sites, are found in the middle of the
+    cell, in one order.
+    """
     pattern, shape, period = replace(tile, origin=origin), (40, 53), tile.period
     rgb = np.random.default_rng(1).uniform(0.1, 1, (*shape, 3)).astype(np.float32)
     light = np.ascontiguousarray(rgb.sum(axis=2))
@@ -128,7 +171,9 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], tile: CfaPatter
     part = replace(part, residual=SiteResidual(sites, ONES)(black, (0, shape[0])).residual)
     cells = Cells.of(sites.sites)
     whole = (0, cells.shape[0]), (0, cells.shape[1])
-    picture = cells.cut(part, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(3, period, period, *cells.shape)
+    picture = cells.cut(part, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
+        3, period, period, *cells.shape
+    )
     error, variance, _ = Residuals(cells, part, sites, ONES).of(*whole)
     assert len(error) == len(places)
     for number, (channel, row, column) in enumerate(places):
@@ -144,7 +189,9 @@ def test_luminance_stays() -> None:
 
 @pytest.mark.parametrize("colour", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.2), (0.05, 0.1, 0.9)])
 def test_one_colour_stays_that_colour(colour: tuple[float, ...]) -> None:
-    """A ramp of light over a surface of one colour, grey or another: 16 bits hold no smaller difference than one in 65,536."""
+    """A ramp of light over a surface of one colour, grey or another: 16 bits hold no smaller
+    difference than one in 65,536.
+    """
     light = np.broadcast_to(np.linspace(0.05, 0.9, 180)[None, :, None], (150, 180, 1))
     rgb = (light * np.array(colour)).astype(np.float32)
     mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
@@ -155,7 +202,9 @@ def test_one_colour_stays_that_colour(colour: tuple[float, ...]) -> None:
 def test_noise_on_a_flat_surface_is_not_taken_for_colour() -> None:
     rgb = np.full((200, 210, 3), 0.3, np.float32)
     mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.01, np.random.default_rng(0))
-    with_it, without = (float(np.square(render(mosaic, each).rgb - rgb).mean()) for each in (BEST, WITHOUT))
+    with_it, without = (
+        float(np.square(render(mosaic, each).rgb - rgb).mean()) for each in (BEST, WITHOUT)
+    )
     assert with_it < 1.02 * without
 
 
@@ -184,7 +233,10 @@ def test_gamma_only_scales_the_channels() -> None:
 def test_it_brings_colour_closer_to_the_scene() -> None:
     rgb = leaves(240, 360)
     mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
-    with_it, without = (float(np.square(render(mosaic, each).rgb - rgb)[15:-15, 15:-15].mean()) for each in (BEST, WITHOUT))
+    with_it, without = (
+        float(np.square(render(mosaic, each).rgb - rgb)[15:-15, 15:-15].mean())
+        for each in (BEST, WITHOUT)
+    )
     assert with_it < 0.9 * without
 
 
@@ -194,7 +246,9 @@ def test_where_nothing_changes_nothing_is_corrected(pattern: CfaPattern, light: 
     """Flat to the last bit: there is no activity, and no division by it."""
     rgb = np.full((90, 96, 3), light, np.float32)
     part, sites = measured(np.ones_like(rgb), pattern)
-    flat = replace(part, luminance=np.full_like(part.luminance, light), residual=np.zeros_like(part.luminance))
+    flat = replace(
+        part, luminance=np.full_like(part.luminance, light), residual=np.zeros_like(part.luminance)
+    )
     assert_close(learned(pattern, sites)(flat, (0, 90)).chromaticity, part.chromaticity, 1e-6)
 
 
@@ -225,17 +279,24 @@ def test_no_channel_gains_or_loses_more_than_all_light() -> None:
     pattern, random = CfaPattern.bayer(6), np.random.default_rng(0)
     dark = random.uniform(-1, 0.5, (66, 78, 3)).astype(np.float32) * 30
     mosaic = simulate_additive(dark, pattern, GREY, 0.0, random)
-    assert np.abs(render(mosaic, BEST).chromaticity - render(mosaic, WITHOUT).chromaticity).max() <= 1.001
+    assert (
+        np.abs(render(mosaic, BEST).chromaticity - render(mosaic, WITHOUT).chromaticity).max()
+        <= 1.001
+    )
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "rggb-k6.onnx"
     path.write_bytes(b"nothing")
-    with pytest.raises(InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"):
+    with pytest.raises(
+        InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"
+    ):
         load_network(path)
 
 
-def test_a_memory_estimate_reads_no_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_memory_estimate_reads_no_network(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     damaged = tmp_path / "rggb-k6.onnx"
     damaged.write_bytes(b"nothing")
     monkeypatch.setattr(memory, "network_for", lambda _: damaged)
@@ -247,19 +308,25 @@ def test_a_memory_estimate_reads_no_network(tmp_path: Path, monkeypatch: pytest.
 def test_every_network_sees_as_far_as_the_stage_looks(path: Path) -> None:
     network = load_network(path)
     side, (inputs,) = 2 * REACH + 3, network.get_inputs()
-    (answer,) = network.run(None, {"features": np.zeros((1, inputs.shape[1], side, side), np.float32)})
+    (answer,) = network.run(
+        None, {"features": np.zeros((1, inputs.shape[1], side, side), np.float32)}
+    )
     assert answer.shape[2:] == (3, 3)
 
 
 @pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
 def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
-    """The file says so by pairs of roundings, which onnxruntime has to recognise: four blocks of two, twice if it looks twice.
+    """The file says so by pairs of roundings, which onnxruntime has to recognise: four blocks of
+    two, twice if it looks twice.
 
-    Then the first convolution rounds as well. The last one never does. Three sites look the same in one orientation only.
+    Then the first convolution rounds as well. The last one never does. Three sites look the same in
+    one orientation only.
     """
     onnx, options = pytest.importorskip("onnx"), onnxruntime.SessionOptions()
     options.optimized_model_filepath = str(tmp_path / path.name)
     options.log_severity_level = 3  # such a file is for this processor alone
     onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     kinds = [node.op_type for node in onnx.load(tmp_path / path.name).graph.node]
-    assert (kinds.count("QLinearConv"), kinds.count("Conv")) == ((8, 2) if path.stem.startswith("rgbw") else (18, 2))
+    assert (kinds.count("QLinearConv"), kinds.count("Conv")) == (
+        (8, 2) if path.stem.startswith("rgbw") else (18, 2)
+    )

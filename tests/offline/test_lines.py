@@ -1,4 +1,6 @@
-"""Colour lines: right for print of any colour, and silent where one luminance has several colours."""
+"""Colour lines: right for print of any colour, and silent where one luminance has several
+colours.
+"""
 
 from dataclasses import replace
 
@@ -10,7 +12,12 @@ from panchroma.offline import BEST, render
 from panchroma.offline.measured import ColourLines
 from panchroma.offline.parts import Part
 from panchroma.offline.stages.chromaticity import block_sums
-from panchroma.offline.stages.colour_lines import _REACH, LineProjection, LinesSettings, colour_lines
+from panchroma.offline.stages.colour_lines import (
+    _REACH,
+    LineProjection,
+    LinesSettings,
+    colour_lines,
+)
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -30,7 +37,11 @@ def strokes(shape: tuple[int, int], seed: int = 0) -> DoubleArray:
     random, (rows, columns) = np.random.default_rng(seed), np.indices(shape)
     ink = np.zeros(shape)
     for _ in range(shape[0] * shape[1] // 60):
-        y, x, angle = random.uniform(0, shape[0]), random.uniform(0, shape[1]), random.uniform(0, np.pi)
+        y, x, angle = (
+            random.uniform(0, shape[0]),
+            random.uniform(0, shape[1]),
+            random.uniform(0, np.pi),
+        )
         along = (rows - y) * np.sin(angle) + (columns - x) * np.cos(angle)
         aside = np.abs((columns - x) * np.sin(angle) - (rows - y) * np.cos(angle))
         ink = np.maximum(ink, np.clip(1.5 - aside, 0, 1) * (np.abs(along) < random.uniform(2, 6)))
@@ -46,7 +57,9 @@ def noisy(scene: DoubleArray, pattern: CfaPattern, sigma: float) -> Mosaic:
     """A shot of a scene whose calibration knows the noise."""
     noise = np.random.default_rng(1).normal(scale=sigma, size=scene.shape[:2]) if sigma else None
     mosaic = observe(scene, pattern, noise=noise)
-    return replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4)))
+    return replace(
+        mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4))
+    )
 
 
 def without_mean(rgb: FloatArray | DoubleArray) -> FloatArray | DoubleArray:
@@ -55,8 +68,13 @@ def without_mean(rgb: FloatArray | DoubleArray) -> FloatArray | DoubleArray:
 
 def lines_of(scene: DoubleArray, mosaic: Mosaic, clipping: float = np.inf) -> ColourLines:
     """The lines of a scene whose luminance is known."""
-    frame, light = cleaned(mosaic, clipping), luminance_of(scene, mosaic.calibration.gamma).astype(np.float32)
-    blocks = extend(block_sums(frame, light).solved(1e-6, frame.gamma), mosaic.pattern, mosaic.shape)
+    frame, light = (
+        cleaned(mosaic, clipping),
+        luminance_of(scene, mosaic.calibration.gamma).astype(np.float32),
+    )
+    blocks = extend(
+        block_sums(frame, light).solved(1e-6, frame.gamma), mosaic.pattern, mosaic.shape
+    )
     lines = colour_lines(frame, light, blocks.astype(np.float32), BEST.lines)
     assert lines is not None
     return lines
@@ -75,8 +93,14 @@ def test_strips_of_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None
     assert not np.array_equal(lines_of(scene, mosaic).offset, whole.offset)
 
 
-def test_a_pixel_in_the_middle_of_a_block_gets_the_colour_of_its_line_as_far_as_that_is_believed() -> None:
-    pattern, shape, random = CfaPattern.with_block(("RGB",), 5, (4, 3)), (37, 42), np.random.default_rng(0)
+def test_a_pixel_in_the_middle_of_a_block_gets_the_colour_of_its_line_as_far_as_that_is_believed() -> (
+    None
+):
+    pattern, shape, random = (
+        CfaPattern.with_block(("RGB",), 5, (4, 3)),
+        (37, 42),
+        np.random.default_rng(0),
+    )
     gamma, mosaic = np.array(gamma_of(pattern), np.float32), shot(pattern, shape)
     light = random.uniform(0.5, 1, shape).astype(np.float32)
     sites = sampled(mosaic, light).sites
@@ -98,12 +122,17 @@ def test_print_has_the_colours_of_ink_and_paper() -> None:
     scene = printed((150, 150), ink, paper)
     lines = lines_of(scene, observe(scene, BAYER))
     for colour in (ink, paper):
-        assert np.abs(lines.at(np.full_like(lines.share, colour.sum())) - colour[:, None, None]).max() < 0.01
+        assert (
+            np.abs(lines.at(np.full_like(lines.share, colour.sum())) - colour[:, None, None]).max()
+            < 0.01
+        )
     assert lines.share.min() > 0.9
 
 
 def test_several_colours_of_one_luminance_are_no_line() -> None:
-    colours = np.random.default_rng(0).uniform(0.2, 1, (15, 15, 3)).repeat(10, axis=0).repeat(10, axis=1)
+    colours = (
+        np.random.default_rng(0).uniform(0.2, 1, (15, 15, 3)).repeat(10, axis=0).repeat(10, axis=1)
+    )
     colours /= colours.sum(axis=2, keepdims=True)
     assert lines_of(colours, observe(colours, BAYER)).share.max() < 0.1
 
@@ -118,7 +147,9 @@ def test_what_is_clipped_is_on_no_line() -> None:
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
 def test_red_print_between_black_print_is_red(sigma: float) -> None:
-    """Lines of 20 pixels: black, red, black. One line of colours for all three would leave an eighth of the red."""
+    """Lines of 20 pixels: black, red, black. One line of colours for all three would leave an
+    eighth of the red.
+    """
     shape, red = (120, 240), slice(50, 70)
     covered, ink = strokes(shape), np.full((*shape, 3), 0.06)
     for blank in (slice(24), slice(44, 50), slice(70, 76), slice(96, None)):
@@ -139,31 +170,42 @@ def test_black_print_stays_black(letters: str, sigma: float) -> None:
 
 
 def test_white_print_on_black_has_less_colour() -> None:
-    """Estimates of dark paper keep some noise. If that spoke against its line, the tint would be 0.4."""
+    """Estimates of dark paper keep some noise. If that spoke against its line, the tint would be
+    0.4.
+    """
     rgb = render(noisy(printed((240, 240), WHITE, BLACK), BAYER, 0.01), WITHOUT_NETWORK).rgb
     assert np.quantile(np.abs(without_mean(rgb)), 0.999) < 0.15
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
 def test_white_print_on_red_is_white(sigma: float) -> None:
-    """Pooled colours of strokes are those of the paper. If that spoke against the line, the error would be eight times as large."""
+    """Pooled colours of strokes are those of the paper. If that spoke against the line, the error
+    would be eight times as large.
+    """
     scene = printed((180, 180), WHITE, RED)
     assert ((render(noisy(scene, BAYER, sigma)).rgb - scene) ** 2).mean() < 0.03**2
 
 
 def test_many_sites_of_a_channel_keep_the_colours_of_a_scene() -> None:
-    """Luminance under single sites is nearly right: colours that change from place to place are no errors of it."""
+    """Luminance under single sites is nearly right: colours that change from place to place are no
+    errors of it.
+    """
     random, shape = np.random.default_rng(3), (150, 150)
     drawn = [gaussian_filter(random.normal(size=shape), width) for width in (2, 12, 12, 12)]
     light, *colours = (plane / plane.std() for plane in drawn)
     scene = 0.3 * np.exp(light / 2)[..., None] * (1 + 0.15 * np.stack(colours, axis=2)).clip(0.1)
     mosaic = observe(scene, CfaPattern.of_letters("kaizu"))
-    errors = [((render(mosaic, replace(BEST, lines=lines)).rgb - scene) ** 2).mean() for lines in (BEST.lines, LinesSettings())]
+    errors = [
+        ((render(mosaic, replace(BEST, lines=lines)).rgb - scene) ** 2).mean()
+        for lines in (BEST.lines, LinesSettings())
+    ]
     assert errors[0] < 1.1 * errors[1]  # 2.6 times where all errors count alike
 
 
 def test_stars_do_not_colour_the_sky() -> None:
-    """Luminance does not show a star at a colour site. If blocks with one counted as others do, parts of the sky would be blue."""
+    """Luminance does not show a star at a colour site. If blocks with one counted as others do,
+    parts of the sky would be blue.
+    """
     random, shape = np.random.default_rng(1), (240, 240)
     scene, stars = np.full((*shape, 3), (0.004, 0.007, 0.014)), random.random(shape) < 0.03
     scene[stars] += random.uniform(0.1, 1, (stars.sum(), 1)) * (0.9, 0.95, 1.0)
@@ -175,7 +217,11 @@ def test_stars_do_not_colour_the_sky() -> None:
 
 def test_a_small_white_lamp_in_green_light_is_white() -> None:
     """The line of what is around tells that brighter is greener."""
-    scene = printed((144, 144), np.array([0.02, 0.03, 0.02]), np.array([0.06, 0.16, 0.08])).astype(np.float32)
+    scene = printed((144, 144), np.array([0.02, 0.03, 0.02]), np.array([0.06, 0.16, 0.08])).astype(
+        np.float32
+    )
     scene[69:75, 69:75] = 1.0
-    rgb = render(simulate_additive(scene, BAYER, SensorCalibration(), 0.0, np.random.default_rng(0))).rgb
+    rgb = render(
+        simulate_additive(scene, BAYER, SensorCalibration(), 0.0, np.random.default_rng(0))
+    ).rgb
     assert np.abs(rgb[69:75, 69:75] - 1).max() < 0.5  # 0.45 without lines

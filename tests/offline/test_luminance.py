@@ -17,12 +17,13 @@ from tests.offline.stage_tests import StageTests
 from tests.reference import luminance as reference
 from tests.reference.compare import assert_close
 
-# Fifty rounds in float32 at values up to four: some twenty operations a round, half a unit in the last place (2e-7) each, and the
-# shrinkage passes errors on about as they are.
+# Fifty rounds in float32 at values up to four: some twenty operations a round, half a unit in the
+# last place (2e-7) each, and the shrinkage passes errors on about as they are.
 FLOAT32 = 5e-5
 # A transform and back in float32, values of about one.
 ROUND_TRIP = 1e-6
-# Fifty rounds with a falling threshold stop near the minimum of Eq. 1, not in it: as a part of the objective.
+# Fifty rounds with a falling threshold stop near the minimum of Eq. 1, not in it: as a part of the
+# objective.
 SETTLED = 1e-4
 
 PAPER = LuminanceSettings()
@@ -41,7 +42,9 @@ def shrink(picture: FloatArray, threshold: float) -> FloatArray:
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     signal = mosaic.signal.astype(np.float64)
-    start = reference.start(signal, measured, around=settings.relative or len(mosaic.pattern.sites) > 4)
+    start = reference.start(
+        signal, measured, around=settings.relative or len(mosaic.pattern.sites) > 4
+    )
     threshold = reference.first_threshold(signal, settings.threshold, relative=settings.relative)
     return reference.recover(start, measured, settings.iterations, settings.decay, threshold)
 
@@ -63,7 +66,13 @@ def test_equals_the_reference(
 
 
 @pytest.mark.parametrize(
-    "settings", [LuminanceSettings(1), LuminanceSettings(7, 0.5), LuminanceSettings(20, 0.95, 0.1), LuminanceSettings(5, 0.9, 40.0)]
+    "settings",
+    [
+        LuminanceSettings(1),
+        LuminanceSettings(7, 0.5),
+        LuminanceSettings(20, 0.95, 0.1),
+        LuminanceSettings(5, 0.9, 40.0),
+    ],
 )
 def test_equals_the_reference_at_other_settings(settings: LuminanceSettings) -> None:
     mosaic = shot(*CASES["odd"])
@@ -79,22 +88,38 @@ def test_equals_the_reference_wherever_the_last_block_lies(side: int) -> None:
 @pytest.mark.parametrize("scale", [0.0, 1e-12, 1e-3, -1.0, 1e6])
 @pytest.mark.parametrize("period", [4, 6])
 def test_equals_the_reference_at_extreme_values(period: int, scale: float) -> None:
-    mosaic = panchromatic(scale * np.random.default_rng(3).normal(size=(19, 38)), CfaPattern.bayer(period, origin=(1, 2)))
+    mosaic = panchromatic(
+        scale * np.random.default_rng(3).normal(size=(19, 38)),
+        CfaPattern.bayer(period, origin=(1, 2)),
+    )
     assert_close(recover_luminance(mosaic, PAPER), expected(mosaic), FLOAT32 * max(1.0, scale))
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(18, 330, seed=1))
-def test_isolated_blocks_are_filled_as_the_whole_plane_would_be(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_isolated_blocks_are_filled_as_the_whole_plane_would_be(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     mosaic = panchromatic(np.random.default_rng(0).normal(0.8, 0.3, size=shape), pattern)
     mask = pattern.panchromatic_mask(shape)
-    start = reference.start(mosaic.signal.astype(np.float64), mask, around=len(pattern.sites) > 4).astype(np.float32)
+    start = reference.start(
+        mosaic.signal.astype(np.float64), mask, around=len(pattern.sites) > 4
+    ).astype(np.float32)
     thresholds = (PAPER.threshold * PAPER.decay ** np.arange(PAPER.iterations)).astype(np.float32)
-    assert_close(recover_luminance(mosaic, PAPER), fill(start, ~mask, thresholds)[0].astype(np.float64), FLOAT32)
+    assert_close(
+        recover_luminance(mosaic, PAPER),
+        fill(start, ~mask, thresholds)[0].astype(np.float64),
+        FLOAT32,
+    )
 
 
 @pytest.mark.parametrize("period", [4, 6, 8])
-def test_threads_and_pieces_leave_no_trace(monkeypatch: pytest.MonkeyPatch, period: int, each_thread_count: Iterator[int]) -> None:
-    mosaic = panchromatic(np.random.default_rng(0).normal(0.8, 0.3, size=(163, 201)), CfaPattern.bayer(period, origin=(2, 1)))
+def test_threads_and_pieces_leave_no_trace(
+    monkeypatch: pytest.MonkeyPatch, period: int, each_thread_count: Iterator[int]
+) -> None:
+    mosaic = panchromatic(
+        np.random.default_rng(0).normal(0.8, 0.3, size=(163, 201)),
+        CfaPattern.bayer(period, origin=(2, 1)),
+    )
     whole = recover_luminance(mosaic, PAPER)
     monkeypatch.setattr(product, "_PIECE", 3)
     for _ in each_thread_count:
@@ -124,7 +149,9 @@ def test_shrinking_everything_leaves_the_low_pass() -> None:
 @pytest.mark.parametrize("case", ["paper", "odd", "period 8"])
 def test_the_objective_falls(case: str) -> None:
     mosaic = shot(*CASES[case], sigma=None)
-    stages = [mosaic.signal] + [recover_luminance(mosaic, LuminanceSettings(count)) for count in (5, 15, 30, 50)]
+    stages = [mosaic.signal] + [
+        recover_luminance(mosaic, LuminanceSettings(count)) for count in (5, 15, 30, 50)
+    ]
     values = [reference.objective(stage.astype(np.float64)) for stage in stages]
     assert all(after < before * (1 + SETTLED) for before, after in pairwise(values)), values
     assert values[-1] < 0.75 * values[0]
@@ -152,11 +179,15 @@ def test_a_flat_frame_is_filled_flat(pattern: CfaPattern, shape: tuple[int, int]
 
 
 def test_an_inclined_plane_is_filled_as_one() -> None:
-    """db2 has two vanishing moments: a plane has no high-pass coefficients, away from the mirrored border."""
+    """db2 has two vanishing moments: a plane has no high-pass coefficients, away from the mirrored
+    border.
+    """
     pattern = CfaPattern.bayer(6, origin=(2, 2))
     row, column = np.indices((36, 36))
     plane = 0.5 + 0.01 * row + 0.02 * column
-    found = recover_luminance(panchromatic(np.where(pattern.panchromatic_mask((36, 36)), plane, 0.1), pattern), PAPER)
+    found = recover_luminance(
+        panchromatic(np.where(pattern.panchromatic_mask((36, 36)), plane, 0.1), pattern), PAPER
+    )
     inner = slice(7, -7), slice(7, -7)
     assert_close(found[inner], plane[inner], PAPER.threshold * PAPER.decay**49)
 
@@ -166,6 +197,9 @@ def test_values_of_colour_samples_hardly_matter_in_the_end() -> None:
     pattern, shape = CASES["paper"]
     light = materials(shape, 3).sum(axis=-1)
     mask = pattern.panchromatic_mask(shape)
-    low, high = (recover_luminance(panchromatic(np.where(mask, light, fill), pattern), PAPER) for fill in (0.0, 2.0))
+    low, high = (
+        recover_luminance(panchromatic(np.where(mask, light, fill), pattern), PAPER)
+        for fill in (0.0, 2.0)
+    )
     assert np.abs(low - high).mean() < 0.01
     assert np.abs(low - high).max() < 0.2

@@ -42,7 +42,9 @@ def noisy(rgb: FloatArray, pattern: CfaPattern, model: NoiseModel) -> Mosaic:
 @pytest.mark.parametrize("period", [3, 6, 8])
 @pytest.mark.parametrize(("shot_noise", "read"), [(0.0, 0.02), (1e-3, 0.0), (5e-4, 0.01)])
 @pytest.mark.parametrize("picture", [smooth, busy])
-def test_estimates_are_near(picture: Callable[[tuple[int, int]], FloatArray], shot_noise: float, read: float, period: int) -> None:
+def test_estimates_are_near(
+    picture: Callable[[tuple[int, int]], FloatArray], shot_noise: float, read: float, period: int
+) -> None:
     true = NoiseModel((shot_noise,) * 4, (read,) * 4)
     found = estimate_noise(noisy(picture((400, 600)), CfaPattern.bayer(period), true))
     assert len(set(found.shot)) == len(set(found.read)) == 1
@@ -67,16 +69,22 @@ def test_clipped_parts_do_not_count() -> None:
 def test_what_the_calibration_knows_is_not_estimated() -> None:
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
     assert with_noise_model(mosaic, NoiseSettings(estimate=False)) is mosaic
-    assert with_noise_model(mosaic, NoiseSettings(estimate=True)).calibration.noise == estimate_noise(mosaic)
+    assert with_noise_model(
+        mosaic, NoiseSettings(estimate=True)
+    ).calibration.noise == estimate_noise(mosaic)
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
     assert with_noise_model(known, NoiseSettings(estimate=True)) is known
 
 
 def test_an_estimate_is_no_sigma_of_chromaticity() -> None:
-    """Texture raises it: with it Eqs. 8-9 are those of a shot without noise, with a calibrated model they are not."""
+    """Texture raises it: with it Eqs. 8-9 are those of a shot without noise, with a calibrated
+    model they are not.
+    """
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
-    known = replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(0.02, 4)))
+    known = replace(
+        mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(0.02, 4))
+    )
     unknown = replace(mosaic, calibration=replace(mosaic.calibration, noise=None))
     assert sigma_z(clean_frame(known)) == pytest.approx(0.02)
     assert clean_frame(unknown).noise is not None

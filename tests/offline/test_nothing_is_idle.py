@@ -1,4 +1,6 @@
-"""No dead knobs, no dead stages: each setting and each stage of the page is moved, and the picture changes."""
+"""No dead knobs, no dead stages: each setting and each stage of the page is moved, and the picture
+changes.
+"""
 
 from dataclasses import fields, replace
 from typing import Any
@@ -20,12 +22,18 @@ SEEN = 1e-4
 Change = tuple[Any, float | None]
 PRESETS = {"paper": PAPER, "best": BEST}
 SWITCHES = [part.name for part in fields(PAPER) if isinstance(getattr(PAPER, part.name), Switch)]
-# Every field of every part of the settings -> another value, and the noise of the shot: what its calibration admits (None: that it
-# has none and knows nothing of it), or with BLIND, what it does not know.
+# Every field of every part of the settings -> another value, and the noise of the shot: what its
+# calibration admits (None: that it has none and knows nothing of it), or with BLIND, what it does
+# not know.
 BLIND, SCATTERED = -0.05, 0.0  # the latter without noise, and with colour sites that are scattered
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
-    "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
+    "defects": {
+        "listed": (False, None),
+        "contrast": (0.0, None),
+        "deviations": (1e3, 0.02),
+        "floor": (5.0, None),
+    },
     "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
     "luminance": {
         "iterations": (10, 0.02),
@@ -40,10 +48,19 @@ MOVED: dict[str, dict[str, Change]] = {
         "threshold": (2.0, 0.02),
     },
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "detail": (1e3, None)},
-    "pooling": {"passes": ((PoolingPass(1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "curvature_error": (0.0, 0.02)},
+    "pooling": {
+        "passes": ((PoolingPass(1.0, 0.5, 5),), 0.02),
+        "light": (1.0, 0.02),
+        "curvature_error": (0.0, 0.02),
+    },
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02), "likeness": (200.0, 0.02)},
-    "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
+    "refinement": {
+        "strength": (5.0, 0.02),
+        "floor": (0.1, None),
+        "blur": (0.5, 0.02),
+        "repetitions": (1, 0.02),
+    },
     **{name: {"used": (False, None)} for name in SWITCHES},
     "confidence": {"used": (False, None), "tolerance": (0.05, None)},
     "pinning": {"used": (False, SCATTERED)},
@@ -54,8 +71,14 @@ OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling", *SWITCHES}, "best": {
 
 
 def busy_shot(sigma: float | None) -> Mosaic:
-    """Enough blocks, and enough errors among them, that every stage has something to do; a negative sigma is kept secret."""
-    pattern = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW") if sigma == SCATTERED else CfaPattern.bayer(4, origin=(1, 2))
+    """Enough blocks, and enough errors among them, that every stage has something to do; a negative
+    sigma is kept secret.
+    """
+    pattern = (
+        CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
+        if sigma == SCATTERED
+        else CfaPattern.bayer(4, origin=(1, 2))
+    )
     if sigma is None or sigma >= 0:
         return shot(pattern, (45, 50), sigma)
     secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame
@@ -63,7 +86,9 @@ def busy_shot(sigma: float | None) -> Mosaic:
 
 
 def damaged_shot(sigma: float | None) -> Mosaic:
-    """Sensor codes of a ramp that the panchromatic pixels cannot follow, hot pixels at its foot, and a listed row of dead ones."""
+    """Sensor codes of a ramp that the panchromatic pixels cannot follow, hot pixels at its foot,
+    and a listed row of dead ones.
+    """
     pattern, shape = CfaPattern.bayer(4, origin=(1, 2)), (45, 50)
     scene = np.linspace(0.2, 1.6, shape[1])[:, None] * np.broadcast_to([1.0, 0.9, 0.7], (*shape, 3))
     noise = np.random.default_rng(1).normal(scale=sigma or 0, size=shape)
@@ -80,14 +105,21 @@ SHOTS = dict.fromkeys(BEYOND, damaged_shot)
 
 
 def test_every_setting_is_moved() -> None:
-    assert {part.name: {knob.name for knob in fields(getattr(PAPER, part.name))} for part in fields(PAPER)} == {
-        part: set(knobs) for part, knobs in MOVED.items()
-    }
+    assert {
+        part.name: {knob.name for knob in fields(getattr(PAPER, part.name))}
+        for part in fields(PAPER)
+    } == {part: set(knobs) for part, knobs in MOVED.items()}
 
 
 @pytest.mark.parametrize(
     ("preset", "part", "knob"),
-    [(name, part, knob) for name, off in OFF.items() for part, knobs in MOVED.items() if part not in off for knob in knobs],
+    [
+        (name, part, knob)
+        for name, off in OFF.items()
+        for part, knobs in MOVED.items()
+        if part not in off
+        for knob in knobs
+    ],
 )
 def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
     value, sigma = MOVED[part][knob]
@@ -111,7 +143,9 @@ def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> 
 
 
 def every_stage(letters: str | None) -> Mosaic:
-    """A shot that every stage in rows has something to do with: noisy, shaded, of materials that are wider than blocks."""
+    """A shot that every stage in rows has something to do with: noisy, shaded, of materials that
+    are wider than blocks.
+    """
     pattern = CfaPattern.of_letters(letters) if letters else CfaPattern.bayer(4, origin=(1, 2))
     mosaic = shot(pattern, (120, 130), 0.005)
     points = 1 + 0.1 * (np.arange(5)[:, None] - 2 + np.zeros(5))  # a ramp, 1 in the middle
@@ -123,7 +157,10 @@ def every_stage(letters: str | None) -> Mosaic:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_stage_in_rows_can_be_left_out_and_matters(preset: str, letters: str | None) -> None:
     settings, mosaic = PRESETS[preset], every_stage(letters)
-    whole, names = render(mosaic, settings).rgb, [stage.name for stage in row_stages(measure(mosaic, settings), settings)]
+    whole, names = (
+        render(mosaic, settings).rgb,
+        [stage.name for stage in row_stages(measure(mosaic, settings), settings)],
+    )
     for number, name in enumerate(names):
 
         def others(*given: Any, left_out: int = number) -> list[RowStage]:

@@ -17,13 +17,22 @@ from tests.offline.scenes import sampled, shot
 from tests.reference.sensor import luminance_of
 
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 3))
-TILES = ["WBWG/BWGW/WGWR/GWRW", "RGB/WWW/GRR", "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", "RG/BW", "CWMW/WYWC"]
-# Luminance that changes is not filled exactly; most is missed in the hole of five pixels that one of the tiles has.
+TILES = [
+    "WBWG/BWGW/WGWR/GWRW",
+    "RGB/WWW/GRR",
+    "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG",
+    "RG/BW",
+    "CWMW/WYWC",
+]
+# Luminance that changes is not filled exactly; most is missed in the hole of five pixels that one
+# of the tiles has.
 HOLES = 5e-3
 
 
 def pictured(mosaic: Mosaic) -> tuple[Part, Measured]:
-    """The picture before it is pinned: true luminance, and one colour everywhere; with what is known of the frame."""
+    """The picture before it is pinned: true luminance, and one colour everywhere; with what is
+    known of the frame.
+    """
     random = np.random.default_rng(4)
     light = (1 + 0.3 * random.normal(size=mosaic.shape)).clip(0.1).astype(np.float32)
     count = len(mosaic.pattern.channels)
@@ -46,7 +55,10 @@ def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height:
     whole = pinned(part, measured, measured.samples)
     missed = SiteResidual(measured.samples, measured.gamma)(part, (0, 333))
     pieces = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
-    found = [piece.chromaticity for piece in apply_stage(pieces, Pinning(measured, measured.samples), 333)]
+    found = [
+        piece.chromaticity
+        for piece in apply_stage(pieces, Pinning(measured, measured.samples), 333)
+    ]
     assert np.array_equal(np.concatenate(found), whole)
     assert np.abs(whole - part.chromaticity).max() > 0.1
 
@@ -63,18 +75,25 @@ def test_one_colour_stays_one_colour(letters: str) -> None:
 
 
 def test_colour_that_changes_within_a_tile_is_seen() -> None:
-    """Stripes of colour, six pixels wide, under a texture: the tile's one chromaticity blurs them, its sites do not."""
+    """Stripes of colour, six pixels wide, under a texture: the tile's one chromaticity blurs them,
+    its sites do not.
+    """
     row, column = np.indices((120, 120))
     stripe = np.clip(np.sin(np.pi * column / 6) * 3, -1, 1)[..., None]
     light = 0.6 + 0.02 * np.cos(row * column / 40.0) + 0.15 * stripe[..., 0]
-    scene = (light[..., None] * (np.array([1.0, 1.0, 1.0]) + stripe * np.array([0.5, -0.1, -0.4]))).astype(np.float32)
+    scene = (
+        light[..., None] * (np.array([1.0, 1.0, 1.0]) + stripe * np.array([0.5, -0.1, -0.4]))
+    ).astype(np.float32)
     mosaic = simulate_additive(scene, KODAK, SensorCalibration(), 0.0, np.random.default_rng(0))
     pinned, plain = (
         render(mosaic).rgb,
         render(mosaic, BEST.switched(False)).rgb,
     )
     inside = slice(8, -8)
-    assert np.square(pinned - scene)[inside, inside].mean() < 0.7 * np.square(plain - scene)[inside, inside].mean()
+    assert (
+        np.square(pinned - scene)[inside, inside].mean()
+        < 0.7 * np.square(plain - scene)[inside, inside].mean()
+    )
 
 
 def test_noise_alone_moves_nothing() -> None:
@@ -87,13 +106,17 @@ def test_noise_alone_moves_nothing() -> None:
         ],
         axis=2,
     )
-    noise: FloatArray = (seen + np.random.default_rng(1).normal(0, 0.01, seen.shape)).astype(np.float32)
+    noise: FloatArray = (seen + np.random.default_rng(1).normal(0, 0.01, seen.shape)).astype(
+        np.float32
+    )
     noisy = replace(samples, samples=noise, noise=NoiseModel.gaussian(0.01, 4))
     assert np.abs(pinned(part, measured, noisy) - part.chromaticity).max() < 1e-6
 
 
 def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
-    """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say more than they did."""
+    """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say
+    more than they did.
+    """
     part, measured = pictured(shot(KODAK, (90, 90), None))
     measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
     clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))

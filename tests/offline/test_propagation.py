@@ -15,27 +15,45 @@ PAPER = PropagationSettings()
 FLOAT32 = 1e-6  # a few dozen operations on values up to one
 
 
-def case(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+def case(
+    pattern: CfaPattern, shape: tuple[int, int], seed: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Any blocks, affinities and light: the stage does not ask where they come from."""
     random = np.random.default_rng(seed)
     down, across = geometry.patch_counts(pattern, shape)
     blocks = random.uniform(size=(down + 1, across + 1, len(pattern.channels)))
     affinity = random.uniform(size=(2, 2, down * pattern.period, across * pattern.period))
     light = random.uniform(-0.1, 1.0, size=shape)  # noise makes some of it negative
-    return blocks.astype(np.float32), (affinity / affinity.sum(axis=(0, 1))).astype(np.float32), light.astype(np.float32)
+    return (
+        blocks.astype(np.float32),
+        (affinity / affinity.sum(axis=(0, 1))).astype(np.float32),
+        light.astype(np.float32),
+    )
 
 
 def mixed(
-    blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, settings: PropagationSettings = PAPER
+    blocks: FloatArray,
+    affinity: FloatArray,
+    light: FloatArray,
+    pattern: CfaPattern,
+    settings: PropagationSettings = PAPER,
 ) -> FloatArray:
     return propagate(blocks, affinity, light, pattern, settings)
 
 
 def expected(
-    blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, softness: float = 0.0
+    blocks: FloatArray,
+    affinity: FloatArray,
+    light: FloatArray,
+    pattern: CfaPattern,
+    softness: float = 0.0,
 ) -> DoubleArray:
     """What softness adds to every affinity."""
-    c, alpha, luminance = blocks.astype(np.float64), affinity.astype(np.float64), light.astype(np.float64)
+    c, alpha, luminance = (
+        blocks.astype(np.float64),
+        affinity.astype(np.float64),
+        light.astype(np.float64),
+    )
     return reference.propagate(c, abs(alpha) + softness, luminance, pattern)
 
 
@@ -54,10 +72,16 @@ def test_likeness_prefers_blocks_as_bright_as_the_pixel_and_does_nothing_in_even
     blocks, affinity, light = case(pattern, (12, 12))
     even = np.full_like(light, 0.3)
     alike = PropagationSettings(0.5, 40.0)
-    assert_close(mixed(blocks, affinity, even, pattern, alike), expected(blocks, affinity, even, pattern, 0.5), FLOAT32)
+    assert_close(
+        mixed(blocks, affinity, even, pattern, alike),
+        expected(blocks, affinity, even, pattern, 0.5),
+        FLOAT32,
+    )
     dark = even.copy()
     dark[0, 0] = dark[2, 2] = 0.1  # the corner in block (0, 0), and a pixel
-    plain, result = (mixed(blocks, affinity, dark, pattern, s)[2, 2] for s in (PropagationSettings(0.5), alike))
+    plain, result = (
+        mixed(blocks, affinity, dark, pattern, s)[2, 2] for s in (PropagationSettings(0.5), alike)
+    )
     assert np.abs(result - blocks[0, 0]).max() < 0.75 * np.abs(plain - blocks[0, 0]).max()
 
 

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from panchroma.offline import BEST, PAPER, PRESETS, RenderSettings, SolverLog, clean_frame, render, render_bands
+from panchroma.offline import (
+    BEST,
+    PAPER,
+    PRESETS,
+    RenderSettings,
+    SolverLog,
+    clean_frame,
+    render,
+    render_bands,
+)
 from panchroma.offline.burst import merge_burst
 from panchroma.offline.parts import Part, run_stages
 from panchroma.offline.settings import UNLEARNED
@@ -27,26 +36,34 @@ from tests.reference import render as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
 
-# All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
+# All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5)
+# leads.
 FLOAT32 = 5e-5
 TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
-# The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a hundredth, the picture is not.
+# The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a
+# hundredth, the picture is not.
 RENDERED, RENDERED_RMS = 2e-2, 1e-3
-# What hole filling leaves after its last iteration is of the size of the last threshold; the corner of a frame is the worst place.
+# What hole filling leaves after its last iteration is of the size of the last threshold; the corner
+# of a frame is the worst place.
 FILLED = PAPER.luminance.threshold * PAPER.luminance.decay ** (PAPER.luminance.iterations - 1)
 
-# The light changed, root mean square relative to the mean: the same numbers but for rounding, which moves what a solver leaves by
-# its last step. The network for colour rounds to 8 bits, where next to nothing can be a whole step.
+# The light changed, root mean square relative to the mean: the same numbers but for rounding, which
+# moves what a solver leaves by its last step. The network for colour rounds to 8 bits, where next
+# to nothing can be a whole step.
 SAME_LIGHT, SAME_LIGHT_IN_STEPS = 1e-5, 1e-3
 
 
 @every_case
 @pytest.mark.parametrize("sigma", [None, 0.02])
-def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+def test_equals_the_reference(
+    pattern: CfaPattern, shape: tuple[int, int], sigma: float | None
+) -> None:
     mosaic = shot(pattern, shape, sigma)
     expected = reference.render(mosaic, PAPER)
     found = render(mosaic, TIGHT)
-    assert {array.dtype for array in (found.rgb, found.luminance, found.chromaticity)} == {np.dtype(np.float32)}
+    assert {array.dtype for array in (found.rgb, found.luminance, found.chromaticity)} == {
+        np.dtype(np.float32)
+    }
     assert_close(found.luminance, expected.luminance, FLOAT32)
     assert_close(found.chromaticity, expected.chromaticity, FLOAT32)
     assert_close(found.rgb, expected.rgb, FLOAT32)
@@ -56,22 +73,33 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma
 
 
 @every_case
-def test_output_is_chromaticity_times_luminance_and_keeps_the_samples(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_output_is_chromaticity_times_luminance_and_keeps_the_samples(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     mosaic = shot(pattern, shape)
     found = render(mosaic, PAPER)
     assert np.array_equal(found.rgb, found.chromaticity * found.luminance[..., None])  # Eq. 17
     measured = pattern.panchromatic_mask(shape)
     assert np.array_equal(found.luminance[measured], mosaic.signal[measured])
-    # Eq. 7 holds for what comes out: seen by the same sensor, panchromatic pixels read what they read.
-    assert_close(luminance_of(found.rgb.astype(np.float64), mosaic.calibration.gamma), found.luminance, 1e-5)
+    # Eq. 7 holds for what comes out: seen by the same sensor, panchromatic pixels read what they
+    # read.
+    assert_close(
+        luminance_of(found.rgb.astype(np.float64), mosaic.calibration.gamma), found.luminance, 1e-5
+    )
 
 
 @every_case
-def test_a_flat_scene_returns_from_simulation_as_it_was(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    calibration = observe(np.ones((*shape, len(pattern.channels))), pattern, gamma_of(pattern)).calibration
+def test_a_flat_scene_returns_from_simulation_as_it_was(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
+    calibration = observe(
+        np.ones((*shape, len(pattern.channels))), pattern, gamma_of(pattern)
+    ).calibration
     colour = np.linspace(0.1, 1.0, len(pattern.channels), dtype=np.float32)
     scene = np.broadcast_to(colour, (*shape, len(colour)))
-    found = render(simulate_additive(scene, pattern, calibration, 0.0, np.random.default_rng(0)), PAPER)
+    found = render(
+        simulate_additive(scene, pattern, calibration, 0.0, np.random.default_rng(0)), PAPER
+    )
     assert_close(found.rgb, scene, FILLED)
     measured = pattern.panchromatic_mask(shape)
     interior = np.zeros(shape, bool)
@@ -83,26 +111,42 @@ def test_the_simulated_sensor_is_the_references() -> None:
     for pattern, shape in CASES.values():
         scene = materials(shape, len(pattern.channels))
         expected = observe(scene, pattern, gamma_of(pattern))
-        found = simulate_additive(scene.astype(np.float32), pattern, expected.calibration, 0.0, np.random.default_rng(0))
+        found = simulate_additive(
+            scene.astype(np.float32), pattern, expected.calibration, 0.0, np.random.default_rng(0)
+        )
         assert_close(found.signal, expected.signal, 1e-6)
 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])
 @pytest.mark.parametrize("scale", [2.0**-4, 30.0, 300.0])
-def test_the_same_scene_in_other_light_gives_the_same_picture(scale: float, settings: RenderSettings) -> None:
+def test_the_same_scene_in_other_light_gives_the_same_picture(
+    scale: float, settings: RenderSettings
+) -> None:
     """Thresholds in scene units do not show."""
     mosaic = shot(*CASES["paper"], sigma=None)
     scaled = replace(mosaic, samples=mosaic.signal * np.float32(scale))
     expected = render(mosaic, settings).rgb
-    assert np.sqrt(np.square(render(scaled, settings).rgb / np.float32(scale) - expected).mean()) < 0.01
+    assert (
+        np.sqrt(np.square(render(scaled, settings).rgb / np.float32(scale) - expected).mean())
+        < 0.01
+    )
 
 
 @pytest.mark.parametrize("light", [1e-35, 1e-9, 2.0**-18, 6e3, 65535.0, 1e38])
 def test_samples_in_another_unit_are_refused_with_the_factor(light: float) -> None:
-    mosaic = replace(shot(*CASES["odd"], sigma=None), samples=np.full(CASES["odd"][1], light, np.float32))
-    ways = (render, clean_frame, lambda wrong: list(render_bands(wrong)), lambda wrong: merge_burst([wrong, wrong]))
+    mosaic = replace(
+        shot(*CASES["odd"], sigma=None), samples=np.full(CASES["odd"][1], light, np.float32)
+    )
+    ways = (
+        render,
+        clean_frame,
+        lambda wrong: list(render_bands(wrong)),
+        lambda wrong: merge_burst([wrong, wrong]),
+    )
     for way in ways:
-        with pytest.raises(InputError, match=r"not in scene units.*multiply the samples, and their noise, by ") as caught:
+        with pytest.raises(
+            InputError, match=r"not in scene units.*multiply the samples, and their noise, by "
+        ) as caught:
             way(mosaic)
     factor = float(str(caught.value).rpartition(" ")[2])
     rendering = render(replace(mosaic, samples=mosaic.samples * np.float32(factor)), PAPER)
@@ -111,7 +155,9 @@ def test_samples_in_another_unit_are_refused_with_the_factor(light: float) -> No
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])
 @pytest.mark.parametrize("bits", [8, 12, 16])
-def test_the_darkest_shot_of_a_sensor_is_rendered_from_codes_and_from_scene_units(bits: int, settings: RenderSettings) -> None:
+def test_the_darkest_shot_of_a_sensor_is_rendered_from_codes_and_from_scene_units(
+    bits: int, settings: RenderSettings
+) -> None:
     """Black, below black, and a single code above it: what a lens cap leaves."""
     calibration, shape = SensorCalibration.of_bits(bits), (24, 30)
     black = int(calibration.black_level[0])
@@ -124,19 +170,35 @@ def test_the_darkest_shot_of_a_sensor_is_rendered_from_codes_and_from_scene_unit
 
 @pytest.mark.parametrize("light", [0.5, 0.7])
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
-@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")])
-def test_half_the_light_gives_half_the_picture(pattern: CfaPattern, sigma: float, light: float) -> None:
-    """Every threshold of `best` is a share of the frame's own light or of its noise: what is left is rounding."""
+@pytest.mark.parametrize(
+    "pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")]
+)
+def test_half_the_light_gives_half_the_picture(
+    pattern: CfaPattern, sigma: float, light: float
+) -> None:
+    """Every threshold of `best` is a share of the frame's own light or of its noise: what is left
+    is rounding.
+    """
     with Image.open(photograph("kodak/kodim08.png")) as file:
         scene = ((np.asarray(file.crop((80, 60, 320, 240))) / 255) ** 2.2).astype(np.float32)
     mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, np.random.default_rng(0))
     noise = NoiseModel.gaussian(sigma * light, 4)
-    darker = replace(mosaic, samples=mosaic.signal * np.float32(light), calibration=replace(mosaic.calibration, noise=noise))
-    for settings, rounding in ((replace(BEST, learned=PAPER.learned), SAME_LIGHT), (BEST, SAME_LIGHT_IN_STEPS)):
+    darker = replace(
+        mosaic,
+        samples=mosaic.signal * np.float32(light),
+        calibration=replace(mosaic.calibration, noise=noise),
+    )
+    for settings, rounding in (
+        (replace(BEST, learned=PAPER.learned), SAME_LIGHT),
+        (BEST, SAME_LIGHT_IN_STEPS),
+    ):
         expected, found = render(mosaic, settings), render(darker, settings)
         assert found.luminance.mean() < 0.71 * expected.luminance.mean()
         for whole, less in ((expected.rgb, found.rgb), (expected.luminance, found.luminance)):
-            assert np.sqrt(np.square(less / np.float32(light) - whole).mean()) < rounding * whole.mean()
+            assert (
+                np.sqrt(np.square(less / np.float32(light) - whole).mean())
+                < rounding * whole.mean()
+            )
 
 
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8)])
@@ -144,7 +206,9 @@ def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
     """The network's cells there see nothing at all."""
     scene = np.random.default_rng(0).uniform(0.1, 1, (96, 104, 3)).astype(np.float32)
     scene[:80] = 0
-    found = render(simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0)), BEST)
+    found = render(
+        simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0)), BEST
+    )
     assert np.isfinite(found.chromaticity).all()
     assert np.abs(found.rgb[:64]).max() < 1e-6
 
@@ -158,19 +222,30 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
             part.chromaticity[6, 2, 0] = np.inf
             yield part
 
-    monkeypatch.setattr(sys.modules["panchroma.offline.render"], "run_stages", spoilt)  # `offline.render` is the function
+    # `offline.render` is the function
+    monkeypatch.setattr(sys.modules["panchroma.offline.render"], "run_stages", spoilt)
     for made in (lambda: render(mosaic), lambda: list(render_bands(mosaic))):
-        with pytest.raises(RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"):
+        with pytest.raises(
+            RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"
+        ):
             made()
 
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(preset: str) -> None:
     settings, calibration = PRESETS[preset], SensorCalibration.of_bits(12)
-    for pattern in (CfaPattern.bayer(6), CfaPattern.bayer(3, origin=(2, 1)), CfaPattern.of_letters("RGWW/BWWW/WWWW/WWWW")):
+    for pattern in (
+        CfaPattern.bayer(6),
+        CfaPattern.bayer(3, origin=(2, 1)),
+        CfaPattern.of_letters("RGWW/BWWW/WWWW/WWWW"),
+    ):
         for shape in ((2, 3), (3, 2), (3, 3), (2, 60), (60, 2), (5, 7), (13, 4)):
             try:
-                mosaic = Mosaic(np.random.default_rng(0).integers(300, 3000, shape).astype(np.uint16), pattern, calibration)
+                mosaic = Mosaic(
+                    np.random.default_rng(0).integers(300, 3000, shape).astype(np.uint16),
+                    pattern,
+                    calibration,
+                )
             except InputError:  # no whole block
                 assert min(shape) < 4
                 continue
@@ -184,8 +259,12 @@ def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(preset: str) -> 
 
 
 @pytest.mark.parametrize("shape", [(4, 18), (18, 4), (4, 4)])
-def test_a_frame_of_one_row_of_tiles_is_rendered_without_the_samples_at_its_sites(shape: tuple[int, int]) -> None:
-    assert render(shot(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), shape), BEST.switched(False)).rgb.shape == (*shape, 3)
+def test_a_frame_of_one_row_of_tiles_is_rendered_without_the_samples_at_its_sites(
+    shape: tuple[int, int],
+) -> None:
+    assert render(
+        shot(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), shape), BEST.switched(False)
+    ).rgb.shape == (*shape, 3)
 
 
 def test_the_same_mosaic_gives_the_same_bytes() -> None:
@@ -203,7 +282,9 @@ def test_codes_are_asked_for_where_saturation_changes_the_picture() -> None:
     burnt = replace(mosaic, samples=codes)
     assert (PAPER.asks_for_codes, BEST.asks_for_codes) == (False, True)
     assert np.array_equal(render(burnt, PAPER).rgb, render(burnt.in_scene_units(), PAPER).rgb)
-    assert not np.array_equal(render(burnt, UNLEARNED).rgb, render(burnt.in_scene_units(), UNLEARNED).rgb)
+    assert not np.array_equal(
+        render(burnt, UNLEARNED).rgb, render(burnt.in_scene_units(), UNLEARNED).rgb
+    )
 
 
 class Listener(Progress):
@@ -238,7 +319,9 @@ def test_progress_is_reported_stage_by_stage() -> None:
 
 @pytest.mark.parametrize("case", ["paper", "period 3"])
 def test_solvers_say_what_they_did(case: str) -> None:
-    """As often as they were asked to, or until nothing was left to do; the same for bands, of which the worst counts."""
+    """As often as they were asked to, or until nothing was left to do; the same for bands, of which
+    the worst counts.
+    """
     pattern, _ = CASES[case]
     mosaic, log = shot(pattern, (500, 40)), SolverLog()
     found, bands = render(mosaic, PAPER).solvers, list(render_bands(mosaic, PAPER, log))
@@ -247,13 +330,20 @@ def test_solvers_say_what_they_did(case: str) -> None:
     assert list(found) == ["luminance", "medians", "affinity"]
     assert found["luminance"].iterations == PAPER.luminance.iterations
     assert 0 < found["luminance"].residual < FILLED
-    assert (found["medians"].residual == 0) == (found["medians"].iterations < PAPER.chromaticity.repetitions)
+    assert (found["medians"].residual == 0) == (
+        found["medians"].iterations < PAPER.chromaticity.repetitions
+    )
     assert 0 < found["affinity"].residual <= PAPER.affinity.tolerance
     tight = render(mosaic, TIGHT).solvers["affinity"]
     assert found["affinity"].iterations < tight.iterations <= PAPER.affinity.iterations
     assert tight.residual <= TIGHT.affinity.tolerance
     few = render(
-        mosaic, replace(PAPER, luminance=LuminanceSettings(iterations=3), chromaticity=ChromaticitySettings(repetitions=1))
+        mosaic,
+        replace(
+            PAPER,
+            luminance=LuminanceSettings(iterations=3),
+            chromaticity=ChromaticitySettings(repetitions=1),
+        ),
     )
     assert few.solvers["luminance"].residual > 10 * found["luminance"].residual
     assert few.solvers["medians"].iterations == 1

@@ -18,7 +18,13 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
         "threshold": [0.0],
     },
     "pooling": {
-        "passes": [((1.0, 0.0, 5),), ((-1.0, 0.1, 5),), ((1.0, 0.1, 0),), ((1.0, 0.1, 65),), ((1.0, 0.1),)],
+        "passes": [
+            ((1.0, 0.0, 5),),
+            ((-1.0, 0.1, 5),),
+            ((1.0, 0.1, 0),),
+            ((1.0, 0.1, 65),),
+            ((1.0, 0.1),),
+        ],
         "light": [0.0],
         "curvature_error": [-0.1],
     },
@@ -31,7 +37,12 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
 
 @pytest.mark.parametrize(
     ("part", "knob", "value"),
-    [(part, knob, value) for part, knobs in IMPOSSIBLE.items() for knob, values in knobs.items() for value in values],
+    [
+        (part, knob, value)
+        for part, knobs in IMPOSSIBLE.items()
+        for knob, values in knobs.items()
+        for value in values
+    ],
 )
 def test_impossible_settings_are_refused_by_name(part: str, knob: str, value: Any) -> None:
     with pytest.raises(InputError, match=rf"settings: {part}\.{knob} is .*, expected"):
@@ -47,4 +58,7 @@ def test_settings_are_frozen_values() -> None:
 def test_a_refusal_names_the_part_as_the_settings_do() -> None:
     """The name of a part in a refusal comes from its class."""
     parts = {field.name: type(getattr(PAPER, field.name)) for field in fields(PAPER)}
-    assert all(kind is Switch or kind.__name__ == f"{name.capitalize()}Settings" for name, kind in parts.items())
+    assert all(
+        kind is Switch or kind.__name__ == f"{name.capitalize()}Settings"
+        for name, kind in parts.items()
+    )

@@ -23,7 +23,10 @@ BAYER = CfaPattern.bayer(6, origin=(1, 2))
 
 def corrected(part: Part, mosaic: Mosaic, clipping: float = np.inf) -> Part:
     """The picture corrected by the samples of a mosaic."""
-    samples, gamma = sampled(mosaic, part.luminance, clipping), np.array(mosaic.calibration.gamma, np.float32)
+    samples, gamma = (
+        sampled(mosaic, part.luminance, clipping),
+        np.array(mosaic.calibration.gamma, np.float32),
+    )
     rows = part.first, part.end
     return Correction(samples, gamma)(SiteResidual(samples, gamma)(part, rows), rows)
 
@@ -31,14 +34,20 @@ def corrected(part: Part, mosaic: Mosaic, clipping: float = np.inf) -> Part:
 def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArray:
     """Luminance settled with the chromaticities that Eqs. 8-9 find in it."""
     frame = cleaned(mosaic)
-    blocks = extend(block_sums(frame, light).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape)
+    blocks = extend(
+        block_sums(frame, light).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape
+    )
     gamma = np.array(mosaic.calibration.gamma, np.float32)
-    return update_luminance(light, blocks.astype(np.float32), sampled(mosaic, light), gamma, BEST.posterior)
+    return update_luminance(
+        light, blocks.astype(np.float32), sampled(mosaic, light), gamma, BEST.posterior
+    )
 
 
 def true_light(mosaic: Mosaic) -> FloatArray:
     """Luminance of `shot`."""
-    return luminance_of(materials(mosaic.shape, len(mosaic.pattern.channels)), mosaic.calibration.gamma).astype(np.float32)
+    return luminance_of(
+        materials(mosaic.shape, len(mosaic.pattern.channels)), mosaic.calibration.gamma
+    ).astype(np.float32)
 
 
 def wrong_light(mosaic: Mosaic) -> FloatArray:
@@ -55,11 +64,20 @@ class TestSettling(StageTests):
 
 
 @every_case
-def test_a_block_is_unclipped_with_all_that_is_next_to_it(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    mosaic, (height, width), grid = shot(pattern, shape, None), pattern.block_shape, pattern.grid(shape)
+def test_a_block_is_unclipped_with_all_that_is_next_to_it(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
+    mosaic, (height, width), grid = (
+        shot(pattern, shape, None),
+        pattern.block_shape,
+        pattern.grid(shape),
+    )
     frame = cleaned(mosaic, float(np.quantile(mosaic.signal, 0.97)))
     around = [
-        [np.s_[max(row - 1, 0) : row + height + 1, max(column - 1, 0) : column + width + 1] for column in grid.whole_columns]
+        [
+            np.s_[max(row - 1, 0) : row + height + 1, max(column - 1, 0) : column + width + 1]
+            for column in grid.whole_columns
+        ]
         for row in grid.whole_rows
     ]
     expected = [[(mosaic.signal[place] < frame.clipping).all() for place in row] for row in around]
@@ -68,7 +86,12 @@ def test_a_block_is_unclipped_with_all_that_is_next_to_it(pattern: CfaPattern, s
 
 def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> None:
     mosaic = shot(BAYER, (90, 96), None)
-    light, true, scene, grid = wrong_light(mosaic), true_light(mosaic), materials(mosaic.shape, 3), BAYER.grid(mosaic.shape)
+    light, true, scene, grid = (
+        wrong_light(mosaic),
+        true_light(mosaic),
+        materials(mosaic.shape, 3),
+        BAYER.grid(mosaic.shape),
+    )
     places = np.ix_(grid.rows.clip(0, 89), grid.columns.clip(0, 95))
     blocks = (scene / true[..., None])[places].astype(np.float32)
     gamma, samples = np.array(mosaic.calibration.gamma, np.float32), sampled(mosaic, light)
@@ -76,7 +99,9 @@ def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> Non
     assert np.square(result - true).mean() < 0.5 * np.square(light - true).mean()
 
 
-def test_settled_luminance_has_no_seams_where_strips_of_blocks_meet(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_settled_luminance_has_no_seams_where_strips_of_blocks_meet(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     mosaic = shot(CfaPattern.bayer(3), (212, 12), 0.01)
     light = wrong_light(mosaic)
     expected = settled(mosaic, light)
@@ -90,27 +115,43 @@ def render_of(mosaic: Mosaic) -> Part:
     scene = materials(mosaic.shape, len(mosaic.pattern.channels))
     colour = scene / light[..., None] + random.normal(0, 0.02, scene.shape)
     colour /= (colour @ np.array(mosaic.calibration.gamma))[..., None]
-    return Part(0, (light * random.uniform(0.95, 1.05, light.shape)).astype(np.float32), colour.astype(np.float32))
+    return Part(
+        0,
+        (light * random.uniform(0.95, 1.05, light.shape)).astype(np.float32),
+        colour.astype(np.float32),
+    )
 
 
 @every_case
-def test_without_noise_the_picture_reads_as_the_samples_do(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_without_noise_the_picture_reads_as_the_samples_do(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     mosaic = shot(pattern, shape, None)
     part = render_of(mosaic)
     sites, result = sampled(mosaic, part.luminance).sites, corrected(part, mosaic)
     for channel, place in zip(sites.channels, sites.places, strict=True):
-        assert_close(result.chromaticity[*place, channel] * result.luminance[place], mosaic.signal[place], 1e-5)
+        assert_close(
+            result.chromaticity[*place, channel] * result.luminance[place],
+            mosaic.signal[place],
+            1e-5,
+        )
     assert_close(result.chromaticity @ np.array(gamma_of(pattern)), np.ones(shape), 1e-5)  # Eq. 7
 
 
 def test_noise_alone_corrects_next_to_nothing() -> None:
-    """A flat scene, rendered exactly: the residuals are noise, and the picture keeps almost all of its quality."""
+    """A flat scene, rendered exactly: the residuals are noise, and the picture keeps almost all of
+    its quality.
+    """
     shape, sigma = (180, 180), 0.02
     clean = observe(np.full((*shape, 3), 0.3), BAYER)
     samples = clean.signal + np.random.default_rng(1).normal(0, sigma, shape).astype(np.float32)
     mosaic = Mosaic(samples, BAYER, replace(clean.calibration, noise=NoiseModel.gaussian(sigma, 4)))
-    result = corrected(Part(0, np.full(shape, 0.9, np.float32), np.full((*shape, 3), 1 / 3, np.float32)), mosaic)
-    change = (result.chromaticity * result.luminance[..., None] - 0.3)[~BAYER.panchromatic_mask(shape)]
+    result = corrected(
+        Part(0, np.full(shape, 0.9, np.float32), np.full((*shape, 3), 1 / 3, np.float32)), mosaic
+    )
+    change = (result.chromaticity * result.luminance[..., None] - 0.3)[
+        ~BAYER.panchromatic_mask(shape)
+    ]
     assert np.sqrt(np.square(change).mean()) < 0.15 * sigma
 
 
@@ -120,12 +161,18 @@ def test_blocks_at_the_limit_say_nothing() -> None:
     samples, result = sampled(mosaic, part.luminance, limit), corrected(part, mosaic, limit)
     assert 0 < samples.unclipped.mean() < 1
     for place in samples.sites.places:
-        assert ((result.luminance[place] == part.luminance[place]) == ~samples.unclipped).mean() > 0.99
+        assert (
+            (result.luminance[place] == part.luminance[place]) == ~samples.unclipped
+        ).mean() > 0.99
 
 
 def test_at_an_edge_without_luminance_none_is_invented() -> None:
-    """Two colours of one brightness: the residuals along the edge are colour, and luminance is right everywhere."""
-    scene = np.where((np.arange(60) < 31)[None, :, None], (0.5, 0.3, 0.1), np.full((60, 60, 3), (0.1, 0.3, 0.5)))
+    """Two colours of one brightness: the residuals along the edge are colour, and luminance is
+    right everywhere.
+    """
+    scene = np.where(
+        (np.arange(60) < 31)[None, :, None], (0.5, 0.3, 0.1), np.full((60, 60, 3), (0.1, 0.3, 0.5))
+    )
     light, grey = np.full((60, 60), 0.9, np.float32), np.full(scene.shape, 1 / 3, np.float32)
     result = corrected(Part(0, light, grey), observe(scene, CfaPattern.bayer(6)))
     assert np.array_equal(result.luminance, light)

@@ -1,4 +1,6 @@
-"""Stages of one's own: what they may be, what they may return, and that they change nothing else."""
+"""Stages of one's own: what they may be, what they may return, and that they change nothing
+else.
+"""
 
 import re
 from collections.abc import Callable
@@ -8,7 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.offline import BEST, PAPER, Part, RenderSettings, RowStage, measure, render, row_stages
+from panchroma.offline import (
+    BEST,
+    PAPER,
+    Part,
+    RenderSettings,
+    RowStage,
+    measure,
+    render,
+    row_stages,
+)
 from panchroma.offline.parts import Halo
 from panchroma.offline.render import Rendering
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -24,7 +35,9 @@ SCATTERED = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
 
 def shot(rows: int = 50, columns: int = 40, pattern: CfaPattern | None = None) -> Mosaic:
     pattern = pattern or CfaPattern.bayer(6, origin=(2, 3))
-    return simulate_additive(leaves(rows, columns), pattern, SensorCalibration(), 0.01, np.random.default_rng(0))
+    return simulate_additive(
+        leaves(rows, columns), pattern, SensorCalibration(), 0.01, np.random.default_rng(0)
+    )
 
 
 def same(shown: Part) -> Part:
@@ -47,7 +60,9 @@ class Own(RowStage):
         return self._made(part.rows(*rows))
 
 
-def rendered(stage: RowStage, mosaic: Mosaic, settings: RenderSettings = PAPER, place: int | None = None) -> Rendering:
+def rendered(
+    stage: RowStage, mosaic: Mosaic, settings: RenderSettings = PAPER, place: int | None = None
+) -> Rendering:
     """A render with one more stage, before that at a place of the list."""
 
     def stages(*given: Any) -> list[RowStage]:
@@ -60,11 +75,15 @@ def rendered(stage: RowStage, mosaic: Mosaic, settings: RenderSettings = PAPER, 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])
 @pytest.mark.parametrize("look", [(), (3,), (5, 7, 2), (0, 1000)])
-def test_a_stage_that_changes_nothing_changes_no_picture_wherever_it_is(settings: RenderSettings, look: tuple[int, ...]) -> None:
+def test_a_stage_that_changes_nothing_changes_no_picture_wherever_it_is(
+    settings: RenderSettings, look: tuple[int, ...]
+) -> None:
     mosaic = shot(500, 40)
     expected = render(mosaic, settings).rgb
     for place in (0, 1, None):
-        assert np.array_equal(rendered(Own(same, *look), mosaic, settings, place).rgb, expected), place
+        assert np.array_equal(rendered(Own(same, *look), mosaic, settings, place).rgb, expected), (
+            place
+        )
 
 
 def without(name: str) -> Callable[..., list[RowStage]]:
@@ -73,11 +92,19 @@ def without(name: str) -> Callable[..., list[RowStage]]:
 
 @pytest.mark.parametrize("stages", [lambda *_: [], lambda *_: (), without("propagation")])
 @pytest.mark.parametrize("settings", [PAPER, BEST])
-def test_without_any_stage_the_picture_is_grey_luminance(stages: Callable[..., list[RowStage]], settings: RenderSettings) -> None:
-    grey = render(shot(), replace(settings, refinement=replace(PAPER.refinement, repetitions=0)), stages=stages)
+def test_without_any_stage_the_picture_is_grey_luminance(
+    stages: Callable[..., list[RowStage]], settings: RenderSettings
+) -> None:
+    grey = render(
+        shot(),
+        replace(settings, refinement=replace(PAPER.refinement, repetitions=0)),
+        stages=stages,
+    )
     assert np.isfinite(grey.rgb).all()
     if not stages(measure(shot()), settings):
-        np.testing.assert_allclose(grey.rgb, np.repeat(grey.luminance[..., None] / 3, 3, axis=2), rtol=1e-5, atol=1e-7)
+        np.testing.assert_allclose(
+            grey.rgb, np.repeat(grey.luminance[..., None] / 3, 3, axis=2), rtol=1e-5, atol=1e-7
+        )
 
 
 def spoilt(plane: FloatArray, value: float) -> FloatArray:
@@ -95,9 +122,18 @@ def spoilt(plane: FloatArray, value: float) -> FloatArray:
             lambda shown: replace(shown, luminance=shown.luminance.astype(float)),
             r"a luminance that is float64 \(50, 40\), expected float32",
         ),
-        (lambda shown: replace(shown, chromaticity=shown.chromaticity.astype(float)), "a chromaticity that is float64"),
-        (lambda shown: replace(shown, chromaticity=shown.luminance), r"float32 \(50, 40\), expected float32 \(50, 40, 3\)"),
-        (lambda shown: replace(shown, luminance=shown.luminance[:, 1:]), r"float32 \(50, 39\), expected float32 \(50, 40\)"),
+        (
+            lambda shown: replace(shown, chromaticity=shown.chromaticity.astype(float)),
+            "a chromaticity that is float64",
+        ),
+        (
+            lambda shown: replace(shown, chromaticity=shown.luminance),
+            r"float32 \(50, 40\), expected float32 \(50, 40, 3\)",
+        ),
+        (
+            lambda shown: replace(shown, luminance=shown.luminance[:, 1:]),
+            r"float32 \(50, 39\), expected float32 \(50, 40\)",
+        ),
         (lambda shown: shown.rows(0, 49), r"a luminance that is float32 \(49, 40\)"),
         (lambda shown: replace(shown, first=3), "rows from 3 on, expected 0 to 50"),
         (lambda shown: replace(shown, luminance=None), "a luminance that is NoneType"),
@@ -105,21 +141,34 @@ def spoilt(plane: FloatArray, value: float) -> FloatArray:
             lambda shown: replace(shown, luminance=spoilt(shown.luminance, np.nan)),
             "luminance that is not finite, first in row 49, column 2",
         ),
-        (lambda shown: replace(shown, chromaticity=spoilt(shown.chromaticity, np.inf)), "chromaticity that is not finite"),
+        (
+            lambda shown: replace(shown, chromaticity=spoilt(shown.chromaticity, np.inf)),
+            "chromaticity that is not finite",
+        ),
         (lambda shown: replace(shown, residual=shown.chromaticity), "a residual that is"),
     ],
 )
 @pytest.mark.parametrize("place", [0, None])
-def test_what_is_no_such_part_is_refused_and_the_stage_named(made: Callable[[Part], Any], words: str, place: int | None) -> None:
-    with pytest.raises(InputError, match=f"the stage 'own' returned .*{words}|the stage 'own' {words}"):
+def test_what_is_no_such_part_is_refused_and_the_stage_named(
+    made: Callable[[Part], Any], words: str, place: int | None
+) -> None:
+    with pytest.raises(
+        InputError, match=f"the stage 'own' returned .*{words}|the stage 'own' {words}"
+    ):
         rendered(Own(made), shot(), place=place)
 
 
 def test_planes_may_lie_in_memory_as_they_like() -> None:
     turned = Own(lambda shown: replace(shown, chromaticity=np.asfortranarray(shown.chromaticity)))
-    even = Own(lambda shown: replace(shown, chromaticity=np.broadcast_to(np.float32(1 / 3), shown.chromaticity.shape)))
+    even = Own(
+        lambda shown: replace(
+            shown, chromaticity=np.broadcast_to(np.float32(1 / 3), shown.chromaticity.shape)
+        )
+    )
     for settings in (PAPER, BEST):
-        assert np.array_equal(rendered(turned, shot(), settings, 1).rgb, render(shot(), settings).rgb)
+        assert np.array_equal(
+            rendered(turned, shot(), settings, 1).rgb, render(shot(), settings).rgb
+        )
         assert np.isfinite(rendered(even, shot(), settings, 1).rgb).all()
 
 
@@ -133,9 +182,15 @@ class NoStage:
         ([], "stages is list, expected a function"),
         (lambda *_: None, "stages made NoneType, expected a list"),
         (lambda *_: [Own], "expected objects of classes derived from panchroma.offline.RowStage"),
-        (lambda *_: [NoStage()], "expected objects of classes derived from panchroma.offline.RowStage"),
+        (
+            lambda *_: [NoStage()],
+            "expected objects of classes derived from panchroma.offline.RowStage",
+        ),
         (lambda *_: [None], "expected objects of classes derived from panchroma.offline.RowStage"),
-        (lambda *_: [Own(same, 0, 0)], "the stage 'own' has .*, expected a radius of 0 or more, and an alignment of 1 or more"),
+        (
+            lambda *_: [Own(same, 0, 0)],
+            "the stage 'own' has .*, expected a radius of 0 or more, and an alignment of 1 or more",
+        ),
         (lambda *_: [Own(same, -1)], "expected a radius of 0 or more"),
     ],
 )

@@ -34,7 +34,9 @@ def stitched(mosaic: object, **settings: object) -> FloatArray:
     return np.concatenate(list(render_bands(mosaic, replace(PAPER, **settings))))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("period", "shape"), [*zip((3, 4, 6, 8), SHAPES, strict=True), (6, SHAPES[0]), (4, SHAPES[2])])
+@pytest.mark.parametrize(
+    ("period", "shape"), [*zip((3, 4, 6, 8), SHAPES, strict=True), (6, SHAPES[0]), (4, SHAPES[2])]
+)
 def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(period - 1, 1)), shape)
     for settings in (PAPER, BEST):
@@ -49,8 +51,12 @@ def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
     signal = np.minimum(whole.signal * np.float32(1.6), whole.calibration.full_scale)
     calibration = replace(whole.calibration, defects=((3, 3), (200, 31), (300, 2)))
     mosaic = Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
-    assert np.array_equal(np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb)
-    assert not np.array_equal(render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb)
+    assert np.array_equal(
+        np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb
+    )
+    assert not np.array_equal(
+        render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb
+    )
 
 
 @pytest.mark.parametrize("repetitions", [0, 1, 5, 45])
@@ -58,12 +64,17 @@ def test_bands_wait_for_what_refinement_looks_at(repetitions: int) -> None:
     """Forty-five repetitions look further than a band is high."""
     mosaic = shot(CfaPattern.bayer(6, origin=(2, 2)), (400, 14))
     refinement = RefinementSettings(repetitions=repetitions)
-    assert np.array_equal(stitched(mosaic, refinement=refinement), at_once(mosaic, replace(PAPER, refinement=refinement)))
+    assert np.array_equal(
+        stitched(mosaic, refinement=refinement),
+        at_once(mosaic, replace(PAPER, refinement=refinement)),
+    )
 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
 @pytest.mark.parametrize("period", [4, 6])
-def test_threads_leave_no_trace(period: int, settings: RenderSettings, each_thread_count: Iterator[int]) -> None:
+def test_threads_leave_no_trace(
+    period: int, settings: RenderSettings, each_thread_count: Iterator[int]
+) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), (301, 290))
     whole = render(mosaic, settings)
     for _ in each_thread_count:

@@ -1,4 +1,6 @@
-"""Eqs. 11-13: material affinities, one harmonic field per parity class of the block grid (errata: "three maps of every four")."""
+"""Eqs. 11-13: material affinities, one harmonic field per parity class of the block grid (errata:
+"three maps of every four").
+"""
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array
@@ -12,14 +14,19 @@ from tests.reference.geometry import block_sites, first_patch, mirrored, patch_c
 
 def domain(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
     """Luminance of the domain: the frame, mirrored out to whole patches."""
-    (top, left), (down, across) = first_patch(pattern), patch_counts(pattern, (luminance.shape[0], luminance.shape[1]))
+    (top, left), (down, across) = (
+        first_patch(pattern),
+        patch_counts(pattern, (luminance.shape[0], luminance.shape[1])),
+    )
     rows = [mirrored(top + y, luminance.shape[0]) for y in range(down * pattern.period)]
     columns = [mirrored(left + x, luminance.shape[1]) for x in range(across * pattern.period)]
     return luminance[np.ix_(rows, columns)]
 
 
 def edges(area: DoubleArray, period: int, scales: tuple[float, ...], axis: int) -> DoubleArray:
-    """e_h (axis 1) or e_v (axis 0) of Eq. 13, divided by the mean of the K x K patch; zero in a patch without gradients."""
+    """e_h (axis 1) or e_v (axis 0) of Eq. 13, divided by the mean of the K x K patch; zero in a
+    patch without gradients.
+    """
     energy = sum((derivative(area, scale, axis) ** 2 for scale in scales), np.zeros_like(area))
     result = np.zeros_like(energy)
     for top in range(0, area.shape[0], period):
@@ -55,7 +62,10 @@ def pins(pattern: CfaPattern, shape: tuple[int, int]) -> dict[tuple[int, int], t
         for j in range(across + 1):
             for row, column, _ in block_sites(pattern, (i, j)):
                 place = row - top, column - left
-                if 0 <= place[0] < down * pattern.period and 0 <= place[1] < across * pattern.period:
+                if (
+                    0 <= place[0] < down * pattern.period
+                    and 0 <= place[1] < across * pattern.period
+                ):
                     found[place] = i, j
     return found
 
@@ -73,7 +83,10 @@ def harmonic(neighbours: csr_array, known: IndexArray, values: DoubleArray) -> D
     result[known] = values
     # The matrix is symmetric and diagonally dominant, so no pivoting is needed.
     factors = splu(
-        csc_array(laplacian[free][:, free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        csc_array(laplacian[free][:, free]),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
     )
     result[free] = factors.solve(neighbours[free][:, known] @ values)
     return result
@@ -84,6 +97,8 @@ def fields(luminance: DoubleArray, pattern: CfaPattern, scales: tuple[float, ...
     area = domain(luminance, pattern)
     blocks = sorted(pins(pattern, (luminance.shape[0], luminance.shape[1])).items())
     known = np.array([y * area.shape[1] + x for (y, x), _ in blocks])
-    own = np.array([[float((i % 2, j % 2) == parity) for parity in np.ndindex(2, 2)] for _, (i, j) in blocks])
+    own = np.array(
+        [[float((i % 2, j % 2) == parity) for parity in np.ndindex(2, 2)] for _, (i, j) in blocks]
+    )
     found = harmonic(weights(area, pattern.period, scales), known, own)
     return found.T.reshape(2, 2, *area.shape)

@@ -1,4 +1,6 @@
-"""Eqs. 6-9: one chromaticity per whole block, and the oriented medians at the end of section 3.2."""
+"""Eqs. 6-9: one chromaticity per whole block, and the oriented medians at the end of section
+3.2.
+"""
 
 import numpy as np
 
@@ -9,7 +11,9 @@ from tests.reference.geometry import block_sites, is_whole, mirrored, patch_coun
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
-def solve_block(samples: list[list[float]], luminance: list[list[float]], gamma: tuple[float, ...], sigma: float) -> DoubleArray:
+def solve_block(
+    samples: list[list[float]], luminance: list[list[float]], gamma: tuple[float, ...], sigma: float
+) -> DoubleArray:
     """The minimiser of Eqs. 8-9 subject to sum_i gamma_i c_i = 1, from its Lagrange equations.
 
     samples, luminance: per channel, the values at its sites.
@@ -20,15 +24,24 @@ def solve_block(samples: list[list[float]], luminance: list[list[float]], gamma:
     for i in range(count):
         equations[i, i] = sum(light**2 for light in luminance[i]) + sigma**2
         equations[i, count] = equations[count, i] = gamma[i]
-        right[i] = sum(light * sample for light, sample in zip(luminance[i], samples[i], strict=True)) + sigma**2 * grey
+        right[i] = (
+            sum(light * sample for light, sample in zip(luminance[i], samples[i], strict=True))
+            + sigma**2 * grey
+        )
     right[count] = 1.0
     return np.linalg.solve(equations, right)[:count].astype(np.float64)
 
 
 def estimate(
-    signal: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], sigma: float
+    signal: DoubleArray,
+    luminance: DoubleArray,
+    pattern: CfaPattern,
+    gamma: tuple[float, ...],
+    sigma: float,
 ) -> DoubleArray:
-    """Chromaticities of the whole blocks, before the medians, (rows, columns, C). A block without light is grey if sigma is 0."""
+    """Chromaticities of the whole blocks, before the medians, (rows, columns, C). A block without
+    light is grey if sigma is 0.
+    """
     shape = (luminance.shape[0], luminance.shape[1])
     down, across = patch_counts(pattern, shape)
     rows: list[list[DoubleArray]] = []
@@ -38,8 +51,14 @@ def estimate(
             if not is_whole(pattern, shape, (i, j)):
                 continue
             sites = block_sites(pattern, (i, j))
-            values = [[float(signal[y, x]) for y, x, name in sites if name == channel] for channel in pattern.channels]
-            lights = [[float(luminance[y, x]) for y, x, name in sites if name == channel] for channel in pattern.channels]
+            values = [
+                [float(signal[y, x]) for y, x, name in sites if name == channel]
+                for channel in pattern.channels
+            ]
+            lights = [
+                [float(luminance[y, x]) for y, x, name in sites if name == channel]
+                for channel in pattern.channels
+            ]
             if sigma == 0 and not any(any(light) for light in lights):
                 row.append(np.full(len(gamma), 1 / sum(gamma)))
             else:
@@ -62,8 +81,11 @@ def proposals(coarse: DoubleArray, row: int, column: int, taps: int) -> list[Dou
     return medians
 
 
-def oriented_medians(coarse: DoubleArray, gamma: tuple[float, ...], taps: int, repetitions: int) -> DoubleArray:
-    """Replace each vector by the nearest of its four medians until nothing changes, then scale it to sum_i gamma_i c_i = 1.
+def oriented_medians(
+    coarse: DoubleArray, gamma: tuple[float, ...], taps: int, repetitions: int
+) -> DoubleArray:
+    """Replace each vector by the nearest of its four medians until nothing changes, then scale it
+    to sum_i gamma_i c_i = 1.
 
     coarse: (rows, columns, C), chromaticities of the whole blocks.
     gamma: the C weights of Eq. 7.
@@ -76,7 +98,10 @@ def oriented_medians(coarse: DoubleArray, gamma: tuple[float, ...], taps: int, r
         for row in range(current.shape[0]):
             for column in range(current.shape[1]):
                 before = current[row, column]
-                best = min(proposals(current, row, column, taps), key=lambda value: float(np.sum((value - before) ** 2)))
+                best = min(
+                    proposals(current, row, column, taps),
+                    key=lambda value: float(np.sum((value - before) ** 2)),
+                )
                 following[row, column] = best
         if np.array_equal(following, current):
             break
@@ -85,10 +110,15 @@ def oriented_medians(coarse: DoubleArray, gamma: tuple[float, ...], taps: int, r
 
 
 def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> DoubleArray:
-    """Chromaticities of all blocks of the grid: a block that is not whole takes those of the nearest whole one."""
+    """Chromaticities of all blocks of the grid: a block that is not whole takes those of the
+    nearest whole one.
+    """
     down, across = patch_counts(pattern, shape)
-    whole = np.array([[is_whole(pattern, shape, (i, j)) for j in range(across + 1)] for i in range(down + 1)])
-    rows, columns = (np.flatnonzero(whole.any(axis=axis)) for axis in (1, 0))  # whole blocks fill a rectangle
+    whole = np.array(
+        [[is_whole(pattern, shape, (i, j)) for j in range(across + 1)] for i in range(down + 1)]
+    )
+    # whole blocks fill a rectangle
+    rows, columns = (np.flatnonzero(whole.any(axis=axis)) for axis in (1, 0))
     nearest = (
         np.arange(down + 1).clip(rows[0], rows[-1]) - rows[0],
         np.arange(across + 1).clip(columns[0], columns[-1]) - columns[0],

@@ -1,4 +1,6 @@
-"""Smoothing and derivatives by sampled Gaussians, cut off at four standard deviations; pictures are mirrored at the border."""
+"""Smoothing and derivatives by sampled Gaussians, cut off at four standard deviations; pictures are
+mirrored at the border.
+"""
 
 import math
 
@@ -21,7 +23,10 @@ def _shifts(picture: DoubleArray, axis: int, radius: int) -> dict[int, DoubleArr
     padding[axis] = (radius, radius)
     wide = np.pad(picture, padding, mode="reflect")
     size = picture.shape[axis]
-    return {x: np.take(wide, range(radius + x, radius + x + size), axis=axis) for x in range(-radius, radius + 1)}
+    return {
+        x: np.take(wide, range(radius + x, radius + x + size), axis=axis)
+        for x in range(-radius, radius + 1)
+    }
 
 
 def smooth(picture: DoubleArray, sigma: float, axis: int) -> DoubleArray:
@@ -37,9 +42,13 @@ def blur(picture: DoubleArray, sigma: float) -> DoubleArray:
 
 
 def derivative(picture: DoubleArray, sigma: float, axis: int) -> DoubleArray:
-    """G_hs * l of Eq. 13: the slope along `axis`, smoothed across it; exactly zero where the picture is constant."""
+    """G_hs * l of Eq. 13: the slope along `axis`, smoothed across it; exactly zero where the
+    picture is constant.
+    """
     across = smooth(picture, sigma, 1 - axis)
     kernel = gaussian(sigma)
     shifts = _shifts(across, axis, max(kernel))
-    slopes = (x / sigma**2 * weight * (shifts[x] - shifts[-x]) for x, weight in kernel.items() if x > 0)
+    slopes = (
+        x / sigma**2 * weight * (shifts[x] - shifts[-x]) for x, weight in kernel.items() if x > 0
+    )
     return sum(slopes, np.zeros_like(picture))

@@ -1,6 +1,8 @@
-"""Where filters, blocks and patches lie: counted out pixel by pixel from the tile alone (section 3; Fig. 2).
+"""Where filters, blocks and patches lie: counted out pixel by pixel from the tile alone (section 3;
+Fig. 2).
 
-Coordinates are frame pixels and may be negative or past the frame, where the picture is its own mirror image.
+Coordinates are frame pixels and may be negative or past the frame, where the picture is its own
+mirror image.
 """
 
 from functools import cache
@@ -14,7 +16,9 @@ from panchroma.shared.arrays import DoubleArray
 
 
 class Block(NamedTuple):
-    """The smallest rectangle around the colour sites of one block: first pixel in 0..K-1, and size."""
+    """The smallest rectangle around the colour sites of one block: first pixel in 0..K-1, and
+    size.
+    """
 
     top: int
     left: int
@@ -24,12 +28,16 @@ class Block(NamedTuple):
 
 def letter(pattern: CfaPattern, row: int, column: int) -> str:
     """The filter letter at a frame pixel."""
-    return pattern.tile[(row - pattern.origin[0]) % pattern.period][(column - pattern.origin[1]) % pattern.period]
+    return pattern.tile[(row - pattern.origin[0]) % pattern.period][
+        (column - pattern.origin[1]) % pattern.period
+    ]
 
 
 @cache
 def mirrored(index: int, size: int) -> int:
-    """The pixel 0..size-1 that `index` shows: found one step at a time, turning round at either end."""
+    """The pixel 0..size-1 that `index` shows: found one step at a time, turning round at either
+    end.
+    """
     place, step = 0, 1
     for _ in range(abs(index)):
         if not 0 <= place + step < size:
@@ -40,14 +48,28 @@ def mirrored(index: int, size: int) -> int:
 
 @cache
 def block(pattern: CfaPattern) -> Block:
-    """The smallest rectangle with all sites of a tile, by trying all; the tile itself if its sites do not form one small block."""
+    """The smallest rectangle with all sites of a tile, by trying all; the tile itself if its sites
+    do not form one small block.
+    """
     period = pattern.period
-    sites = {(row, column) for row, column in product(range(period), repeat=2) if letter(pattern, row, column) != "W"}
-    if any(len({site[axis] for site in sites}) == period for axis in (0, 1)) or not _is_connected(sites, period):
+    sites = {
+        (row, column)
+        for row, column in product(range(period), repeat=2)
+        if letter(pattern, row, column) != "W"
+    }
+    if any(len({site[axis] for site in sites}) == period for axis in (0, 1)) or not _is_connected(
+        sites, period
+    ):
         return Block(*pattern.origin, period, period)
-    for height, width in sorted(product(range(1, period), repeat=2), key=lambda size: size[0] * size[1]):
+    for height, width in sorted(
+        product(range(1, period), repeat=2), key=lambda size: size[0] * size[1]
+    ):
         for top, left in product(range(period), repeat=2):
-            inside = {((top + down) % period, (left + right) % period) for down in range(height) for right in range(width)}
+            inside = {
+                ((top + down) % period, (left + right) % period)
+                for down in range(height)
+                for right in range(width)
+            }
             if sites <= inside:
                 return Block(top, left, height, width)
     raise AssertionError("every tile has a block")
@@ -60,7 +82,9 @@ def _is_connected(sites: set[tuple[int, int]], period: int) -> bool:
     while todo:
         row, column = todo.pop()
         steps = product((-1, 0, 1), repeat=2)
-        near = {((row + down) % period, (column + right) % period) for down, right in steps} & sites - reached
+        near = {
+            ((row + down) % period, (column + right) % period) for down, right in steps
+        } & sites - reached
         reached |= near
         todo += near
     return reached == sites
@@ -68,7 +92,9 @@ def _is_connected(sites: set[tuple[int, int]], period: int) -> bool:
 
 @cache
 def first_patch(pattern: CfaPattern) -> tuple[int, int]:
-    """The pixel, at or before (0, 0), where the first K x K patch begins: in the middle of a block."""
+    """The pixel, at or before (0, 0), where the first K x K patch begins: in the middle of a
+    block.
+    """
     found = block(pattern)
     row, column = found.top + found.height // 2, found.left + found.width // 2
     while row > 0:
@@ -93,7 +119,9 @@ def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]
 def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]:
     """Top left pixel of the block with this (row, column) in the grid of blocks."""
     found, (row, column) = block(pattern), first_patch(pattern)
-    return row - found.height // 2 + index[0] * pattern.period, column - found.width // 2 + index[1] * pattern.period
+    return row - found.height // 2 + index[0] * pattern.period, column - found.width // 2 + index[
+        1
+    ] * pattern.period
 
 
 @cache
@@ -101,7 +129,11 @@ def block_sites(pattern: CfaPattern, index: tuple[int, int]) -> list[tuple[int, 
     """(row, column, letter) of the colour sites of one block."""
     found, (top, left) = block(pattern), block_corner(pattern, index)
     pixels = product(range(top, top + found.height), range(left, left + found.width))
-    return [(row, column, letter(pattern, row, column)) for row, column in pixels if letter(pattern, row, column) != "W"]
+    return [
+        (row, column, letter(pattern, row, column))
+        for row, column in pixels
+        if letter(pattern, row, column) != "W"
+    ]
 
 
 @cache
@@ -116,7 +148,10 @@ def keys(plane: DoubleArray, y: float, x: float) -> float:
 
     def taps(t: float) -> list[float]:
         distances = [1 + t, t, 1 - t, 2 - t]
-        return [1.5 * d**3 - 2.5 * d**2 + 1 if d <= 1 else -0.5 * d**3 + 2.5 * d**2 - 4 * d + 2 for d in distances]
+        return [
+            1.5 * d**3 - 2.5 * d**2 + 1 if d <= 1 else -0.5 * d**3 + 2.5 * d**2 - 4 * d + 2
+            for d in distances
+        ]
 
     top, left = int(np.floor(y)), int(np.floor(x))
     rows = np.clip(np.arange(top - 1, top + 3), 0, plane.shape[0] - 1)

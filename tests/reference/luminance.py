@@ -9,34 +9,48 @@ from panchroma.offline.stages import luminance as constants
 from panchroma.shared.arrays import BoolArray, DoubleArray
 from tests.reference.gaussian import blur
 
-# Analysis reads l[n-3..n], the box one coefficient more on both sides, synthesis reads coefficients n..n+3.
+# Analysis reads l[n-3..n], the box one coefficient more on both sides, synthesis reads coefficients
+# n..n+3.
 REACH = 4
 
 
 def filters() -> list[tuple[DoubleArray, DoubleArray]]:
-    """Taps down and across of the decomposition filters f_i, the low-pass one first; sum_i |f_i|^2 = 1 at every frequency."""
+    """Taps down and across of the decomposition filters f_i, the low-pass one first; sum_i |f_i|^2
+    = 1 at every frequency.
+    """
     wavelet = pywt.Wavelet("db2")
     low, high = np.array(wavelet.dec_lo) / math.sqrt(2), np.array(wavelet.dec_hi) / math.sqrt(2)
     return [(down, across) for down in (low, high) for across in (low, high)]
 
 
 def convolved(picture: DoubleArray, down: DoubleArray, across: DoubleArray) -> DoubleArray:
-    """The picture convolved with a separable filter, where that reads no pixel beyond the picture."""
+    """The picture convolved with a separable filter, where that reads no pixel beyond the
+    picture.
+    """
     height, width = picture.shape[0] - len(down) + 1, picture.shape[1] - len(across) + 1
-    columns = sum((tap * picture[k : k + height] for k, tap in enumerate(down[::-1])), np.zeros((height, picture.shape[1])))
-    return sum((tap * columns[:, k : k + width] for k, tap in enumerate(across[::-1])), np.zeros((height, width)))
+    columns = sum(
+        (tap * picture[k : k + height] for k, tap in enumerate(down[::-1])),
+        np.zeros((height, picture.shape[1])),
+    )
+    return sum(
+        (tap * columns[:, k : k + width] for k, tap in enumerate(across[::-1])),
+        np.zeros((height, width)),
+    )
 
 
 def start(signal: DoubleArray, measured: BoolArray, *, around: bool) -> DoubleArray:
     """l_0: the samples; or else in every hole the mean of the panchromatic samples around it."""
     if not around:
         return signal
-    mean = blur(np.where(measured, signal, 0), constants._AROUND) / blur(measured.astype(np.float64), constants._AROUND)
+    mean = blur(np.where(measured, signal, 0), constants._AROUND) / blur(
+        measured.astype(np.float64), constants._AROUND
+    )
     return np.where(measured, signal, mean)
 
 
 def first_threshold(signal: DoubleArray, threshold: float, *, relative: bool = False) -> float:
-    """What iterations begin with: the setting, and more where the frame is brighter than 3 scene units.
+    """What iterations begin with: the setting, and more where the frame is brighter than 3 scene
+    units.
 
     relative: a multiple of the brightest sample instead.
     """
@@ -46,7 +60,9 @@ def first_threshold(signal: DoubleArray, threshold: float, *, relative: bool = F
 
 
 def analyse(picture: DoubleArray) -> list[DoubleArray]:
-    """omega_i = f_i * l on the mirrored picture; one row and column wider than synthesis needs, for the box of Eq. 5."""
+    """omega_i = f_i * l on the mirrored picture; one row and column wider than synthesis needs, for
+    the box of Eq. 5.
+    """
     wide = np.pad(picture, REACH, mode="reflect")
     return [convolved(wide, *taps) for taps in filters()]
 
@@ -59,26 +75,38 @@ def neighbourhood(band: DoubleArray) -> DoubleArray:
 def shrink(band: DoubleArray, threshold: float) -> DoubleArray:
     """Shrink a band by Eq. 5; a coefficient without any energy around it is zero and stays zero."""
     size = neighbourhood(band)
-    factor = np.divide(np.maximum(size - threshold, 0), size, out=np.zeros_like(size), where=size > 0)
+    factor = np.divide(
+        np.maximum(size - threshold, 0), size, out=np.zeros_like(size), where=size > 0
+    )
     return factor * band[1:-1, 1:-1]
 
 
 def synthesise(bands: list[DoubleArray]) -> DoubleArray:
     """The transpose of the analysis, which inverts it because the frame is tight."""
-    parts = [convolved(band, down[::-1], across[::-1]) for band, (down, across) in zip(bands, filters(), strict=True)]
+    parts = [
+        convolved(band, down[::-1], across[::-1])
+        for band, (down, across) in zip(bands, filters(), strict=True)
+    ]
     return np.sum(parts, axis=0)
 
 
 def objective(picture: DoubleArray) -> float:
-    """Eq. 1 with Eq. 2, summed over the frame and the one ring around it that the coefficients of its pixels reach."""
+    """Eq. 1 with Eq. 2, summed over the frame and the one ring around it that the coefficients of
+    its pixels reach.
+    """
     return float(sum(neighbourhood(band).sum() for band in analyse(picture)[1:]))
 
 
-def recover(samples: DoubleArray, measured: BoolArray, iterations: int, decay: float, threshold: float) -> DoubleArray:
+def recover(
+    samples: DoubleArray, measured: BoolArray, iterations: int, decay: float, threshold: float
+) -> DoubleArray:
     """Luminance after all iterations of Eqs. 3-5, (H, W). measured: True at panchromatic pixels."""
     estimate = samples.copy()  # l_0 = m
     for t in range(iterations):
         low, *high = analyse(estimate)
-        denoised = synthesise([low[1:-1, 1:-1], *(shrink(band, threshold * decay**t) for band in high)])  # Eq. 4
+        # Eq. 4
+        denoised = synthesise(
+            [low[1:-1, 1:-1], *(shrink(band, threshold * decay**t) for band in high)]
+        )
         estimate = np.where(measured, samples, denoised)  # Eq. 3
     return estimate

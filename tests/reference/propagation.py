@@ -1,4 +1,6 @@
-"""Eqs. 10 and 14: chromaticity of a pixel as a convex combination of the blocks at the four corners of its patch."""
+"""Eqs. 10 and 14: chromaticity of a pixel as a convex combination of the blocks at the four corners
+of its patch.
+"""
 
 import numpy as np
 
@@ -28,11 +30,13 @@ def propagate(
             kappa = []
             for a, b in corners:
                 alpha = affinity[(i + a) % 2, (j + b) % 2, y, x]
-                light = max(area[i * period + a * (period - 1), j * period + b * (period - 1)], 0.0)  # l[n_j]
+                # l[n_j]
+                light = max(area[i * period + a * (period - 1), j * period + b * (period - 1)], 0.0)
                 kappa.append(alpha**2 * light)  # Eq. 14
             if sum(kappa) == 0:
                 kappa = [1.0] * 4
             result[row, column] = sum(
-                weight / sum(kappa) * blocks[i + a, j + b] for weight, (a, b) in zip(kappa, corners, strict=True)
+                weight / sum(kappa) * blocks[i + a, j + b]
+                for weight, (a, b) in zip(kappa, corners, strict=True)
             )  # Eq. 10
     return result

@@ -6,11 +6,16 @@ from panchroma.shared.arrays import DoubleArray
 from tests.reference.gaussian import blur, gaussian
 
 
-def matches(luminance: DoubleArray, radius: int, h: float, std: float) -> list[tuple[int, int, DoubleArray]]:
-    """(down, right, weights) for each n' = n + (down, right) of the window: the weights of Eq. 16, (H, W), before normalisation."""
+def matches(
+    luminance: DoubleArray, radius: int, h: float, std: float
+) -> list[tuple[int, int, DoubleArray]]:
+    """(down, right, weights) for each n' = n + (down, right) of the window: the weights of Eq. 16,
+    (H, W), before normalisation.
+    """
     height, width = luminance.shape
     reach = max(gaussian(std))
-    wide = np.pad(luminance, radius + reach, mode="reflect")  # the patches around n and n' are patches of the mirrored picture
+    # the patches around n and n' are patches of the mirrored picture
+    wide = np.pad(luminance, radius + reach, mode="reflect")
     centre = wide[radius : wide.shape[0] - radius, radius : wide.shape[1] - radius]
     frame = slice(reach, reach + height), slice(reach, reach + width)
     found = []
@@ -18,14 +23,25 @@ def matches(luminance: DoubleArray, radius: int, h: float, std: float) -> list[t
         for right in range(-radius, radius + 1):
             other = wide[radius + down :, radius + right :][: centre.shape[0], : centre.shape[1]]
             distance = blur((other - centre) ** 2, std)[frame]
-            found.append((down, right, np.exp(-distance / (2 * h**2)) * np.maximum(other[frame], 0.0)))  # Eq. 16
+            # Eq. 16
+            found.append(
+                (down, right, np.exp(-distance / (2 * h**2)) * np.maximum(other[frame], 0.0))
+            )
     return found
 
 
 def refine(
-    initial: DoubleArray, luminance: DoubleArray, period: int, *, h: float, blur_periods: float, repetitions: int
+    initial: DoubleArray,
+    luminance: DoubleArray,
+    period: int,
+    *,
+    h: float,
+    blur_periods: float,
+    repetitions: int,
 ) -> DoubleArray:
-    """Chromaticity after all repetitions of Eq. 15, (H, W, C). blur_periods: standard deviation of G, periods."""
+    """Chromaticity after all repetitions of Eq. 15, (H, W, C). blur_periods: standard deviation of
+    G, periods.
+    """
     height, width = luminance.shape
     radius = period // 2
     weights = matches(luminance, radius, h, period * blur_periods)
@@ -35,6 +51,14 @@ def refine(
         wide = np.pad(current, ((radius, radius), (radius, radius), (0, 0)), mode="reflect")
         mixed = np.zeros_like(current)
         for down, right, weight in weights:
-            mixed += weight[..., None] * wide[radius + down : radius + down + height, radius + right : radius + right + width]
-        current = np.where((total > 0)[..., None], mixed / np.where(total > 0, total, 1.0)[..., None], current)  # Eq. 15
+            mixed += (
+                weight[..., None]
+                * wide[
+                    radius + down : radius + down + height, radius + right : radius + right + width
+                ]
+            )
+        # Eq. 15
+        current = np.where(
+            (total > 0)[..., None], mixed / np.where(total > 0, total, 1.0)[..., None], current
+        )
     return current

@@ -28,21 +28,45 @@ def sigma_of_light(mosaic: Mosaic, luminance: DoubleArray) -> float:
 
 
 def sigma_of_colour(mosaic: Mosaic) -> float:
-    """sigma_z of Eqs. 8-9, one for all channels: the root of their mean variance at the mean sample of the whole blocks."""
+    """sigma_z of Eqs. 8-9, one for all channels: the root of their mean variance at the mean sample
+    of the whole blocks.
+    """
     noise, pattern = mosaic.calibration.noise, mosaic.pattern
     if noise is None:
         return 0.0
     down, across = patch_counts(pattern, mosaic.shape)
-    whole = [(i, j) for i in range(down + 1) for j in range(across + 1) if is_whole(pattern, mosaic.shape, (i, j))]
-    level = float(np.mean([mosaic.signal[row, column] for index in whole for row, column, _ in block_sites(pattern, index)]))
-    return math.sqrt(np.mean([noise.sigma(level, channel) ** 2 for channel in range(len(pattern.channels))]))
+    whole = [
+        (i, j)
+        for i in range(down + 1)
+        for j in range(across + 1)
+        if is_whole(pattern, mosaic.shape, (i, j))
+    ]
+    level = float(
+        np.mean(
+            [
+                mosaic.signal[row, column]
+                for index in whole
+                for row, column, _ in block_sites(pattern, index)
+            ]
+        )
+    )
+    return math.sqrt(
+        np.mean([noise.sigma(level, channel) ** 2 for channel in range(len(pattern.channels))])
+    )
 
 
 def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
-    """The literal render, by the equations alone: stages that are not in the paper have to be off."""
+    """The literal render, by the equations alone: stages that are not in the paper have to be
+    off.
+    """
     pattern, gamma = mosaic.pattern, mosaic.calibration.gamma
     signal = mosaic.signal.astype(np.float64)
-    measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])
+    measured = np.array(
+        [
+            [letter(pattern, y, x) == "W" for x in range(signal.shape[1])]
+            for y in range(signal.shape[0])
+        ]
+    )
 
     part = settings.luminance
     start = wavelets.start(signal, measured, around=part.relative or len(pattern.sites) > 4)
@@ -50,12 +74,16 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     light = wavelets.recover(start, measured, part.iterations, part.decay, threshold)
 
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
-    coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
+    coarse = chromaticity.oriented_medians(
+        coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions
+    )
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
     initial = propagation.propagate(blocks, alpha, light, pattern)
 
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
-    refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
+    refined = refinement.refine(
+        initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions
+    )
     return Picture(refined * light[..., None], light, refined)  # Eq. 17

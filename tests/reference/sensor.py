@@ -8,7 +8,9 @@ from tests.reference.geometry import letter
 
 
 def luminance_of(scene: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
-    """What panchromatic pixels read of a scene (H, W, C): sum_i gamma_i channel_i (Eq. 7), (H, W)."""
+    """What panchromatic pixels read of a scene (H, W, C): sum_i gamma_i channel_i (Eq. 7), (H,
+    W).
+    """
     return sum(weight * scene[..., channel] for channel, weight in enumerate(gamma))  # type: ignore[return-value]  # Eq. 7
 
 

@@ -24,20 +24,33 @@ FULL = SensorCalibration(
 
 def test_defaults_are_the_papers_sensor() -> None:
     calibration = SensorCalibration()
-    assert (calibration.gamma, calibration.full_scale, calibration.noise) == ((1.0, 1.0, 1.0), 3.0, None)
+    assert (calibration.gamma, calibration.full_scale, calibration.noise) == (
+        (1.0, 1.0, 1.0),
+        3.0,
+        None,
+    )
     assert calibration == SensorCalibration.of_bits(16)
 
 
 @pytest.mark.parametrize("bits", BITS)
 def test_levels_of_bits_leave_room_at_both_ends(bits: int) -> None:
-    calibration, clipping = SensorCalibration.of_bits(bits), SensorCalibration.of_bits(bits, headroom=False)
-    assert calibration.black_level == ((1 << bits) - 1 - calibration.white_level,) * 4 == (2**bits // 16,) * 4
+    calibration, clipping = (
+        SensorCalibration.of_bits(bits),
+        SensorCalibration.of_bits(bits, headroom=False),
+    )
+    assert (
+        calibration.black_level
+        == ((1 << bits) - 1 - calibration.white_level,) * 4
+        == (2**bits // 16,) * 4
+    )
     assert calibration.bits == clipping.bits == bits
     assert clipping.white_level == 2**bits - 1
 
 
 def test_scale_takes_black_to_zero_and_white_to_full_scale() -> None:
-    np.testing.assert_allclose((4000 - np.array(FULL.black_level)) * FULL.scale(), [FULL.full_scale] * 4, rtol=1e-15)
+    np.testing.assert_allclose(
+        (4000 - np.array(FULL.black_level)) * FULL.scale(), [FULL.full_scale] * 4, rtol=1e-15
+    )
     assert FULL.full_scale == pytest.approx(3.2)
     assert FULL.grey * FULL.full_scale == pytest.approx(1.0)
 
@@ -66,17 +79,26 @@ SMALLEST = "whose largest figure is not 1e-06"
         ({"sensor": None}, "sensor is None, expected str"),
         ({"neutral_estimated": 1}, "neutral_estimated is 1, expected bool"),
         ({"neutral_estimated": True}, "there is no neutral"),
-        *(({"channels": letters}, "channels is .*, expected two or more") for letters in ("R", "RGR", "rgb")),
+        *(
+            ({"channels": letters}, "channels is .*, expected two or more")
+            for letters in ("R", "RGR", "rgb")
+        ),
         ({"channels": "RGW"}, "W stands for panchromatic"),
         ({"gamma": (1.0, 1.0)}, "gamma has 2 figures, expected 3"),
-        *(({"gamma": (1.0, figure, 1.0)}, "gamma holds .*, expected 0.001 to 1000") for figure in (1e308, 1e-320)),
+        *(
+            ({"gamma": (1.0, figure, 1.0)}, "gamma holds .*, expected 0.001 to 1000")
+            for figure in (1e308, 1e-320)
+        ),
         ({"black_level": (64.0, 64.0, 64.0)}, "black_level has 3 figures, expected 4"),
         ({"black_level": (64.0, 64.0, 64.0, 65000.0)}, "expected 0 <= black"),
         ({"black_level": (4094.9,) * 4, "white_level": 4095}, "at least 16 codes below white"),
         ({"white_level": 65536}, "white, which is 65535 at most"),
         ({"white_level": 4000.0}, "white_level is 4000.0, expected a whole number"),
         ({"noise": NoiseModel.gaussian(0.1, 3).__dict__}, "noise has 3 planes, expected 4"),
-        ({"noise": {"shot": (1e308,) * 4, "read": (0.1,) * 4}}, "noise.shot holds .*, expected 0, or 1e-12"),
+        (
+            {"noise": {"shot": (1e308,) * 4, "read": (0.1,) * 4}},
+            "noise.shot holds .*, expected 0, or 1e-12",
+        ),
         ({"noise": {"shot": (-0.1,), "read": (0.1,)}}, "noise.shot has a negative"),
         ({"noise": {"shot": (0.1,), "read": (0.1, 0.1)}}, "1 planes, noise.read 2"),
         ({"noise": {"shot": [0.0] * 4}}, "noise is .*, expected an object with shot, read"),
@@ -86,7 +108,10 @@ SMALLEST = "whose largest figure is not 1e-06"
         ({"camera_to_xyz": ((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 1.00001))}, "full rank"),
         ({"camera_to_xyz": matrix(1.0, 0.0, 0.0)[:2]}, "expected 3 rows of 3 figures"),
         ({"defects": list(np.ndindex(1025, 1025))}, "defects holds 1050625 pixels"),
-        *(({"defects": places}, "defects is not") for places in ([[1, 2, 3]], [[1.5, 2]], [[-1, 2]], [[0, 2**40]], 7)),
+        *(
+            ({"defects": places}, "defects is not")
+            for places in ([[1, 2, 3]], [[1.5, 2]], [[-1, 2]], [[0, 2**40]], 7)
+        ),
     ],
 )
 def test_wrong_documents_are_refused_by_field(change: dict[str, Any], words: str) -> None:
@@ -94,7 +119,9 @@ def test_wrong_documents_are_refused_by_field(change: dict[str, Any], words: str
         SensorCalibration.from_json({**SensorCalibration().to_json(), **change})
 
 
-@pytest.mark.parametrize("calibration", [FULL, SensorCalibration(), SensorCalibration("XY", sensor="é")])
+@pytest.mark.parametrize(
+    "calibration", [FULL, SensorCalibration(), SensorCalibration("XY", sensor="é")]
+)
 def test_json_and_back_is_the_identity(calibration: SensorCalibration) -> None:
     again = SensorCalibration.from_json(json.loads(json.dumps(calibration.to_json())))
     assert (again, again.id) == (calibration, calibration.id)
@@ -108,7 +135,10 @@ def test_values_of_any_type_are_taken_as_what_they_hold() -> None:
         "neutral": np.array([0.5, 1.0, 0.75], np.float32),
         "camera_to_xyz": np.eye(3),
     }
-    ours, plain = SensorCalibration(**fields), SensorCalibration(**{name: value.tolist() for name, value in fields.items()})
+    ours, plain = (
+        SensorCalibration(**fields),
+        SensorCalibration(**{name: value.tolist() for name, value in fields.items()}),
+    )
     assert (ours, ours.id, ours.bits) == (plain, plain.id, 12)
     assert SensorCalibration(defects=((5, 1), (2, 3), (5, 1))).defects == ((2, 3), (5, 1))
 
@@ -127,10 +157,13 @@ def test_id_depends_on_every_field() -> None:
         "channels": "BGR",
     }
     assert others.keys() == document.keys() - {"schema", "camera"}
-    ids = {SensorCalibration.from_json({**document, name: value}).id for name, value in others.items()}
+    ids = {
+        SensorCalibration.from_json({**document, name: value}).id for name, value in others.items()
+    }
     assert len(ids | {FULL.id}) == len(others) + 1
     assert replace(FULL, camera="0123456789abcdef").id == FULL.id
-    assert SensorCalibration().id == "cf85a866dfbe7789"  # as before a calibration had parts of the lens
+    # as before a calibration had parts of the lens
+    assert SensorCalibration().id == "cf85a866dfbe7789"
 
 
 @pytest.mark.parametrize("document", [None, [], "text", 5, {}])

@@ -50,7 +50,9 @@ def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
         ({"measured": {"gamma": 1}}, "measured.gamma"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(change: dict[str, Any], words: str, tmp_path: Path) -> None:
+def test_what_is_wrong_in_a_file_is_named(
+    change: dict[str, Any], words: str, tmp_path: Path
+) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps({**CAMERA.to_json(), **change}))
     with pytest.raises(InputError, match=words) as caught:
@@ -76,7 +78,9 @@ def test_files_that_are_none(tmp_path: Path) -> None:
         (CfaPattern.bayer(6), {"white_level": 1000}, "10 bits.*12"),
     ],
 )
-def test_another_camera_is_refused_and_both_are_named(pattern: CfaPattern, changes: dict[str, Any], words: str) -> None:
+def test_another_camera_is_refused_and_both_are_named(
+    pattern: CfaPattern, changes: dict[str, Any], words: str
+) -> None:
     with pytest.raises(InputError, match=words):
         CAMERA.calibrated(mosaic(pattern, **changes))
 

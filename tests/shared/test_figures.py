@@ -1,4 +1,6 @@
-"""Numbers of documents and of callers: whatever is not a finite number is refused by name, everywhere."""
+"""Numbers of documents and of callers: whatever is not a finite number is refused by name,
+everywhere.
+"""
 
 import json
 from collections.abc import Callable
@@ -24,7 +26,10 @@ CALIBRATION = SensorCalibration.of_bits(
 )
 DOCUMENT = {
     **CALIBRATION.to_json(),
-    "measured": {"gamma": {"half_width_95": [0.1, 0.2, 0.3]}, "black_level": {"frames": 2, "standard_error": [1.0] * 4}},
+    "measured": {
+        "gamma": {"half_width_95": [0.1, 0.2, 0.3]},
+        "black_level": {"frames": 2, "standard_error": [1.0] * 4},
+    },
 }
 DOCUMENT.pop("camera")
 
@@ -49,7 +54,9 @@ def with_figure(document: Any, path: tuple[Any, ...], figure: Any) -> Any:
 
 @pytest.mark.parametrize("path", places(DOCUMENT), ids=lambda path: ".".join(map(str, path)))
 @pytest.mark.parametrize("figure", [HUGE, -HUGE, float("nan"), float("inf"), "1", True])
-def test_whatever_is_no_number_in_a_camera_file_is_refused(path: tuple[Any, ...], figure: Any, tmp_path: Path) -> None:
+def test_whatever_is_no_number_in_a_camera_file_is_refused(
+    path: tuple[Any, ...], figure: Any, tmp_path: Path
+) -> None:
     file = tmp_path / "camera.json"
     file.write_text(json.dumps(DOCUMENT))
     read_camera(file)

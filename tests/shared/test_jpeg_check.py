@@ -30,7 +30,9 @@ def test_size_and_scans() -> None:
 def test_a_frame_in_a_thumbnail_does_not_count() -> None:
     jpeg = encoded()
     inside = b"Exif\0\0" + encoded(quality=5)[:2000].replace(b"\0\x1e\0\x32", b"\xff\xdc\xff\xdc")
-    header = read_header(jpeg[:2] + b"\xff\xe1" + (len(inside) + 2).to_bytes(2, "big") + inside + jpeg[2:])
+    header = read_header(
+        jpeg[:2] + b"\xff\xe1" + (len(inside) + 2).to_bytes(2, "big") + inside + jpeg[2:]
+    )
     assert (header.rows, header.scans, header.exif) == (30, 1, inside[6:])
 
 
@@ -43,7 +45,9 @@ def test_repeated_scans_and_segments_without_end_are_refused() -> None:
         read_header(jpeg[:2] + b"\xff\xe2\0\2" * 5000 + jpeg[2:])
 
 
-@pytest.mark.parametrize("jpeg", [b"", b"\xff\xd8", encoded()[:100], b"\xff\xd8" + b"\xff" * 100_000 + b"\0"])
+@pytest.mark.parametrize(
+    "jpeg", [b"", b"\xff\xd8", encoded()[:100], b"\xff\xd8" + b"\xff" * 100_000 + b"\0"]
+)
 def test_a_jpeg_without_a_frame_is_refused(jpeg: bytes) -> None:
     with pytest.raises(InputError, match="without a frame"):
         read_header(jpeg)

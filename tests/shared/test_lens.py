@@ -1,4 +1,6 @@
-"""Shading as a value, in shots and camera files, and in what a sensor sees; and an aberration of earlier versions."""
+"""Shading as a value, in shots and camera files, and in what a sensor sees; and an aberration of
+earlier versions.
+"""
 
 import json
 from dataclasses import replace
@@ -11,7 +13,16 @@ import pytest
 from scipy.interpolate import BSpline
 
 from panchroma.offline import render
-from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
+from panchroma.shared import (
+    Camera,
+    CfaPattern,
+    Mosaic,
+    SensorCalibration,
+    Shading,
+    read_camera,
+    read_dng,
+    write_dng,
+)
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.shared.shading import basis
@@ -95,7 +106,9 @@ def test_what_is_no_shading_is_refused(changed: dict[str, Any], words: str) -> N
 
 def test_a_shot_at_another_focal_length_is_remarked_on() -> None:
     zoom = replace(DARKER, focal_length=35)
-    assert zoom.zoomed(50).startswith("taken at 50 mm, but its shading was measured at 35 mm: colours")
+    assert zoom.zoomed(50).startswith(
+        "taken at 50 mm, but its shading was measured at 35 mm: colours"
+    )
     assert zoom.zoomed(35.5) == zoom.zoomed(None) == ""
     assert "shading" not in BARE.to_json()
     assert BARE.id != SHADED.id

@@ -11,14 +11,23 @@ from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.colorimetry import D50, adaptation, as_rows, xyz
 from panchroma.shared.errors import InputError
-from panchroma.shared.lights import CalibratedLight, Lights, colours_under, illuminant_xy, temperature
+from panchroma.shared.lights import (
+    CalibratedLight,
+    Lights,
+    colours_under,
+    illuminant_xy,
+    temperature,
+)
 from panchroma.shared.white_balance import balanced
 
-# Matrices of a camera for A and D65, and what white reads in a shot: the example of `camera_neutral_to_xy` in colour-hdri 0.2.6.
+# Matrices of a camera for A and D65, and what white reads in a shot: the example of
+# `camera_neutral_to_xy` in colour-hdri 0.2.6.
 WARM = np.array([[0.5309, -0.0229, -0.0336], [-0.6241, 1.3265, 0.3337], [-0.0817, 0.1215, 0.6664]])
 COLD = np.array([[0.4716, 0.0603, -0.0830], [-0.7798, 1.5474, 0.2480], [-0.1496, 0.1937, 0.6651]])
 SHOT = (0.413070, 1.0, 0.646465)
-ROBERTSON = 2e-3  # of a matrix's largest figure: temperatures by Robertson's table and by McCamy's formula differ by up to 0.2 %
+# of a matrix's largest figure: temperatures by Robertson's table and by McCamy's formula differ by
+# up to 0.2 %
+ROBERTSON = 2e-3
 
 
 def light(illuminant: str, to_camera: DoubleArray) -> CalibratedLight:
@@ -34,18 +43,32 @@ CAMERA = SensorCalibration.of_bits(12, lights=LIGHTS)
 PATTERN = CfaPattern.bayer(6)
 
 
-# Chromaticities by colour-science 0.4.7: of black bodies, and from 5000 kelvin of the CIE's daylight.
+# Chromaticities by colour-science 0.4.7: of black bodies, and from 5000 kelvin of the CIE's
+# daylight.
 PUBLISHED = {
     2000: (0.5267, 0.4133), 2500: (0.4770, 0.4137), 3000: (0.4369, 0.4041), 3500: (0.4053, 0.3907), 4000: (0.3804, 0.3767),
     4500: (0.3608, 0.3635), 5000: (0.3457, 0.3587), 5500: (0.3325, 0.3476), 6000: (0.3217, 0.3378), 6500: (0.3128, 0.3292),
     7000: (0.3054, 0.3216), 7500: (0.2991, 0.3150), 8000: (0.2938, 0.3092), 9000: (0.2853, 0.2996), 10000: (0.2788, 0.2920),
 }  # fmt: skip
-# Matrices to XYZ (D50) by the iteration of the specification, with Robertson's temperatures (colour-science 0.4.7); largest 1.
+# Matrices to XYZ (D50) by the iteration of the specification, with Robertson's temperatures
+# (colour-science 0.4.7); largest 1.
 BETWEEN: dict[tuple[float, ...], list[list[float]]] = {
     SHOT: [[1.0, -0.04259, 0.11427], [0.48526, 0.30432, -0.06793], [0.06469, -0.08211, 0.67374]],
-    (0.9, 1.0, 0.35): [[0.35806, -0.03264, 0.14389], [0.16931, 0.22329, -0.06595], [0.05322, -0.10704, 1.0]],
-    (0.55, 1.0, 0.5): [[0.84733, -0.03588, 0.13624], [0.40624, 0.34376, -0.10085], [0.07584, -0.11543, 1.0]],
-    (0.35, 1.0, 0.8): [[1.0, -0.03807, 0.08703], [0.48484, 0.27363, -0.0595], [0.04464, -0.05227, 0.45385]],
+    (0.9, 1.0, 0.35): [
+        [0.35806, -0.03264, 0.14389],
+        [0.16931, 0.22329, -0.06595],
+        [0.05322, -0.10704, 1.0],
+    ],
+    (0.55, 1.0, 0.5): [
+        [0.84733, -0.03588, 0.13624],
+        [0.40624, 0.34376, -0.10085],
+        [0.07584, -0.11543, 1.0],
+    ],
+    (0.35, 1.0, 0.8): [
+        [1.0, -0.03807, 0.08703],
+        [0.48484, 0.27363, -0.0595],
+        [0.04464, -0.05227, 0.45385],
+    ],
 }
 
 
@@ -58,7 +81,9 @@ def test_illuminants_are_those_of_the_cie() -> None:
     assert temperature((0.2, 0.1)) > 20000  # blue
 
 
-@pytest.mark.parametrize("name", ["B", "", "nan", "-4000", "1999", "10001", "4_000", 4000, ["A"], None])
+@pytest.mark.parametrize(
+    "name", ["B", "", "nan", "-4000", "1999", "10001", "4_000", 4000, ["A"], None]
+)
 def test_other_lights_are_refused(name: Any) -> None:
     with pytest.raises(InputError, match="expected A, D50, D55, D65, D75, or 2000 to 10000 kelvin"):
         illuminant_xy(name)
@@ -75,7 +100,9 @@ def test_under_either_light_it_is_its_matrix_and_white_is_always_white(planes: i
     mixed = np.vstack([np.eye(3), [[0.4, 0.5, 0.1]]])[:planes]
     lights: Lights = (light("3000", mixed @ WARM), light("6500", mixed @ COLD))
     for known in lights:
-        np.testing.assert_allclose(colours_under(lights, known.neutral), known.camera_to_xyz, atol=1e-6)
+        np.testing.assert_allclose(
+            colours_under(lights, known.neutral), known.camera_to_xyz, atol=1e-6
+        )
     # Most of these are no colour of light.
     for neutral in 10.0 ** np.random.default_rng(0).uniform(-3, 3, (50, planes)):
         matrix = np.array(colours_under(lights, tuple(neutral)))
@@ -110,7 +137,9 @@ def test_where_nobody_has_measured_the_light_it_is_estimated() -> None:
     grey = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40)).repeat(6, 0).repeat(6, 1)
     reads = np.array([0.5, 1.0, 0.6, 2.1], np.float32)  # the channels, and their sum
     samples = grey.astype(np.float32) * reads[PATTERN.filter_map(grey.shape)]
-    plain, balanced_picture = (SensorCalibration.of_bits(12, neutral=neutral) for neutral in (None, (1.0, 1.0, 1.0)))
+    plain, balanced_picture = (
+        SensorCalibration.of_bits(12, neutral=neutral) for neutral in (None, (1.0, 1.0, 1.0))
+    )
     shots = [Mosaic(samples, PATTERN, calibration) for calibration in (plain, balanced_picture)]
     taken = [Camera(CAMERA, PATTERN).calibrated(shot) for shot in shots]
     taken.append(SteadyWhite()(Mosaic(samples, PATTERN, CAMERA)))
@@ -136,7 +165,10 @@ def test_json_and_back() -> None:
         ([one, {**other, "illuminant": "F11"}], "the light is 'F11'"),
         ([one, {**other, "neutral": [1, 1]}], "expected 3 rows of 2"),
         ([one, {**other, "neutral": [1, 0, 1]}], "lights.neutral is"),
-        *((lights, "lights is .*, expected an object with illuminant, camera") for lights in (7, [one, {"illuminant": "D65"}])),
+        *(
+            (lights, "lights is .*, expected an object with illuminant, camera")
+            for lights in (7, [one, {"illuminant": "D65"}])
+        ),
     )
     for lights, why in wrong:
         with pytest.raises(InputError, match=why):

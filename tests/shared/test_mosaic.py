@@ -53,8 +53,12 @@ def test_quantisation_rounds_to_the_nearest_and_stays_within_the_code_range() ->
 
 
 def test_every_plane_has_its_own_levels_wherever_the_frame_begins() -> None:
-    """Against the definition in double precision, every phase of the pattern; no value lies near the middle of two codes."""
-    calibration = SensorCalibration(gamma=(0.8, 1.0, 1.2), black_level=(900.0, 1000.0, 1100.0, 1200.0), white_level=60000)
+    """Against the definition in double precision, every phase of the pattern; no value lies near
+    the middle of two codes.
+    """
+    calibration = SensorCalibration(
+        gamma=(0.8, 1.0, 1.2), black_level=(900.0, 1000.0, 1100.0, 1200.0), white_level=60000
+    )
     for origin in np.ndindex(4, 4):
         pattern = CfaPattern.bayer(4, "GBRG", origin)
         steps = np.random.default_rng(2).integers(0, 65000, SHAPE) + 0.3
@@ -128,7 +132,13 @@ def test_other_samples_are_refused(samples: Any, words: str) -> None:
 
 def test_metadata_travels_along_and_is_checked() -> None:
     assert Mosaic(codes(), PATTERN, CALIBRATION, CaptureMetadata(iso=400)).metadata.iso == 400
-    wrong: dict[str, Any] = {"orientation": 9, "iso": 0, "exposure_time": -1.0, "f_number": float("nan"), "zone": "CET"}
+    wrong: dict[str, Any] = {
+        "orientation": 9,
+        "iso": 0,
+        "exposure_time": -1.0,
+        "f_number": float("nan"),
+        "zone": "CET",
+    }
     for name, value in {**wrong, "place": (91.0, 0.0), "altitude": 1e10}.items():
         with pytest.raises(InputError, match=name):
             replace(CaptureMetadata(), **{name: value})

@@ -36,7 +36,9 @@ def test_filter_map_is_the_tile_repeated_from_its_origin(pattern: CfaPattern) ->
         planes = pattern.filter_map((17, 13), first)
         assert planes.dtype == np.uint8
         for (row, column), plane in np.ndenumerate(planes):
-            assert pattern.planes[plane] == geometry.letter(pattern, row + first[0], column + first[1])
+            assert pattern.planes[plane] == geometry.letter(
+                pattern, row + first[0], column + first[1]
+            )
 
 
 @with_patterns
@@ -135,7 +137,9 @@ def test_scattered_sites_have_the_tile_for_a_block() -> None:
 
 @with_patterns
 @pytest.mark.parametrize("shape", SHAPES)
-def test_patches_cover_the_frame_from_the_middle_of_a_block_to_the_next(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_patches_cover_the_frame_from_the_middle_of_a_block_to_the_next(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     grid = pattern.grid(shape)
     top, left = geometry.first_patch(pattern)
     assert grid.patches == geometry.patch_counts(pattern, shape)
@@ -157,7 +161,9 @@ def test_patches_cover_the_frame_from_the_middle_of_a_block_to_the_next(pattern:
 
 @with_patterns
 @pytest.mark.parametrize("shape", SHAPES)
-def test_outer_blocks_take_their_nearest_whole_one(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_outer_blocks_take_their_nearest_whole_one(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     grid = pattern.grid(shape)
     whole = np.argwhere(grid.inside)
     values = np.arange(2 * len(whole), dtype=np.float32)

@@ -7,7 +7,9 @@ import pytest
 from panchroma.shared.processors import THREADS, available_threads, threads, use_threads
 
 
-def test_the_number_of_threads_is_that_of_the_calling_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_threads_is_that_of_the_calling_thread(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     before, elsewhere = threads(), []
     use_threads(5)
     other = threading.Thread(target=lambda: elsewhere.append(threads()))

@@ -6,7 +6,11 @@ import pytest
 from panchroma.shared import CfaPattern
 from panchroma.shared.site_errors import error_correlation
 
-PATTERNS = [CfaPattern.bayer(4, "GBRG"), CfaPattern.with_block(("RGB",), 5), CfaPattern.with_block(("RG", "WB"), 6)]
+PATTERNS = [
+    CfaPattern.bayer(4, "GBRG"),
+    CfaPattern.with_block(("RGB",), 5),
+    CfaPattern.with_block(("RG", "WB"), 6),
+]
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
@@ -16,4 +20,6 @@ def test_it_is_a_correlation(pattern: CfaPattern) -> None:
     assert np.allclose(np.diag(matrix), 1)
     assert np.linalg.eigvalsh(matrix).min() > 0
     channels = len(pattern.channels)
-    assert measured == [site * channels + channel for site, (*_, channel) in enumerate(pattern.sites)]
+    assert measured == [
+        site * channels + channel for site, (*_, channel) in enumerate(pattern.sites)
+    ]

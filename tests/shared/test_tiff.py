@@ -50,7 +50,8 @@ def test_fractions_are_as_near_as_31_bits_allow() -> None:
     for number in np.random.default_rng(1).lognormal(0, 6, 50).tolist():
         numerator, denominator = value(FieldType.RATIONAL, [number])
         assert 0 <= numerator < 2**31 > denominator > 0
-        # Rounding to a multiple of 1 / 2**31 of the number's size, or to the smallest fraction there is.
+        # Rounding to a multiple of 1 / 2**31 of the number's size, or to the smallest fraction
+        # there is.
         assert abs(numerator / denominator - number) <= max(number, 1.0) * 2**-30
     kinds = {-0.5: FieldType.RATIONAL, 2.0**31: FieldType.RATIONAL, 1e12: FieldType.SRATIONAL}
     for number, kind in kinds.items():

@@ -1,4 +1,6 @@
-"""Directories of TIFF files, before a library believes them. What they would do otherwise: see tests/fuzz/bombs."""
+"""Directories of TIFF files, before a library believes them. What they would do otherwise: see
+tests/fuzz/bombs.
+"""
 
 import io
 import struct
@@ -27,7 +29,9 @@ def directory(*fields: tuple[int, int, int, int]) -> bytes:
     return b"II*\0" + struct.pack("<IH", 8, len(fields)) + table + bytes(4)
 
 
-@pytest.mark.parametrize("options", [{}, {"bigtiff": True}, {"byteorder": ">"}, {"bigtiff": True, "byteorder": ">"}])
+@pytest.mark.parametrize(
+    "options", [{}, {"bigtiff": True}, {"byteorder": ">"}, {"bigtiff": True, "byteorder": ">"}]
+)
 @pytest.mark.parametrize("pages", [1, 2])
 def test_pictures_pass_and_a_second_one_is_seen(options: dict[str, object], pages: int) -> None:
     file = tiff(pages, **options)
@@ -49,7 +53,9 @@ def test_a_shot_passes_whatever_is_read_of_it() -> None:
         ((330, 4, 65, 8), "65 directories in field 330"),
     ],
 )
-def test_what_no_picture_has_is_refused_where_it_would_be_read(field: tuple[int, int, int, int], words: str) -> None:
+def test_what_no_picture_has_is_refused_where_it_would_be_read(
+    field: tuple[int, int, int, int], words: str
+) -> None:
     data = directory(field)
     with pytest.raises(InputError, match=words):
         check_directories(io.BytesIO(data))

@@ -13,23 +13,39 @@ CAMERA = SensorCalibration.of_bits(12)
 LIGHT = (0.45, 1.0, 0.62)
 
 
-def shot(light: tuple[float, ...] = LIGHT, level: float = 0.8, period: int = 6, origin: tuple[int, int] = (0, 0)) -> Mosaic:
+def shot(
+    light: tuple[float, ...] = LIGHT,
+    level: float = 0.8,
+    period: int = 6,
+    origin: tuple[int, int] = (0, 0),
+) -> Mosaic:
     """A grey scene of all brightnesses under a coloured light."""
-    grey = np.random.default_rng(0).uniform(0.05, 1, (150, 200, 1)).repeat(10, 0)[:150].repeat(10, 1)[:, :200]
+    grey = (
+        np.random.default_rng(0)
+        .uniform(0.05, 1, (150, 200, 1))
+        .repeat(10, 0)[:150]
+        .repeat(10, 1)[:, :200]
+    )
     rgb = (level * grey * np.array(light)).astype(np.float32)
-    return simulate_additive(rgb, CfaPattern.bayer(period, origin=origin), CAMERA, 0.002, np.random.default_rng(1))
+    return simulate_additive(
+        rgb, CfaPattern.bayer(period, origin=origin), CAMERA, 0.002, np.random.default_rng(1)
+    )
 
 
 @pytest.mark.parametrize("origin", [(0, 0), (5, 0), (3, 5)])
 @pytest.mark.parametrize("period", [4, 6])
-def test_the_estimate_is_the_light_wherever_the_blocks_lie(period: int, origin: tuple[int, int]) -> None:
+def test_the_estimate_is_the_light_wherever_the_blocks_lie(
+    period: int, origin: tuple[int, int]
+) -> None:
     assert estimate_neutral(shot(period=period, origin=origin)) == pytest.approx(LIGHT, abs=0.05)
 
 
 def test_codes_and_scene_units_give_the_same_estimate() -> None:
     mosaic = shot()
     codes = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
-    assert estimate_neutral(codes) == pytest.approx(estimate_neutral(codes.in_scene_units()), abs=1e-5)
+    assert estimate_neutral(codes) == pytest.approx(
+        estimate_neutral(codes.in_scene_units()), abs=1e-5
+    )
 
 
 def test_hot_pixels_are_not_the_light() -> None:
@@ -39,7 +55,9 @@ def test_hot_pixels_are_not_the_light() -> None:
     red = samples[rows, columns]
     red[::5, ::7] = 2.5
     samples[rows, columns] = red
-    assert estimate_neutral(Mosaic(samples, mosaic.pattern, CAMERA)) == pytest.approx(LIGHT, abs=0.03)
+    assert estimate_neutral(Mosaic(samples, mosaic.pattern, CAMERA)) == pytest.approx(
+        LIGHT, abs=0.03
+    )
 
 
 @pytest.mark.parametrize("level", [0.0, 0.005, 50.0])
@@ -48,7 +66,9 @@ def test_a_frame_that_shows_no_light_has_no_estimate(level: float) -> None:
 
 
 @pytest.mark.parametrize("matrix", [None, tuple(map(tuple, SRGB_TO_XYZ / np.array(LIGHT)))])
-def test_a_balanced_calibration_shows_its_neutral_as_grey(matrix: tuple[tuple[float, ...], ...] | None) -> None:
+def test_a_balanced_calibration_shows_its_neutral_as_grey(
+    matrix: tuple[tuple[float, ...], ...] | None,
+) -> None:
     known = SensorCalibration.of_bits(12, camera_to_xyz=matrix, neutral=LIGHT if matrix else None)
     other = balanced(known, np.array((0.9, 0.6, 0.3)))
     transform = ColourTransform.to_space(other, "linear-srgb")

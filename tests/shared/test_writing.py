@@ -14,7 +14,11 @@ from panchroma.shared.errors import DurabilityWarning, OutputError
 from panchroma.shared.writing import durable_file, own_file, sweep, sync_folder, write_durably
 from tests.data import ROOT
 
-WORDS = {errno.ENOSPC: "disk is full", errno.EACCES: "no permission", errno.EIO: "cannot be written"}
+WORDS = {
+    errno.ENOSPC: "disk is full",
+    errno.EACCES: "no permission",
+    errno.EIO: "cannot be written",
+}
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -32,7 +36,9 @@ def test_never_overwrites_unless_told(tmp_path: Path) -> None:
     assert contents(tmp_path) == {"shot.dng": b"new"}
 
 
-def test_a_file_that_appears_meanwhile_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_appears_meanwhile_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "shot.dng"
     monkeypatch.setattr(os, "fsync", lambda _: path.write_bytes(b"theirs"))
     with pytest.raises(OutputError, match="exists already"):
@@ -54,7 +60,9 @@ def test_a_failed_write_leaves_what_was_there(
     assert contents(tmp_path) == ({"shot.dng": b"old"} if overwrite else {})
 
 
-def test_an_interruption_removes_the_temporary_file_and_passes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interruption_removes_the_temporary_file_and_passes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def interrupt(_: int) -> None:
         raise KeyboardInterrupt
 
@@ -64,8 +72,12 @@ def test_an_interruption_removes_the_temporary_file_and_passes_on(tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_content_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The file is synced while only the temporary name exists, then the folder with the final name in it."""
+def test_the_content_is_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file is synced while only the temporary name exists, then the folder with the final name
+    in it.
+    """
     path, seen = tmp_path / "shot.dng", []
 
     def record(descriptor: int) -> None:
@@ -78,7 +90,9 @@ def test_the_content_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monke
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize("number", [errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF, errno.EIO, errno.ENOSPC])
+@pytest.mark.parametrize(
+    "number", [errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF, errno.EIO, errno.ENOSPC]
+)
 def test_a_folder_that_cannot_be_synced_costs_no_file_and_one_that_fails_to_is_a_warning(
     tmp_path: Path, unsynced_folders: Callable[[int], None], number: int, overwrite: bool
 ) -> None:
@@ -102,7 +116,10 @@ def test_an_error_of_another_file_is_not_said_of_this_one(tmp_path: Path) -> Non
         fail(file.write(b"part"))
     assert caught.value is other
     for on_complete in (fail, lambda _: fail):  # at once, and when the file is on the disk
-        with pytest.raises(OSError, match="other") as caught, durable_file(tmp_path / "b", on_complete=on_complete) as file:
+        with (
+            pytest.raises(OSError, match="other") as caught,
+            durable_file(tmp_path / "b", on_complete=on_complete) as file,
+        ):
             file.write(b"whole")
         assert caught.value is other
     assert list(tmp_path.iterdir()) == []
@@ -116,15 +133,23 @@ def test_an_error_of_the_file_itself_is_said_of_it_also_in_the_block(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["panchroma.shared", "panchroma.device", "panchroma.offline", "panchroma.tools.cli"])
+@pytest.mark.parametrize(
+    "name", ["panchroma.shared", "panchroma.device", "panchroma.offline", "panchroma.tools.cli"]
+)
 def test_on_windows_one_sentence_says_what_to_do(name: str) -> None:
     """A library raises it; the command prints it alone."""
-    run = "import panchroma.tools.cli\npanchroma.tools.cli.main()" if name == "panchroma.tools.cli" else f"import {name}"
+    run = (
+        "import panchroma.tools.cli\npanchroma.tools.cli.main()"
+        if name == "panchroma.tools.cli"
+        else f"import {name}"
+    )
     script = f"import sys\nsys.modules['fcntl'] = None\n{run}"
     line = [sys.executable, "-c", script]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")
-    assert "on Windows install it in the Windows Subsystem for Linux" in done.stderr.splitlines()[-1]
+    assert (
+        "on Windows install it in the Windows Subsystem for Linux" in done.stderr.splitlines()[-1]
+    )
     assert name != "panchroma.tools.cli" or done.stderr.count("\n") == 1
 
 
@@ -157,7 +182,12 @@ def left_behind(folder: Path) -> Path:
 def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
     part = left_behind(tmp_path)
     assert part.read_bytes() == b"half"
-    others = [".shot.dng.part", "shot.dng.12345678.panchroma.part", ".x.1234567.panchroma.part", "a"]
+    others = [
+        ".shot.dng.part",
+        "shot.dng.12345678.panchroma.part",
+        ".x.1234567.panchroma.part",
+        "a",
+    ]
     for name in others:
         (tmp_path / name).write_bytes(b"theirs")
     fresh, old = (tmp_path / f".link.0000000{number}.panchroma.part" for number in (1, 2))
@@ -177,7 +207,9 @@ def test_what_is_being_written_is_not_swept(tmp_path: Path) -> None:
     assert contents(tmp_path) == {"shot.dng": b"whole"}
 
 
-def test_a_temporary_file_swept_before_it_was_locked_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_temporary_file_swept_before_it_was_locked_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     flock = fcntl.flock
     swept: list[Path] = []
 
@@ -193,12 +225,15 @@ def test_a_temporary_file_swept_before_it_was_locked_is_made_again(tmp_path: Pat
     assert contents(tmp_path) == {"shot.dng": b"whole"}
 
 
-# --- links, pipes, permissions --------------------------------------------------------------------------------------------------
+# --- links, pipes, permissions
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mode", ["rb", "ab", "ab+"])
 @pytest.mark.parametrize("kind", ["link", "dangling link", "pipe", "device", "folder"])
-def test_no_file_of_ours_is_opened_through_what_is_none(tmp_path: Path, kind: str, mode: str) -> None:
+def test_no_file_of_ours_is_opened_through_what_is_none(
+    tmp_path: Path, kind: str, mode: str
+) -> None:
     original, path = tmp_path / "original", tmp_path / "journal"
     with own_file(original, "ab") as file:
         file.write(b"a photograph")
@@ -214,12 +249,17 @@ def test_no_file_of_ours_is_opened_through_what_is_none(tmp_path: Path, kind: st
 
 
 @pytest.mark.parametrize("target", ["original", "nowhere"])
-def test_a_link_in_the_place_of_a_result_is_replaced_itself_or_stays(tmp_path: Path, target: str) -> None:
+def test_a_link_in_the_place_of_a_result_is_replaced_itself_or_stays(
+    tmp_path: Path, target: str
+) -> None:
     (tmp_path / "original").write_bytes(b"a photograph")
     (tmp_path / "original").chmod(0o600)
     path = tmp_path / "shot.dng"
     path.symlink_to(target)
-    words = {"original": "exists already", "nowhere": "is a link to nowhere, which is not there; remove"}[target]
+    words = {
+        "original": "exists already",
+        "nowhere": "is a link to nowhere, which is not there; remove",
+    }[target]
     with pytest.raises(OutputError, match=words):
         write_durably(path, b"new")
     assert path.is_symlink()
@@ -240,11 +280,17 @@ def test_a_replaced_file_keeps_its_permissions_and_its_owner(tmp_path: Path, mod
     before = path.stat()
     write_durably(path, b"new", overwrite=True)
     after = path.stat()
-    assert (after.st_uid, after.st_gid, after.st_mode & 0o777) == (before.st_uid, before.st_gid, mode)
+    assert (after.st_uid, after.st_gid, after.st_mode & 0o777) == (
+        before.st_uid,
+        before.st_gid,
+        mode,
+    )
     assert path.read_bytes() == b"new"
 
 
-def test_a_group_that_cannot_be_kept_gains_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_group_that_cannot_be_kept_gains_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "shot.dng"
     path.write_bytes(b"old")
     path.chmod(0o664)
@@ -262,11 +308,14 @@ def test_a_group_that_cannot_be_kept_gains_nothing(tmp_path: Path, monkeypatch: 
 
 def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path: Path) -> None:
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom panchroma.shared.writing import write_durably\n"
+        "import os, sys\nfrom pathlib import Path\nfrom panchroma.shared.writing import "
+        "write_durably\n"
         "folder = os.fsencode(sys.argv[1])\n"
         "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', b'\\xe5\\x86\\x99' * 85):\n"
         "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
     )
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
-    subprocess.run([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, check=True, env=environment)
+    subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, check=True, env=environment
+    )
     assert len(list(tmp_path.iterdir())) == 3

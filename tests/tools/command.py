@@ -35,7 +35,9 @@ class Outcome:
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """The objects that --json prints, one a line; fails if standard output holds anything else."""
+        """The objects that --json prints, one a line; fails if standard output holds anything
+        else.
+        """
         return [json.loads(line) for line in self.out.splitlines()]
 
 
@@ -57,7 +59,9 @@ def repeated(option: str, values: Iterable[str | Path]) -> list[str | Path]:
     return [word for value in values for word in (option, value)]
 
 
-def start(*arguments: str | Path, before: tuple[str, ...] = (), script: str = SCRIPT, **options: Any) -> "subprocess.Popen[str]":
+def start(
+    *arguments: str | Path, before: tuple[str, ...] = (), script: str = SCRIPT, **options: Any
+) -> "subprocess.Popen[str]":
     """A command, started in a process of its own; standard output and error are pipes of text.
 
     before: a program that starts the one whose command line follows.
@@ -65,11 +69,17 @@ def start(*arguments: str | Path, before: tuple[str, ...] = (), script: str = SC
     options: of subprocess.Popen.
     """
     usual = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "cwd": ROOT, "text": True}
-    return subprocess.Popen([*before, sys.executable, "-c", script, *map(str, arguments)], **{**usual, **options})
+    return subprocess.Popen(
+        [*before, sys.executable, "-c", script, *map(str, arguments)], **{**usual, **options}
+    )
 
 
-def ended(process: "subprocess.Popen[str]", number: int | None = None, *, code: int | None = None) -> Outcome:
-    """The end of a command that was started. number: of a signal that ends it; code: as in `run`."""
+def ended(
+    process: "subprocess.Popen[str]", number: int | None = None, *, code: int | None = None
+) -> Outcome:
+    """The end of a command that was started. number: of a signal that ends it; code: as in
+    `run`.
+    """
     if number is not None:
         process.send_signal(number)
     out, err = process.communicate(timeout=120)
@@ -99,7 +109,11 @@ def shots(folder: Path) -> list[Path]:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Path below the folder -> bytes, of every file, hidden ones too."""
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def results(folder: Path) -> set[str]:
@@ -108,7 +122,9 @@ def results(folder: Path) -> set[str]:
 
 
 def assert_refused(outcome: Outcome, *words: str, name: str, code: int = 1) -> None:
-    """Fail unless there is one error line that names the file once and says `words`, and no traceback."""
+    """Fail unless there is one error line that names the file once and says `words`, and no
+    traceback.
+    """
     assert outcome.code == code, outcome.err
     (line,) = outcome.errors
     assert line.startswith(f"panchroma: {name}: "), line

@@ -1,4 +1,6 @@
-"""The commands of a camera, run where every package is hidden that the base dependencies do not bring."""
+"""The commands of a camera, run where every package is hidden that the base dependencies do not
+bring.
+"""
 
 import subprocess
 from pathlib import Path
@@ -32,7 +34,16 @@ def test_a_hidden_package_is_missed(tmp_path: Path) -> None:
 
 def test_capture_needs_the_base_alone(tmp_path: Path) -> None:
     layout = ["--size", "32x26", "--pixel-format", "raw10"]
-    done = camera("capture", "-", "-o", str(tmp_path), "--frames", "1", *layout, stdin=pack(random_codes((26, 32), 10), "raw10"))
+    done = camera(
+        "capture",
+        "-",
+        "-o",
+        str(tmp_path),
+        "--frames",
+        "1",
+        *layout,
+        stdin=pack(random_codes((26, 32), 10), "raw10"),
+    )
     assert done.returncode == 0, done.stderr
     assert len(list(tmp_path.glob("*.dng"))) == 1
 
@@ -54,7 +65,13 @@ try:
 except ModuleNotFoundError as error:
     print(error)
 """
-    done = on_camera(script, ours=("shared", "device", "offline", "tools", "pictures", "quality", "shots", "simulation"))
+    done = on_camera(
+        script,
+        ours=("shared", "device", "offline", "tools", "pictures", "quality", "shots", "simulation"),
+    )
     assert done.returncode == 0, done.stderr
     assert b"<Image 96 x 72, 8-bit sRGB> <Image 96 x 72, 8-bit sRGB> True" in done.stdout
-    assert b"is not installed; install Panchroma with all that belongs to it: pip install" in done.stdout
+    assert (
+        b"is not installed; install Panchroma with all that belongs to it: pip install"
+        in done.stdout
+    )

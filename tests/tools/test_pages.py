@@ -1,4 +1,6 @@
-"""Pages hold texts that others chose, as names of files and sensors: whatever these are, a page has the same elements."""
+"""Pages hold texts that others chose, as names of files and sensors: whatever these are, a page has
+the same elements.
+"""
 
 from base64 import b64decode
 from collections.abc import Callable
@@ -28,7 +30,8 @@ from tests.tools.evaluation.examples import pair, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
 
 HARMLESS = "a"
-HOSTILE = """a"onfocus="document.title='owned'"autofocus x='<b>&quot;<!--${body}]]>`"""  # may be the name of a file
+# may be the name of a file
+HOSTILE = """a"onfocus="document.title='owned'"autofocus x='<b>&quot;<!--${body}]]>`"""
 PIXELS = np.zeros((8, 8, 3), np.uint8)
 
 
@@ -57,20 +60,30 @@ def of_evaluation(folder: Path, text: str) -> bytes:
     (rival,) = choose([str(folder / f"{text}.onnx")])
     networks = ((rival.name, rival.file),)
     study = study_of(folder, methods=("paper", "bilinear", rival.name), networks=networks)
-    scenes = tuple(replace(scene, name=f"{text}{number}", notes=(text,)) for number, scene in enumerate(study.scenes))
+    scenes = tuple(
+        replace(scene, name=f"{text}{number}", notes=(text,))
+        for number, scene in enumerate(study.scenes)
+    )
     tiles = tuple(Tile(f"{text}{period}", CfaPattern.bayer(period)) for period in (6, 4))
     study = replace(study, scenes=scenes, tiles=tiles)
     measures = Measures.of(*pair())
     pictures = tuple(Rendered(text, PIXELS, (psnr, psnr, psnr)) for psnr in (200.0, 30.0, 20.0))
-    exhibits = [Exhibit(Crop(scenes[0], study.levels[0], why, (), 20, 20, 8, 8), pictures, 1.0) for why in REASONS]
-    return build_page(Figures(study, dict.fromkeys(study.cells(), measures)), exhibits, text, [text])
+    exhibits = [
+        Exhibit(Crop(scenes[0], study.levels[0], why, (), 20, 20, 8, 8), pictures, 1.0)
+        for why in REASONS
+    ]
+    return build_page(
+        Figures(study, dict.fromkeys(study.cells(), measures)), exhibits, text, [text]
+    )
 
 
 def of_calibration(_: Path, text: str) -> bytes:
     """The report on a chart."""
     taken = frame(chart().rgb, says=replace(BLIND, sensor=text))
     shot = measure_chart(text, taken, REFERENCE, true_place().corners)
-    return write_report(conclude(Measurements(REFERENCE, taken, shots=[shot], skipped=[text])), {"date": text})
+    return write_report(
+        conclude(Measurements(REFERENCE, taken, shots=[shot], skipped=[text])), {"date": text}
+    )
 
 
 Maker = Callable[[Path, str], bytes]
@@ -92,7 +105,12 @@ def test_a_page_does_not_tell_where_files_are(tmp_path: Path, make: Maker) -> No
 def test_folders_are_cut_off_names_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     line = f"{tmp_path}/shots/a b.dng: is not like {tmp_path}/shots/c.dng"
-    for names in ([str(tmp_path / "shots")], ["shots"], [f"{tmp_path}/shots/"], ["../" + tmp_path.name + "/shots"]):
+    for names in (
+        [str(tmp_path / "shots")],
+        ["shots"],
+        [f"{tmp_path}/shots/"],
+        ["../" + tmp_path.name + "/shots"],
+    ):
         assert without_folders(line, names) == "shots/a b.dng: is not like shots/c.dng"
     assert without_folders("a.dng: 1/2", ["a.dng", "/"]) == "a.dng: 1/2"
 

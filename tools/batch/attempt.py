@@ -1,4 +1,6 @@
-"""One shot or burst, rendered to one picture, once, by whichever process on whichever machine gets it."""
+"""One shot or burst, rendered to one picture, once, by whichever process on whichever machine
+gets it.
+"""
 
 import os
 import time
@@ -25,7 +27,9 @@ if TYPE_CHECKING:
     from ...offline import SolverLog
 
 
-def attempt(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
+def attempt(
+    order: Order, memory: int, processes: int, job: Job, listener: StageProgress
+) -> Outcome:
     """Make a picture, or find that it is there already.
 
     Parameters
@@ -35,7 +39,8 @@ def attempt(order: Order, memory: int, processes: int, job: Job, listener: Stage
     memory
         Bytes that may be used.
     processes
-        Number of processes that may be started to compile the renderer; 1 in a process that was started itself.
+        Number of processes that may be started to compile the renderer; 1 in a process that was
+        started itself.
     job
         The shot or burst, and where its picture goes.
     listener
@@ -51,11 +56,10 @@ def attempt(order: Order, memory: int, processes: int, job: Job, listener: Stage
 
 @dataclass(frozen=True)
 class _Existing:
-    """What exists already under the name of an output.
+    """Existing file under the name of an output.
 
-    current: the outcome when it is up to date, made by this run or by an earlier one; otherwise None.
-    replace: it may be replaced.
-    changed: a render made it, and somebody has changed it since.
+    current: the outcome when it is up to date, made by this run or by an earlier one; otherwise
+    None. replace: it may be replaced. changed: a render made it, and somebody has changed it since.
     """
 
     current: State | None = None
@@ -65,7 +69,7 @@ class _Existing:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """See `attempt`."""
+    """Implementation of `attempt`."""
 
     order: Order
     memory: int
@@ -78,7 +82,8 @@ class _Attempt:
         order, output = self.order, self.job.output
         if not (order.dry_run or order.folder.is_dir()):
             raise OutputError(
-                f"{order.folder}: the output folder is not there; every machine at work has to see it under this name"
+                f"{order.folder}: the output folder is not there; every machine at work has to "
+                "see it under this name"
             )
         if not any(map(file_status, self.job.files)):
             self._open()  # says what is wrong with it, before a folder is made for its picture
@@ -89,16 +94,21 @@ class _Attempt:
             with output_lock(output):
                 return self._made()
         except FileExistsError:
-            raise OutputError(f"{output}: {output.parent} is not a folder; remove it, or use another output folder") from None
+            raise OutputError(
+                f"{output}: {output.parent} is not a folder; remove it, or use another output "
+                "folder"
+            ) from None
         except OSError as error:
             raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
 
     def _planned(self) -> Outcome:
-        """What a dry run would do."""
+        """Action of a dry run."""
         if self._is_unchanged() or self._existing(self._digest()).current:
             return self._current("current", dry_run=True)
         facts = {"output": str(self.job.output), "dry_run": True}
-        return Outcome(facts, (f"{self.job.source} -> {self.job.output}",), self._open().errors, "planned")
+        return Outcome(
+            facts, (f"{self.job.source} -> {self.job.output}",), self._open().errors, "planned"
+        )
 
     def _made(self) -> Outcome:
         """Make the picture, while this process holds the lock on the output."""
@@ -113,9 +123,13 @@ class _Attempt:
         subject = self._open()
         with announced_compilation(self.listener):
             if source_digest is None or self._digest() != source_digest:
-                raise InputError(f"{self.job.source}: has changed while it was read; render it again when it is complete")
+                raise InputError(
+                    f"{self.job.source}: has changed while it was read; render it again when it "
+                    "is complete"
+                )
             check_memory(subject.mosaic, order.kind, order.settings, self.memory, subject.count)
-            compile_ahead([order.settings], self.processes, self.listener)  # now that only the writing can fail
+            # now that only the writing can fail
+            compile_ahead([order.settings], self.processes, self.listener)
             self._note_what_is_assumed(subject)
             subject.prepare(self.listener)
             development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
@@ -130,34 +144,56 @@ class _Attempt:
         calibration, note = mosaic.calibration, self.listener.note
         if calibration.noise is None:
             taken = "estimated from the shot" if order.settings.noise.estimate else "taken as zero"
-            note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
+            note(
+                f"{source}: the noise level is unknown and {taken}; calibrate the camera for "
+                "better colour"
+            )
         if not calibration.knows_white and order.kind.has_white_balance:
-            note(f'{source}: the white balance is unknown and taken as even; `wb="auto"` estimates it, `wb="R,G,B"` sets it')
+            note(
+                f'{source}: the white balance is unknown and taken as even; `wb="auto"` '
+                'estimates it, `wb="R,G,B"` sets it'
+            )
         for remark in calibration.lens_remarks(mosaic.metadata.focal_length):
             note(f"{source}: {remark}")
 
     def _write(
-        self, subject: Subject, development: Development, existing: _Existing, source_digest: str, stamp: str
+        self,
+        subject: Subject,
+        development: Development,
+        existing: _Existing,
+        source_digest: str,
+        stamp: str,
     ) -> "SolverLog":
         """Render, and write the picture. Returns what the solvers did."""
         from ...offline import SolverLog, threads
 
         log, path = SolverLog(self.listener), self.job.output
         if existing.changed:
-            self.listener.note(f"{path}: has changed since it was made; it is kept as {keep_old(path).name}")
-        # Journal and picture are fsynced at the same time: for small pictures fsync takes most of the time, and a large one is
-        # digested meanwhile. The pool is this picture's own: one that stays would wait for ever for a thread whose start is
-        # interrupted.
+            self.listener.note(
+                f"{path}: has changed since it was made; it is kept as {keep_old(path).name}"
+            )
+        # Journal and picture are fsynced at the same time: for small pictures fsync takes most of
+        # the time, and a large one is digested meanwhile. The pool is this picture's own: one that
+        # stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(1) as pool:
 
             def noted(part: Path) -> Callable[[], object]:
                 return pool.submit(self._note_in_journal, part, source_digest, stamp).result
 
             shown = self._shown(subject.bands(log), subject.lost, development)
-            write_picture(path, shown, development, overwrite=existing.replace, on_complete=noted, threads=threads())
+            write_picture(
+                path,
+                shown,
+                development,
+                overwrite=existing.replace,
+                on_complete=noted,
+                threads=threads(),
+            )
         return log
 
-    def _shown(self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development) -> Iterator[FloatArray]:
+    def _shown(
+        self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development
+    ) -> Iterator[FloatArray]:
         """The bands as the picture shows them. lost: where light is lost."""
         top = 0
         for band in bands:
@@ -178,13 +214,23 @@ class _Attempt:
         )
         _journal(order.folder).append(entry)
 
-    def _told(self, subject: Subject, development: Development, pattern: CfaPattern, log: "SolverLog", seconds: float) -> Outcome:
-        """What is said of a picture that was made."""
+    def _told(
+        self,
+        subject: Subject,
+        development: Development,
+        pattern: CfaPattern,
+        log: "SolverLog",
+        seconds: float,
+    ) -> Outcome:
+        """Message on a picture that was made."""
         from ...offline import network_name
 
         output, kind, calibration = self.job.output, self.order.kind, development.calibration
         rows, columns = development.written_shape
-        line = f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, {subject.words}{seconds:.1f} s"
+        line = (
+            f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, "
+            f"{subject.words}{seconds:.1f} s"
+        )
         facts = {
             "output": str(output),
             "width": columns,
@@ -198,13 +244,15 @@ class _Attempt:
         return Outcome(facts | subject.facts(), (line,), subject.errors)
 
     def _current(self, state: State, **facts: bool) -> Outcome:
-        """What is said of a picture that is up to date."""
+        """Message on a picture that is up to date."""
         output = self.job.output
         known = {"output": str(output), "current": True, **facts}
         return Outcome(known, (f"{output}: is up to date",), self.order.failures(self.job), state)
 
     def _is_unchanged(self) -> bool:
-        """Whether the picture is up to date by sizes and times alone: reading all files of an archive takes long."""
+        """True if the picture is up to date by sizes and times alone: reading all files of an
+        archive takes long.
+        """
         order, output = self.order, self.job.output
         made = _journal(order.folder).of(order.name(output)) if order.resume else []
         if not made or made[-1].stamp != f"{_stamp(self.job.files)} {_stamp([output])}":
@@ -212,27 +260,45 @@ class _Attempt:
         return made[-1].key == order.key(output, made[-1].input)
 
     def _existing(self, source_digest: str | None) -> _Existing:
-        """Look up what exists under the name of the output. Raises OutputError for a file that must stay."""
+        """Look up what exists under the name of the output. Raises OutputError for a file that must
+        stay.
+        """
         order, output = self.order, self.job.output
         if not output.exists():
             return _Existing(replace=order.overwrite)
         made = _journal(order.folder).of(order.name(output))
-        of_this_run = bool(made) and made[-1].run == order.run  # by a process that died before it could say so
+        # by a process that died before it could say so
+        of_this_run = bool(made) and made[-1].run == order.run
         if not (order.resume or of_this_run):
             if not order.overwrite:
                 refuse_existing([output])
             return _Existing(replace=True)
         if not made and not order.overwrite:
-            raise OutputError(f"{output}: exists already, and no render noted that it made it; `overwrite=True` replaces it")
+            raise OutputError(
+                f"{output}: exists already, and no render noted that it made it; "
+                "`overwrite=True` replaces it"
+            )
         found = digest(output)
-        if made and source_digest and made[-1].digest == found and made[-1].key == order.key(output, source_digest):
+        if (
+            made
+            and source_digest
+            and made[-1].digest == found
+            and made[-1].key == order.key(output, source_digest)
+        ):
             return _Existing("made" if of_this_run else "current", True)
         if made and not order.overwrite and _both_there(made[-1].source, self.job.source):
-            raise OutputError(f"{output}: is the picture of {made[-1].source}; use another output folder, or `overwrite=True`")
-        return _Existing(None, True, not order.overwrite and found not in {entry.digest for entry in made})
+            raise OutputError(
+                f"{output}: is the picture of {made[-1].source}; use another output folder, or "
+                "`overwrite=True`"
+            )
+        return _Existing(
+            None, True, not order.overwrite and found not in {entry.digest for entry in made}
+        )
 
     def _digest(self) -> str | None:
-        """Digest of the files that a picture is made from; None if there is only one, and it cannot be read."""
+        """Digest of the files that a picture is made from; None if there is only one, and it cannot
+        be read.
+        """
         frames = self.job.frames
         return key(frames=[digest(name) for name in frames]) if frames else digest(self.job.source)
 
@@ -249,6 +315,6 @@ def _stamp(files: Iterable[str | Path]) -> str:
 
 
 def _both_there(one: str, other: str) -> bool:
-    """Whether these are two existing files, rather than one that was moved."""
+    """True if these are two existing files, rather than one that was moved."""
     first, second = identity(one), identity(other)
     return bool(first and second) and first != second

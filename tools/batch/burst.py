@@ -1,4 +1,6 @@
-"""A burst: which shots are its frames, which do not fit the others, and what one picture is rendered from."""
+"""A burst: which shots are its frames, which do not fit the others, and what one picture is
+rendered from.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -30,11 +32,18 @@ Shift = tuple[float, ...]
 class BurstFile:
     """One file of a burst.
 
-    name: of the file.
-    mosaic: its content; None = it is left out.
-    reason: why it is.
-    failed: it is no shot, or damaged.
-    judged: what became of it when the burst was merged.
+    Attributes
+    ----------
+    name : str
+        Of the file.
+    mosaic : Mosaic | None
+        Its content; None = it is left out.
+    reason : str
+        Why it is.
+    failed : bool
+        It is no shot, or damaged.
+    judged : Judged | None
+        What became of it when the burst was merged.
     """
 
     name: str
@@ -58,17 +67,30 @@ class BurstFile:
         return f"{self.name}: {self.reason}"
 
     def facts(self) -> dict[str, Any]:
-        """What is known of it, for machines."""
-        facts: dict[str, Any] = {"source": self.name, "used": not self.reason, "reason": self.reason}
+        """Description for machines."""
+        facts: dict[str, Any] = {
+            "source": self.name,
+            "used": not self.reason,
+            "reason": self.reason,
+        }
         if self.judged is not None and self.judged.motion is not None:
             motion = self.judged.motion
-            facts |= {"right": motion.shift[1], "down": motion.shift[0], "degrees": degrees(motion.angle)}
-            facts |= {name: float(getattr(self.judged, name)) for name in ("gain", "agreement", "sharpness", "error")}
+            facts |= {
+                "right": motion.shift[1],
+                "down": motion.shift[0],
+                "degrees": degrees(motion.angle),
+            }
+            facts |= {
+                name: float(getattr(self.judged, name))
+                for name in ("gain", "agreement", "sharpness", "error")
+            }
         return facts
 
 
 def leave_odd_ones_out(frames: Sequence[BurstFile], reference: int | None) -> None:
-    """Refuse the frames that are not like the reference, or, where there is none, like most of the others."""
+    """Refuse the frames that are not like the reference, or, where there is none, like most of the
+    others.
+    """
     there = [frame.mosaic for frame in frames if frame.mosaic is not None]
     wanted = frames[reference].mosaic if reference is not None else None
     if wanted is None and there:
@@ -80,30 +102,43 @@ def leave_odd_ones_out(frames: Sequence[BurstFile], reference: int | None) -> No
 
 
 def _kind(mosaic: Mosaic) -> tuple[object, ...]:
-    """What the frames of a burst have in common."""
+    """Common properties of the frames of a burst."""
     calibration = mosaic.calibration
     return mosaic.shape, mosaic.pattern, calibration.gamma, calibration.sensor, calibration.camera
 
 
 def _difference(mosaic: Mosaic, wanted: Mosaic) -> str:
-    """What two frames have not in common."""
+    """Differences of two frames."""
     if mosaic.shape != wanted.shape:
         return "it has {1} x {0} pixels, the others {3} x {2}".format(*mosaic.shape, *wanted.shape)
     if mosaic.pattern != wanted.pattern:
         return "its filters are arranged otherwise than those of the others"
-    return "it was taken with another camera than the others, or with another calibration; `camera` replaces it in all of them"
+    return (
+        "it was taken with another camera than the others, or with another calibration; "
+        "`camera` replaces it in all of them"
+    )
 
 
 def series(sources: Sequence[Source]) -> list[str]:
     """The names of the shots of one burst, in its order.
 
-    sources: see `tools.batch.folders.search`. Files that the user named are taken as they are, in the order given. Those found in
-        a folder have to be the frames of one burst, named as `capture --burst` and `simulate --burst` do, STEM-1.dng, STEM-2.dng
-        ...; some may be missing.
-    Raises InputError that names the odd ones, for shots in a folder that belong to several bursts or to none, and for a file that
-    is given twice, under whatever names.
+    Parameters
+    ----------
+    sources : Sequence[Source]
+        See `tools.batch.folders.search`. Files that the user named are taken as they are, in the
+        order given. Those found in a folder have to be the frames of one burst, named as `capture
+        --burst` and `simulate --burst` do, STEM-1.dng, STEM-2.dng ...; some may be missing.
 
-    >>> series([Source("shots/rose-2.dng", Path("rose-2.dng")), Source("shots/rose-1.dng", Path("rose-1.dng"))])
+    Raises
+    ------
+    InputError
+        That names the odd ones, for shots in a folder that belong to several bursts or to none, and
+        for a file that is given twice, under whatever names.
+
+    Examples
+    --------
+    >>> series([Source("shots/rose-2.dng", Path("rose-2.dng")), Source("shots/rose-1.dng",
+    Path("rose-1.dng"))])
     ['shots/rose-1.dng', 'shots/rose-2.dng']
     """
     named = [source.name for source in sources if not source.found]
@@ -116,27 +151,43 @@ def series(sources: Sequence[Source]) -> list[str]:
             singles.append(str(path))
     found = [[name for _, name in sorted(frames)] for frames in bursts.values()]
     if len(found) > 1 or singles:
-        groups = [names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") for names in found] + singles
-        listed = ", ".join(groups[:_NAMED]) + (f" and {len(groups) - _NAMED} others" if len(groups) > _NAMED else "")
-        raise InputError(f"expected the frames of one burst, STEM-1.dng, STEM-2.dng ..., found {listed}; name the files of one")
+        groups = [
+            names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") for names in found
+        ] + singles
+        listed = ", ".join(groups[:_NAMED]) + (
+            f" and {len(groups) - _NAMED} others" if len(groups) > _NAMED else ""
+        )
+        raise InputError(
+            f"expected the frames of one burst, STEM-1.dng, STEM-2.dng ..., found {listed}; name "
+            "the files of one"
+        )
     names = named + [name for frames in found for name in frames]
     known: dict[object, str] = {}
     for name in names:
-        place = identity(name) or name  # other spellings of a name, and links, lead to the same file
+        # other spellings of a name, and links, lead to the same file
+        place = identity(name) or name
         if place in known:
             raise InputError(
-                f"{name}: is given twice" + (f": it is the same file as {known[place]}" if known[place] != name else "")
+                f"{name}: is given twice"
+                + (f": it is the same file as {known[place]}" if known[place] != name else "")
             )
         known[place] = name
     return names
 
 
 def series_stem(names: Sequence[str]) -> str:
-    """What the picture of a burst is called, without suffix: what its frames have in common, or else the first file's stem.
+    """Name of the picture of a burst without suffix: the common part of its frames' names, or the
+    first file's stem.
 
-    names: of its shots, see `series`.
+    Parameters
+    ----------
+    names : Sequence[str]
+        Of its shots, see `series`.
 
-    >>> series_stem(["shots/rose-1.dng", "shots/rose-2.dng"]), series_stem(["IMG_0001.dng", "IMG_0002.dng"])
+    Examples
+    --------
+    >>> series_stem(["shots/rose-1.dng", "shots/rose-2.dng"]), series_stem(["IMG_0001.dng",
+    "IMG_0002.dng"])
     ('rose', 'IMG_0001')
     """
     stems = [Path(name).stem for name in names]
@@ -148,11 +199,18 @@ def series_stem(names: Sequence[str]) -> str:
 class BurstOrder(Order):
     """Settings of a burst.
 
-    reference: index of the file that the picture shows; None = the first of the sharpest, or with `shifts` the first.
-    shifts: (right, down), where the sensor was at each file, in columns and rows of its pixels; () = hand-held: find the motion.
+    Attributes
+    ----------
+    reference : int | None
+        Index of the file that the picture shows; None = the first of the sharpest, or with `shifts`
+        the first.
+    shifts : tuple[Shift, ...]
+        (right, down), where the sensor was at each file, in columns and rows of its pixels; () =
+        hand-held: find the motion.
     """
 
-    no_matter = Order.no_matter - {"max_pixels"}  # a larger frame is left out, and the others make another picture
+    # a larger frame is left out, and the others make another picture
+    no_matter = Order.no_matter - {"max_pixels"}
 
     reference: int | None = None
     shifts: tuple[Shift, ...] = ()
@@ -162,11 +220,18 @@ class BurstOrder(Order):
             raise InputError(f"`shifts` are {self.shifts}, expected {_MOST:g} pixels at most")
 
     def open(self, job: Job, memory: int, note: Note) -> Subject:
-        """The frames that can be read. Raises InputError if there is none, or if the one that is to be the reference is not."""
+        """The frames that can be read.
+
+        Raises
+        ------
+        InputError
+            If there is none, or if the one that is to be the reference is not.
+        """
         frames: list[BurstFile] = []
         for name in job.files:
             frame = self._frame(name, found=job.found)
-            if frame.mosaic and not any(each.mosaic for each in frames):  # before memory is full of frames
+            # before memory is full of frames
+            if frame.mosaic and not any(each.mosaic for each in frames):
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))
             frames.append(frame)
         leave_odd_ones_out(frames, self.reference)
@@ -191,7 +256,9 @@ class BurstOrder(Order):
         try:
             mosaic = self.decode(name)
         except PanchromaError as error:
-            return BurstFile.refused(name, error, failed=not (found and isinstance(error, ForeignFileError)))
+            return BurstFile.refused(
+                name, error, failed=not (found and isinstance(error, ForeignFileError))
+            )
         try:
             return BurstFile(name, self.prepared(mosaic))
         except PanchromaError as error:
@@ -201,14 +268,21 @@ class BurstOrder(Order):
 class BurstSubject(Subject):
     """The frames of a burst.
 
-    order: settings.
-    frames: all files, those that are left out too; one or more have a mosaic.
-    note: called with each remark for the user.
+    Parameters
+    ----------
+    order : BurstOrder
+        Settings.
+    frames : Sequence[BurstFile]
+        All files, those that are left out too; one or more have a mosaic.
+    note : Note
+        Called with each remark for the user.
     """
 
     def __init__(self, order: BurstOrder, frames: Sequence[BurstFile], note: Note) -> None:
         self._order, self.frames, self._note = order, frames, note
-        self._mosaics = {index: frame.mosaic for index, frame in enumerate(frames) if frame.mosaic is not None}
+        self._mosaics = {
+            index: frame.mosaic for index, frame in enumerate(frames) if frame.mosaic is not None
+        }
         self._used = list(self._mosaics)
         self._reference = self._used[0] if order.reference is None else order.reference
         self._merged: MergedBurst | None = None
@@ -234,14 +308,23 @@ class BurstSubject(Subject):
                 self.frames[index].judged, self.frames[index].reason = judged, judged.reason
                 if judged.copy_of is not None:
                     original = self.frames[self._used[judged.copy_of]].name
-                    self.frames[index].reason = f"it is a copy of {original}: its samples are the same, and tell nothing new"
+                    self.frames[index].reason = (
+                        f"it is a copy of {original}: its samples are the same, and tell "
+                        "nothing new"
+                    )
         for frame in self.frames:
             if frame.reason and frame.mosaic is not None:
                 self._note(f"{frame.name}: is left out: {frame.reason}")
         self.mosaic = self._mosaics[self._reference]
         if self._left == 1:
-            self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
-        self.words = f"{self._left} of {len(self.frames)} frames, reference {Path(self.frames[self._reference].name).name}, "
+            self._note(
+                f"{self.frames[self._reference].name}: is the only frame that is left; the "
+                "picture is that of one shot"
+            )
+        self.words = (
+            f"{self._left} of {len(self.frames)} frames, reference "
+            f"{Path(self.frames[self._reference].name).name}, "
+        )
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""
@@ -257,8 +340,11 @@ class BurstSubject(Subject):
         return self.mosaic
 
     def facts(self) -> dict[str, Any]:
-        """What became of each frame, for machines."""
-        return {"reference": self.frames[self._reference].name, "frames": [frame.facts() for frame in self.frames]}
+        """Verdict on each frame, for machines."""
+        return {
+            "reference": self.frames[self._reference].name,
+            "frames": [frame.facts() for frame in self.frames],
+        }
 
     @property
     def _left(self) -> int:

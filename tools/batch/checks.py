@@ -1,4 +1,4 @@
-"""What is checked before a render: that it fits into memory, and that there is light in the frame."""
+"""Checks before a render: memory, and light in the frame."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -12,17 +12,24 @@ from .memory import format_bytes
 if TYPE_CHECKING:
     from ...offline import RenderSettings
 
-# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures again).
-_PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures
+# again). with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
+_PROGRAM = 290 * 2**20
 _THREAD = 20 * 2**20  # of each thread: its own heap
 _MOSAIC = 2.0  # per pixel: sensor codes
 _LEAST = "tif"  # the format that needs least
 
 
-def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", frames: int = 1) -> int:
-    """Bytes that the whole program needs to render a mosaic to such a file; rather more than it will use.
+def needed_memory(
+    mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", frames: int = 1
+) -> int:
+    """Bytes that the whole program needs to render a mosaic to such a file; rather more than it
+    will use.
 
-    frames: of a burst, all like this mosaic.
+    Parameters
+    ----------
+    frames : int, optional
+        Of a burst, all like this mosaic.
     """
     from ...offline import rendering_memory, threads
 
@@ -36,38 +43,65 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings",
     return round(_PROGRAM + _THREAD * threads() + _MOSAIC * frames * pixels + made)
 
 
-def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int, frames: int = 1) -> None:
-    """Raise InputError when rendering a mosaic, or a burst of such `frames`, to such a file needs more than `limit` bytes."""
+def check_memory(
+    mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int, frames: int = 1
+) -> None:
+    """Raise InputError when rendering a mosaic, or a burst of such `frames`, to such a file needs
+    more than `limit` bytes.
+    """
     need = needed_memory(mosaic, kind, settings, frames)
     if need <= limit:
         return
     rows, columns = mosaic.shape
     least = needed_memory(mosaic, PictureKind.of(_LEAST), settings, frames)
-    remedy = f"use -f {_LEAST}, which needs {format_bytes(least)}, or " if kind.format != _LEAST and least <= limit else ""
-    what = f"{frames} frames of {columns} x {rows} pixels" if frames > 1 else f"{columns} x {rows} pixels"
+    remedy = (
+        f"use -f {_LEAST}, which needs {format_bytes(least)}, or "
+        if kind.format != _LEAST and least <= limit
+        else ""
+    )
+    what = (
+        f"{frames} frames of {columns} x {rows} pixels"
+        if frames > 1
+        else f"{columns} x {rows} pixels"
+    )
     raise InputError(
-        f"{what} as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
-        f"{remedy}set `max_memory={format_bytes(need).replace(' ', '').removesuffix('B')}` if the machine has as much"
+        f"{what} as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are "
+        "allowed; "
+        f"{remedy}set `max_memory={format_bytes(need).replace(' ', '').removesuffix('B')}` if "
+        "the machine has as much"
     )
 
 
 def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
-    """Raise InputError for a frame that holds no picture for these settings: all black, or all saturated.
+    """Raise InputError for a frame that holds no picture for these settings: all black, or all
+    saturated.
 
-    Settings that restore luminance from the colour samples accept a frame until these are saturated as well.
+    Settings that restore luminance from the colour samples accept a frame until these are saturated
+    as well.
     """
     codes, calibration, restored = mosaic.codes, mosaic.calibration, settings.highlights.restored
 
     def parts(*, every: bool = False) -> Iterator[CodeArray]:
-        """The panchromatic samples, or all, a few rows at a time: of a picture the first ones say enough."""
+        """The panchromatic samples, or all, a few rows at a time: of a picture the first ones say
+        enough.
+        """
         for rows in strips(len(codes)):
             part = codes[rows]
-            yield part if every else part[mosaic.pattern.panchromatic_mask((len(part), codes.shape[1]), (rows.start, 0))]
+            yield (
+                part
+                if every
+                else part[
+                    mosaic.pattern.panchromatic_mask((len(part), codes.shape[1]), (rows.start, 0))
+                ]
+            )
 
     if not any(part.size for part in parts()):
         return
     if not any((part > calibration.black_level[-1]).any() for part in parts()):
-        raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
+        raise InputError(
+            "no sample is above the black level: nothing was exposed, or the calibration's black "
+            "level is too high"
+        )
     if not any((part < calibration.white_level).any() for part in parts(every=restored)):
         which = "sample" if restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")

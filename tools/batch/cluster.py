@@ -1,7 +1,8 @@
 """The workers of a dask scheduler as an executor: any number of machines that see the same folders.
 
-When a worker is lost the scheduler gives its items to another one. A worker does one item at a time: start one process per core,
-`dask worker --nthreads 1`. A worker that runs another source than this program is refused, and ends the run.
+When a worker is lost the scheduler gives its items to another one. A worker does one item at a
+time: start one process per core, `dask worker --nthreads 1`. A worker that runs another source than
+this program is refused, and ends the run.
 """
 
 import hashlib
@@ -20,7 +21,8 @@ from .parallel import Executor, Function, P, R, call
 from .progress import Note
 
 _SECONDS = 20  # that a scheduler has to answer
-_ONE_AT_A_TIME = threading.Lock()  # in a worker: an item uses several threads itself, and all the memory
+# in a worker: an item uses several threads itself, and all the memory
+_ONE_AT_A_TIME = threading.Lock()
 _LOST = (OSError, RuntimeError, TimeoutError, CancelledError)  # raised by dask without a scheduler
 
 
@@ -49,8 +51,14 @@ def cluster(address: str, note: Note) -> Iterator[Executor]:
     try:
         from distributed import Client, KilledWorker
     except ModuleNotFoundError:
-        raise InputError("`scheduler` needs the package distributed; install it: pip install -e '.[all,cluster]'") from None
-    for name in [name for name in logging.root.manager.loggerDict if name.startswith(("distributed", "tornado"))]:
+        raise InputError(
+            "`scheduler` needs the package distributed; install it: pip install -e '.[all,cluster]'"
+        ) from None
+    for name in [
+        name
+        for name in logging.root.manager.loggerDict
+        if name.startswith(("distributed", "tornado"))
+    ]:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # users are told here, in one line
     try:
         client = Client(address, timeout=_SECONDS)
@@ -68,10 +76,15 @@ def cluster(address: str, note: Note) -> Iterator[Executor]:
                 f"`dask worker --nthreads 1 --host ADDRESS {address}` (ADDRESS: the worker's own)"
             )
             client.wait_for_workers(1)
-        yield Executor(lambda function, item: executor.submit(_call, source, function, item), (KilledWorker,), remedy)
+        yield Executor(
+            lambda function, item: executor.submit(_call, source, function, item),
+            (KilledWorker,),
+            remedy,
+        )
     except _LOST:
         raise SchedulerGoneError(
-            f"the scheduler {address} is gone; what is finished stays: start the scheduler, its workers and this command again"
+            f"the scheduler {address} is gone; what is finished stays: start the scheduler, its "
+            "workers and this command again"
         ) from None
     finally:
         with suppress(*_LOST):
@@ -93,9 +106,15 @@ def _call(source: str, function: "Function[P, R]", item: P) -> tuple[R | Excepti
 
 @cache
 def source_digest(root: Path = Path(__file__).parents[2]) -> str:
-    """Digest of all files of our packages below a folder, but texts (*.md) and compiled code: 16 hexadecimal digits."""
+    """Digest of all files of our packages below a folder, but texts (*.md) and compiled code: 16
+    hexadecimal digits.
+    """
     total = hashlib.sha256()
-    files = (path for package in ("shared", "device", "offline", "tools") for path in (root / package).rglob("*"))
+    files = (
+        path
+        for package in ("shared", "device", "offline", "tools")
+        for path in (root / package).rglob("*")
+    )
     for path in sorted(path for path in files if path.is_file()):
         if path.suffix != ".md" and "__pycache__" not in path.parts:
             name = path.relative_to(root).as_posix().encode()
@@ -104,5 +123,7 @@ def source_digest(root: Path = Path(__file__).parents[2]) -> str:
 
 
 def absolute_path(source: str) -> str:
-    """The absolute path of a file, for other machines; what is not a file, such as a built-in scene, unchanged."""
+    """The absolute path of a file, for other machines; what is not a file, such as a built-in
+    scene, unchanged.
+    """
     return os.path.abspath(source) if os.path.exists(source) else source  # noqa: PTH100, PTH110 (Path takes no impossible names)

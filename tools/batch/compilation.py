@@ -1,4 +1,6 @@
-"""Compile the renderer's kernels, ahead or when they are needed, and tell the user, who waits for it in a first run."""
+"""Compile the renderer's kernels, ahead or when they are needed, and tell the user, who waits for
+it in a first run.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,9 +18,13 @@ _REMEDY = "close other programs, or let the first render compile"
 
 @contextmanager
 def announced_compilation(progress: StageProgress) -> Iterator[None]:
-    """In the `with` block, say once that the renderer is being compiled, if it has to be, and then how far that is.
+    """In the `with` block, say once that the renderer is being compiled, if it has to be, and then
+    how far that is.
 
-    progress: gets the note, and shows how far it is.
+    Parameters
+    ----------
+    progress : StageProgress
+        Gets the note, and shows how far it is.
     """
     from ...offline import compilation
 
@@ -28,13 +34,21 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
 
 
 def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgress) -> None:
-    """Compile what renders with these settings need, unless it has been compiled before, in several processes at a time.
+    """Compile what renders with these settings need, unless it has been compiled before, in several
+    processes at a time.
 
-    With one process, for one kernel, or without a folder to keep the result in, it is left to the renders.
+    With one process, for one kernel, or without a folder to keep the result in, it is left to the
+    renders.
 
-    settings: RenderSettings, one or more.
-    processes: how many may be started. Call this in the command's own process, not in one that it has started.
-    progress: see `announced_compilation`.
+    Parameters
+    ----------
+    settings : Sequence[Any]
+        RenderSettings, one or more.
+    processes : int
+        How many may be started. Call this in the command's own process, not in one that it has
+        started.
+    progress : StageProgress
+        See `announced_compilation`.
     """
     from ...offline import kernels_to_compile
 
@@ -52,9 +66,13 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
 
 
 def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:
-    """Compile kernels in several processes, as many as memory allows; yields (name, None, or the error) as each is done.
+    """Compile kernels in several processes, as many as memory allows; yields (name, None, or the
+    error) as each is done.
 
-    names: those that take longest first.
+    Parameters
+    ----------
+    names : Sequence[str]
+        Those that take longest first.
     """
     possible = min(processes, available_memory() // _PROCESS_BYTES)
     with worker_processes(max(1, possible), _REMEDY) as executor:
@@ -80,7 +98,9 @@ def _teller(progress: StageProgress) -> Callable[[str], None]:
             often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
         else:
             often = "once"
-        note_once(f"compiling the renderer for this processor; it takes about half a minute, {often}")
+        note_once(
+            f"compiling the renderer for this processor; it takes about half a minute, {often}"
+        )
         progress.remark(how_far)
 
     return tell

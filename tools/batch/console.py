@@ -1,4 +1,4 @@
-"""What a command shows to people and machines: results on stdout, everything else on stderr."""
+"""Output of a command: results on stdout, everything else on stderr."""
 
 import json as json_format
 import re
@@ -20,7 +20,9 @@ _PACKAGE = __name__.partition(".")[0]
 
 
 class StandardOutputError(Exception):
-    """Standard output cannot be written: its reader has left (`closed`), or the disk is full. The current file is not to blame."""
+    """Standard output cannot be written: its reader has left (`closed`), or the disk is full. The
+    current file is not to blame.
+    """
 
     def __init__(self, reason: OSError) -> None:
         super().__init__(f"standard output: cannot be written ({reason.strerror or reason})")
@@ -30,8 +32,12 @@ class StandardOutputError(Exception):
 class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was foreseen)
     """An exception that nobody foresaw in a worker process.
 
-    message: that of `fault` there, the text of this exception.
-    trace: its traceback there.
+    Parameters
+    ----------
+    message : str
+        That of `fault` there, the text of this exception.
+    trace : str
+        Its traceback there.
     """
 
     def __init__(self, message: str, trace: str) -> None:
@@ -44,11 +50,17 @@ class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was f
 
 
 class Console:
-    """Lines for people, with `json` also one object per line for machines, and a progress bar where a terminal can show one.
+    """Lines for people, with `json` also one object per line for machines, and a progress bar where
+    a terminal can show one.
 
-    json: standard output is for machines; what people read goes to standard error.
-    quiet: standard error is for errors alone.
-    verbose: an error that nobody foresaw is followed by its traceback, each once.
+    Parameters
+    ----------
+    json : bool, optional
+        Standard output is for machines; what people read goes to standard error.
+    quiet : bool, optional
+        Standard error is for errors alone.
+    verbose : bool, optional
+        An error that nobody foresaw is followed by its traceback, each once.
     """
 
     def __init__(self, *, json: bool = False, quiet: bool = False, verbose: bool = False) -> None:
@@ -57,7 +69,10 @@ class Console:
         self._display: RichProgress | None = None
 
     def say(self, *lines: str) -> None:
-        """Print the lines of a result, to stdout unless that is for machines. Raises StandardOutputError."""
+        """Print the lines of a result, to stdout unless that is for machines.
+
+        Raises StandardOutputError.
+        """
         if not self._json:
             to_stdout(*(one_line(line) for line in lines))
         elif not self._quiet:
@@ -71,7 +86,13 @@ class Console:
                 to_stderr(text)
 
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
-        """Print remarks on sources to stderr, each once, with the first source that it is about. noted: (source, its remarks)."""
+        """Print remarks on sources to stderr, each once, with the first source that it is about.
+
+        Parameters
+        ----------
+        noted : Iterable[tuple[str, Iterable[str]]]
+            (source, its remarks).
+        """
         sources: dict[str, list[str]] = {}
         for source, remarks in noted:
             for remark in remarks:
@@ -80,7 +101,13 @@ class Console:
             self.note(f"{first}{f' and {len(more)} more' if more else ''}: {remark}")
 
     def error(self, *texts: str, cause: BaseException | None = None) -> None:
-        """Print a line to stderr for each thing that failed. cause: what was raised; a `PanchromaError` has no traceback."""
+        """Print a line to stderr for each thing that failed.
+
+        Parameters
+        ----------
+        cause : BaseException | None, optional
+            What was raised; a `PanchromaError` has no traceback.
+        """
         for text in texts:
             to_stderr(f"panchroma: {text}")
         if cause is None or not self._verbose:
@@ -97,9 +124,13 @@ class Console:
                 to_stderr(line)
 
     def record(self, **facts: Any) -> None:
-        """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""
+        """Print one object for machines to stdout; without `json`, nothing.
+
+        Raises StandardOutputError.
+        """
         if self._json:
-            to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
+            # the only control character that JSON leaves as it is
+            to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))
 
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
@@ -116,7 +147,10 @@ class Console:
         return BarProgress(title, self.note, self._display)
 
     def close(self) -> None:
-        """Restore the terminal and flush stdout. Raises StandardOutputError."""
+        """Restore the terminal and flush stdout.
+
+        Raises StandardOutputError.
+        """
         if self._display is not None:
             self._display.stop()
             self._display = None
@@ -124,11 +158,20 @@ class Console:
 
 
 def fault(error: BaseException) -> str:
-    """The message for an exception that nobody foresaw, with the place where it was raised, or for a package that is missing."""
+    """The message for an exception that nobody foresaw, with the place where it was raised, or for
+    a package that is missing.
+    """
     if isinstance(error, WorkerFault):
         return str(error)
-    if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] != _PACKAGE:
-        return f"the package {error.name} is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
+    if (
+        isinstance(error, ModuleNotFoundError)
+        and error.name
+        and error.name.partition(".")[0] != _PACKAGE
+    ):
+        return (
+            f"the package {error.name} is not installed; install Panchroma with all that "
+            "belongs to it: pip install -e '.[all]'"
+        )
     frames = traceback.extract_tb(error.__traceback__)
     root = Path(__file__).parents[2]
     ours = [frame for frame in frames if Path(frame.filename).is_relative_to(root)]
@@ -139,11 +182,17 @@ def fault(error: BaseException) -> str:
 
 def traceback_of(error: BaseException) -> str:
     """The traceback of an exception; of a fault in a worker process the one there."""
-    return error.trace if isinstance(error, WorkerFault) else "".join(traceback.format_exception(error))
+    return (
+        error.trace
+        if isinstance(error, WorkerFault)
+        else "".join(traceback.format_exception(error))
+    )
 
 
 def note_warnings(note: Callable[[str], None]) -> None:
-    """Give warnings of Panchroma itself to `note`, for the rest of this program; others are shown as before."""
+    """Give warnings of Panchroma itself to `note`, for the rest of this program; others are shown
+    as before.
+    """
     usual = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
@@ -156,7 +205,10 @@ def note_warnings(note: Callable[[str], None]) -> None:
 
 
 def to_stdout(*lines: str) -> None:
-    """Print lines, all at once. Raises StandardOutputError."""
+    """Print lines, all at once.
+
+    Raises StandardOutputError.
+    """
     try:
         for line in lines:
             print(line)
@@ -172,17 +224,23 @@ def to_stderr(text: str) -> None:
 
 
 def one_line(text: str) -> str:
-    r"""`text` as one line that only shows: names and values from files may hold what a terminal obeys.
+    r"""`text` as one line that only shows: names and values from files may hold what a terminal
+    obeys.
 
-    Line breaks and tabs become a blank. Other control characters, those that reorder or hide text, and bytes of names that are no
-    text are spelled out (\x1b, \u202e, \udcff).
+    Line breaks and tabs become a blank. Other control characters, those that reorder or hide text,
+    and bytes of names that are no text are spelled out (\x1b, \u202e, \udcff).
     """
     text = _BREAKS.sub(" ", text)
-    return text if text.isprintable() else "".join(each if _shows(each) else ascii(each)[1:-1] for each in text)
+    return (
+        text
+        if text.isprintable()
+        else "".join(each if _shows(each) else ascii(each)[1:-1] for each in text)
+    )
 
 
 _BREAKS = re.compile(r"[\t-\r\x85\u2028\u2029]+")
-_JOINERS = "\u200c\u200d"  # needed to write Persian, and some languages of India; they only join letters or part them
+# needed to write Persian, and some languages of India; they only join letters or part them
+_JOINERS = "\u200c\u200d"
 
 
 def _shows(character: str) -> bool:

@@ -1,4 +1,4 @@
-"""What a command works on: files that are named, and the fitting files in and below folders. All commands search them alike."""
+"""Input files of a command: files that are named, and the fitting files in and below folders."""
 
 import os
 from collections import Counter
@@ -14,15 +14,22 @@ from .jobs import Job, fail, identity
 DNGS = (".dng",)
 _NAMED = 3  # files that a remark names, before it counts the others
 SetAside = Callable[[Sequence[str]], Mapping[str, str]]
-"""Says which of the fitting files in one folder are not taken, and why, in words that follow their names."""
+"""Says which of the fitting files in one folder are not taken, and why, in words that follow their
+names.
+"""
 
 
 @dataclass(frozen=True)
 class Source:
     """One file to work on.
 
-    name: of the file.
-    below: its path below the folder in which it was found; None for a file that the user named, which has to fit.
+    Attributes
+    ----------
+    name : str
+        Of the file.
+    below : Path | None
+        Its path below the folder in which it was found; None for a file that the user named, which
+        has to fit.
     """
 
     name: str
@@ -34,17 +41,24 @@ class Source:
         return self.below is not None
 
     def output(self, folder: Path, name: str) -> Path:
-        """Where a result called `name` goes: into `folder`, below which subfolders of a searched folder are mirrored."""
+        """Path of a result called `name` in `folder`, below which subfolders of a searched folder
+        are mirrored.
+        """
         return folder / name if self.below is None else folder / self.below.parent / name
 
 
 @dataclass(frozen=True)
 class Search:
-    """What was found.
+    """Files that were found.
 
-    sources: in the order in which they were given, those of a folder ordered by name.
-    failures: (folder, what is wrong) of each folder that cannot be read, or has no fitting file.
-    left_out: a remark for each folder in which something does not fit.
+    Attributes
+    ----------
+    sources : list[Source]
+        In the order in which they were given, those of a folder ordered by name.
+    failures : list[tuple[str, str]]
+        (folder, what is wrong) of each folder that cannot be read, or has no fitting file.
+    left_out : list[str]
+        A remark for each folder in which something does not fit.
     """
 
     sources: list[Source] = field(default_factory=list)
@@ -52,7 +66,13 @@ class Search:
     left_out: list[str] = field(default_factory=list)
 
     def report(self, console: Console) -> bool:
-        """Tell the user what was left out and what failed. Returns whether nothing has failed."""
+        """Tell the user what was left out and what failed.
+
+        Returns
+        -------
+        bool
+            Whether nothing has failed.
+        """
         console.note(*self.left_out)
         for folder, what in self.failures:
             fail(Job(folder), what, console)
@@ -69,18 +89,28 @@ def search(
 ) -> Search:
     """Find the files to work on.
 
-    given: files, which are taken as they are, and folders, in and below which all files with the right endings are taken.
-    endings: of the names of fitting files, in lower case, with the dot.
-    output: folder of results, which is not searched.
-    is_file: says of a name that it is none of a folder, whatever the disk holds.
-    set_aside: see `SetAside`; a file that the user names is taken.
-
     Hidden files and folders are left out, and links to folders are not followed.
+
+    Parameters
+    ----------
+    given : Sequence[str]
+        Files, which are taken as they are, and folders, in and below which all files with the right
+        endings are taken.
+    endings : Collection[str]
+        Of the names of fitting files, in lower case, with the dot.
+    output : Path | None, optional
+        Folder of results, which is not searched.
+    is_file : Callable[[str], bool], optional
+        Says of a name that it is none of a folder, whatever the disk holds.
+    set_aside : SetAside, optional
+        See `SetAside`; a file that the user names is taken.
     """
     result = Search()
     for source in given:
         if not source:
-            result.failures.append(("a name", "is empty; check the command, such as a variable that is not set"))
+            result.failures.append(
+                ("a name", "is empty; check the command, such as a variable that is not set")
+            )
         elif is_file(source) or not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
             result.sources.append(Source(source))
         else:
@@ -88,7 +118,13 @@ def search(
     return result
 
 
-def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, set_aside: SetAside, result: Search) -> None:
+def _search(
+    top: str,
+    endings: Collection[str],
+    output: tuple[int, int] | None,
+    set_aside: SetAside,
+    result: Search,
+) -> None:
     errors: list[OSError] = []
     fitting: list[Source] = []
     files_left_out: dict[str, list[str]] = {}  # why -> files
@@ -99,17 +135,25 @@ def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, 
         folders[:] = sorted(name for name in folders if not kinds[name])
         taken, aside = [], dict[str, str]()
         for name in sorted(files):
-            path, fits, hidden = _joined(place, name), Path(name).suffix.lower() in endings, name.startswith(".")
+            path, fits, hidden = (
+                _joined(place, name),
+                Path(name).suffix.lower() in endings,
+                name.startswith("."),
+            )
             if fits and not hidden:
                 taken.append(path)
             elif fits or not hidden:  # hidden files of other kinds are the system's, and ours
                 aside[path] = ""
         aside |= {path: f" {why}" for path, why in set_aside(taken).items()}
-        fitting += [Source(path, Path(os.path.relpath(path, top))) for path in taken if path not in aside]
+        fitting += [
+            Source(path, Path(os.path.relpath(path, top))) for path in taken if path not in aside
+        ]
         for path, why in aside.items():
             files_left_out.setdefault(why, []).append(os.path.relpath(path, top))
     result.sources.extend(fitting)
-    result.failures.extend((str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors)
+    result.failures.extend(
+        (str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors
+    )
     if not fitting and not errors:
         kind = " or ".join(endings) if len(endings) < 3 else "fitting"
         result.failures.append((top, f"no {kind} file is in this folder or below it"))
@@ -117,7 +161,10 @@ def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, 
     for why, names in files_left_out.items():
         more = f" and {len(names) - _NAMED} more files" if len(names) > _NAMED else ""
         remarks.append(f"{', '.join(names[:_NAMED])}{more}{why}")
-    remarks += [f"{count} {kind} {'folder' if count == 1 else 'folders'}" for kind, count in folders_left_out.items()]
+    remarks += [
+        f"{count} {kind} {'folder' if count == 1 else 'folders'}"
+        for kind, count in folders_left_out.items()
+    ]
     if remarks:
         result.left_out.append(f"{top}: left out {'; '.join(remarks)}")
 
@@ -136,15 +183,25 @@ def _joined(place: str, name: str) -> str:
     return os.path.join(place, name)  # noqa: PTH118  keeps the folder as the user wrote it: pathlib drops "./"
 
 
-def plan(sources: Sequence[Source], names: Callable[[str], Sequence[str]], folder: Path, *, dry_run: bool = False) -> list[Job]:
-    """One job per source, with outputs in `folder` (see `Source.output`) under the names that `names(source.name)` returns.
+def plan(
+    sources: Sequence[Source],
+    names: Callable[[str], Sequence[str]],
+    folder: Path,
+    *,
+    dry_run: bool = False,
+) -> list[Job]:
+    """One job per source, with outputs in `folder` (see `Source.output`) under the names that
+    `names(source.name)` returns.
 
-    Subfolders that exist already are freed of what killed processes have left half written, but for a dry run.
+    Subfolders that exist already are freed of what killed processes have left half written, but for
+    a dry run.
     """
     jobs = []
     for source in sources:
         outputs = tuple(source.output(folder, name) for name in names(source.name))
         jobs.append(Job(source.name, outputs, source.found))
-    for below in {output.parent for job in jobs for output in job.outputs} - {folder} if not dry_run else ():
+    for below in (
+        {output.parent for job in jobs for output in job.outputs} - {folder} if not dry_run else ()
+    ):
         sweep(below)
     return jobs

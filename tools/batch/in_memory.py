@@ -1,4 +1,6 @@
-"""Render shots to arrays, for programs that keep the picture: the notebook, the demonstration, calibration."""
+"""Render shots to arrays, for programs that keep the picture: the notebook, the demonstration,
+calibration.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -25,28 +27,51 @@ _AS_ARRAY = PictureKind("npy", 32, "camera")
 
 @lru_cache(REMARKS)
 def note_once(line: str) -> None:
-    """Print a remark to standard error, each once in a run: programs open and simulate many shots."""
+    """Print a remark to standard error, each once in a run: programs open and simulate many
+    shots.
+    """
     to_stderr(line)
 
 
 def settings_named(preset: object) -> "RenderSettings":
-    """The settings of a preset by name, or settings of one's own. Raises InputError for anything else."""
+    """The settings of a preset by name, or settings of one's own.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
     from ...offline import PRESETS, RenderSettings
 
     if isinstance(preset, RenderSettings):
         return preset
     if preset not in PRESETS:
         guess = meant(preset, PRESETS) if isinstance(preset, str) else ""
-        raise InputError(f"`preset` is {preset!r}, expected one of {', '.join(PRESETS)}, or offline.RenderSettings{guess}")
+        raise InputError(
+            f"`preset` is {preset!r}, expected one of {', '.join(PRESETS)}, or "
+            f"offline.RenderSettings{guess}"
+        )
     return PRESETS[str(preset)]
 
 
-def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None" = None) -> tuple[FloatArray, ByteArray | None]:
-    """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light was (`offline.Rendering.lost`).
+def render_array(
+    mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None" = None
+) -> tuple[FloatArray, ByteArray | None]:
+    """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light
+    was (`offline.Rendering.lost`).
 
-    stages: makes the list of stages in rows, as `offline.render` takes it; None = `offline.row_stages`.
     Standard error has a note while the renderer is being compiled.
-    Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
+
+    Parameters
+    ----------
+    stages : Stages | None, optional
+        Makes the list of stages in rows, as `offline.render` takes it; None = `offline.row_stages`.
+
+    Raises
+    ------
+    InputError
+        For a shot that is all black, or all saturated, and for one that needs more memory than is
+        free.
     """
     from ...offline import colour_bands, measure, row_stages
 
@@ -55,16 +80,22 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | N
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
         raise InputError(
-            f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; "
-            "close other programs, or use the command `panchroma render`, which needs less: it writes while it renders"
+            f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and "
+            f"{format_bytes(free)} are free; "
+            "close other programs, or use the command `panchroma render`, which needs less: it "
+            "writes while it renders"
         )
     with announced_compilation(progress := StageProgress(note=to_stderr)):
         measured = measure(mosaic, settings, progress)
-        return joined(colour_bands(measured, settings, progress, chosen), mosaic.shape[0]), measured.lost
+        return joined(
+            colour_bands(measured, settings, progress, chosen), mosaic.shape[0]
+        ), measured.lost
 
 
-def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:
-    """What each of these presets makes of a shot; what has to be compiled is compiled first, on all processors."""
+def renderings(
+    mosaic: Mosaic, presets: Sequence[str], progress: StageProgress
+) -> list["Rendering"]:
+    """Render a shot with each of these presets; kernels are compiled first, on all processors."""
     from ...offline import render
 
     settings = [settings_named(preset) for preset in presets]

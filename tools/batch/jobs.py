@@ -1,4 +1,6 @@
-"""Jobs, of a source and its results each: where results go, what must not be replaced, and what the user is told of each."""
+"""Jobs, of a source and its results each: where results go, what must not be replaced, and what the
+user is told of each.
+"""
 
 import os
 import shlex
@@ -23,10 +25,18 @@ FAILED = 1
 class Job:
     """One source and the files to be made from it.
 
-    source: name of the file.
-    outputs: the files, the first of them what the job is about.
-    found: it was found in a folder: if it turns out to be a file of another kind, it is left out, and nothing has failed.
-    frames: names of all files that the outputs are made from, of which `source` is the first; () = `source` alone.
+    Attributes
+    ----------
+    source : str
+        Name of the file.
+    outputs : tuple[Path, ...]
+        The files, the first of them what the job is about.
+    found : bool
+        It was found in a folder: if it turns out to be a file of another kind, it is left out, and
+        nothing has failed.
+    frames : tuple[str, ...]
+        Names of all files that the outputs are made from, of which `source` is the first; () =
+        `source` alone.
     """
 
     source: str
@@ -45,26 +55,42 @@ class Job:
         return self.outputs[0]
 
     def make_folders(self) -> None:
-        """Create the subfolders for the outputs. Call it when all else has gone well. Raises OutputError."""
+        """Create the subfolders for the outputs. Call it when all else has gone well.
+
+        Raises OutputError.
+        """
         for folder in {output.parent for output in self.outputs}:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
+                raise OutputError(
+                    f"{folder}: the folder cannot be created ({error.strerror or error}); choose "
+                    "another"
+                ) from None
 
 
 State = Literal["made", "planned", "current", "foreign", "failed"]
-_WORDS: dict[State, str] = {"planned": "to be made", "current": "up to date", "foreign": "left alone"}
+_WORDS: dict[State, str] = {
+    "planned": "to be made",
+    "current": "up to date",
+    "foreign": "left alone",
+}
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a job that did not fail.
+    """Result of a job that did not fail.
 
-    facts: for machines.
-    lines: for people.
-    errors: a line for each file that failed, though the result could be made without it.
-    state: made; planned (nothing is written, but would be); current (up to date already).
+    Attributes
+    ----------
+    facts : dict[str, Any]
+        For machines.
+    lines : tuple[str, ...]
+        For people.
+    errors : tuple[str, ...]
+        A line for each file that failed, though the result could be made without it.
+    state : State
+        Made; planned (nothing is written, but would be); current (up to date already).
     """
 
     facts: dict[str, Any] = field(default_factory=dict)
@@ -81,15 +107,24 @@ _created: list[Path] = []  # output folders of this command
 
 
 def output_folder(folder: str, *, dry_run: bool = False) -> Path:
-    """The folder that `-o` names, created if its parent exists, and free of what killed processes have left half written.
+    """The folder that `-o` names, created if its parent exists, and free of what killed processes
+    have left half written.
 
-    dry_run: change nothing; it may be one that cannot be written to.
+    Parameters
+    ----------
+    dry_run : bool, optional
+        Change nothing; it may be one that cannot be written to.
 
-    Raises OutputError when it is not a folder, cannot be created, or cannot be written to.
+    Raises
+    ------
+    OutputError
+        When it is not a folder, cannot be created, or cannot be written to.
     """
     path = Path(folder)
     if not folder:
-        raise OutputError("the name of the output folder is empty; give `output` or `report` a folder")
+        raise OutputError(
+            "the name of the output folder is empty; give `output` or `report` a folder"
+        )
     try:
         would_be_made = dry_run and path.parent.is_dir() and not os.path.lexists(path)
         if not (path.is_dir() or would_be_made):
@@ -98,16 +133,24 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     except FileExistsError:
         if not path.is_dir():
             link = path.is_symlink() and not path.exists()
-            wrong = f"{dangling_link(path)}, or name another folder" if link else "is not a folder; name the folder for the results"
+            wrong = (
+                f"{dangling_link(path)}, or name another folder"
+                if link
+                else "is not a folder; name the folder for the results"
+            )
             raise OutputError(f"{folder}: {wrong}") from None
     except FileNotFoundError:
         advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
         raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}") from None
     except NotADirectoryError:
-        raise OutputError(f"{folder}: {path.parent} is not a folder; choose another place for the results") from None
+        raise OutputError(
+            f"{folder}: {path.parent} is not a folder; choose another place for the results"
+        ) from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         what = getattr(error, "strerror", None) or error
-        raise OutputError(f"{folder}: the folder cannot be created ({what}); choose another") from None
+        raise OutputError(
+            f"{folder}: the folder cannot be created ({what}); choose another"
+        ) from None
     if dry_run:
         return path
     if not os.access(path, os.W_OK | os.X_OK):
@@ -131,12 +174,20 @@ def run_jobs(
     overwrite: bool = False,
     listen: Callable[[Job], StageProgress] | None = None,
 ) -> int:
-    """Do each job that would replace nothing that must stay. A job that fails costs one line, and the others go on.
+    """Do each job that would replace nothing that must stay. A job that fails costs one line, and
+    the others go on.
 
-    overwrite: results that exist may be replaced.
-    listen: makes the listener of a job; None = one that shows only notes.
+    Parameters
+    ----------
+    overwrite : bool, optional
+        Results that exist may be replaced.
+    listen : Callable[[Job], StageProgress] | None, optional
+        Makes the listener of a job; None = one that shows only notes.
 
-    Returns the exit code, 0 or 1.
+    Returns
+    -------
+    int
+        The exit code, 0 or 1.
     """
     possible, all_possible = possible_jobs(jobs, console, overwrite=overwrite)
     listen = listen or (lambda _: StageProgress(note=console.note))
@@ -144,12 +195,17 @@ def run_jobs(
     return 0 if states["failed"] == 0 and all_possible else FAILED
 
 
-def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> tuple[list[Job], bool]:
+def possible_jobs(
+    jobs: Sequence[Job], console: Console, *, overwrite: bool
+) -> tuple[list[Job], bool]:
     """The jobs that would replace nothing that must stay, and whether that is all of them.
 
     Each other one is reported as failed. Of two jobs with the same output the first gets it.
 
-    overwrite: results that exist may be replaced.
+    Parameters
+    ----------
+    overwrite : bool
+        Results that exist may be replaced.
     """
     inputs = {identity(name) for job in jobs for name in job.files} - {None}
     planned: dict[str, str] = {}
@@ -168,9 +224,14 @@ def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> 
 
 
 def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
-    """Report each result as it comes, by a line and a record. Returns how many ended in which state.
+    """Report each result as it comes, by a line and a record.
 
     Each failed frame counts as failed too.
+
+    Returns
+    -------
+    Counter[State]
+        How many ended in which state.
     """
     states: Counter[State] = Counter()
     for job, result in results:
@@ -182,7 +243,9 @@ def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
 def counted(states: Counter[State]) -> str:
     """The states of jobs in words, for example "3 made, 1 failed"."""
     order: tuple[State, ...] = ("made", *_WORDS, "failed")
-    return ", ".join(f"{states[state]} {_WORDS.get(state, state)}" for state in order if states[state])
+    return ", ".join(
+        f"{states[state]} {_WORDS.get(state, state)}" for state in order if states[state]
+    )
 
 
 def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
@@ -201,7 +264,8 @@ def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
 
 
 def reason(error: BaseException) -> str:
-    """Why a source has failed. An exception that nobody foresaw is a fault of Panchroma, which the user is asked to report.
+    """Why a source has failed. An exception that nobody foresaw is a fault of Panchroma, which the
+    user is asked to report.
 
     Raises Terminated if the exception is what was left of a signal.
     """
@@ -212,7 +276,9 @@ def reason(error: BaseException) -> str:
 
 
 def fail(job: Job, message: str, console: Console, cause: Exception | None = None) -> None:
-    """Report a failed job: a record, and a line that begins with the name of its source, or of another of its files."""
+    """Report a failed job: a record, and a line that begins with the name of its source, or of
+    another of its files.
+    """
     message = _named(job, message)
     console.error(message, cause=cause)
     console.record(source=job.source, ok=False, error=message)
@@ -225,12 +291,20 @@ def _named(job: Job, message: str) -> str:
 
 
 def refuse_loss(
-    source: str, outputs: Iterable[Path], inputs: Container[tuple[int, int] | None], planned: MutableMapping[str, str]
+    source: str,
+    outputs: Iterable[Path],
+    inputs: Container[tuple[int, int] | None],
+    planned: MutableMapping[str, str],
 ) -> None:
-    """Raise InputError or OutputError if these outputs would replace an input, a folder, or another result of the same run.
+    """Raise InputError or OutputError if these outputs would replace an input, a folder, or another
+    result of the same run.
 
-    inputs: `identity` of every input.
-    planned: output -> source of everything planned so far; these outputs are added.
+    Parameters
+    ----------
+    inputs : Container[tuple[int, int] | None]
+        `identity` of every input.
+    planned : MutableMapping[str, str]
+        Output -> source of everything planned so far; these outputs are added.
     """
     for output in outputs:
         # On many disks names that differ only in case are one file.
@@ -239,7 +313,10 @@ def refuse_loss(
         if owner == source:
             raise InputError(f"{source}: is given twice")
         if owner is not None:
-            raise InputError(f"{source}: the result would have the same name as that of {owner}; use another output folder")
+            raise InputError(
+                f"{source}: the result would have the same name as that of {owner}; use another "
+                "output folder"
+            )
         planned[name] = source
         found = identity(output)
         if found in inputs:
@@ -254,13 +331,19 @@ def refuse_existing(outputs: Iterable[Path]) -> None:
         if identity(output) is not None:
             raise OutputError(f"{output}: exists already; use `overwrite=True` to replace it")
         if os.path.islink(output):  # noqa: PTH114
-            raise OutputError(f"{output}: {dangling_link(output)}, or use `overwrite=True` to replace it")
+            raise OutputError(
+                f"{output}: {dangling_link(output)}, or use `overwrite=True` to replace it"
+            )
 
 
 def identity(path: str | Path | int) -> tuple[int, int] | None:
-    """Device and inode number, which are the same for all links to a file; None when there is no such file.
+    """Device and inode number, which are the same for all links to a file; None when there is no
+    such file.
 
-    path: its name, or the descriptor of an open file.
+    Parameters
+    ----------
+    path : str | Path | int
+        Its name, or the descriptor of an open file.
     """
     status = file_status(path)
     return (status.st_dev, status.st_ino) if status else None

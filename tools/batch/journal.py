@@ -1,9 +1,10 @@
-"""What keeps renders of one folder apart: a record of what they have made, and a lock per output.
+"""Journal of the renders of one folder: a record of their outputs, and a lock per output.
 
 The record has one line per file, on the disk before the file gets its name.
 
-So a file that is not in the journal was not made by a render, even if a run was interrupted. A line whose file never got its name
-is recognised by the digest. A lock is released when its process dies, so that any number of processes can share a folder.
+So a file that is not in the journal was not made by a render, even if a run was interrupted. A line
+whose file never got its name is recognised by the digest. A lock is released when its process dies,
+so that any number of processes can share a folder.
 """
 
 import errno
@@ -32,13 +33,22 @@ _LONGEST_LINE = 1 << 16  # bytes: two paths, two digests and a name
 class Entry:
     """One file that was made.
 
-    output: its path below the journal's folder, "/" between names.
-    digest: SHA-256 of its bytes.
-    key: digest of everything that it depends on, see `key`.
-    run: name of the run that made it.
-    source: absolute path of the shot.
-    input: digest of what it was made from; "" in the journals of earlier versions, as `stamp`.
-    stamp: sizes and times of the files that it was made from, and of the file itself.
+    Attributes
+    ----------
+    output : str
+        Its path below the journal's folder, "/" between names.
+    digest : str
+        SHA-256 of its bytes.
+    key : str
+        Digest of everything that it depends on, see `key`.
+    run : str
+        Name of the run that made it.
+    source : str
+        Absolute path of the shot.
+    input : str
+        Digest of what it was made from; "" in the journals of earlier versions, as `stamp`.
+    stamp : str
+        Sizes and times of the files that it was made from, and of the file itself.
     """
 
     output: str
@@ -51,7 +61,9 @@ class Entry:
 
 
 class Journal:
-    """The journal of one folder. Several processes, on several machines, may use it at the same time."""
+    """The journal of one folder. Several processes, on several machines, may use it at the same
+    time.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / NAME
@@ -59,12 +71,20 @@ class Journal:
         self._read = 0
 
     def of(self, output: str) -> list[Entry]:
-        """Entries of this output from all runs, the latest last. Raises OSError when the journal cannot be read."""
+        """Entries of this output from all runs, the latest last.
+
+        Raises
+        ------
+        OSError
+            When the journal cannot be read.
+        """
         self._catch_up()
         return self._entries.get(output, [])
 
     def append(self, entry: Entry) -> None:
-        """Add an entry, and wait until it is on the disk. Raises OutputError; the torn line that may be left then is ignored."""
+        """Add an entry, and wait until it is on the disk. Raises OutputError; the torn line that
+        may be left then is ignored.
+        """
         line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
         try:
             self._append(line)
@@ -73,12 +93,16 @@ class Journal:
 
     def _append(self, line: bytes) -> None:
         with own_file(self._path, "ab+", buffering=0) as file:
-            if os.fstat(file.fileno()).st_nlink > 1:  # the other name may be that of an original, or of a copy in a backup
-                raise OSError(errno.EMLINK, f"{NAME} has a second name (a hard link); replace it by a copy")
+            # the other name may be that of an original, or of a copy in a backup
+            if os.fstat(file.fileno()).st_nlink > 1:
+                raise OSError(
+                    errno.EMLINK, f"{NAME} has a second name (a hard link); replace it by a copy"
+                )
             exclusive(file.fileno())
             size = file.seek(0, os.SEEK_END)
             if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
-                line = b"\n" + line  # the last writer was cut off: keep its torn line apart from this one
+                # the last writer was cut off: keep its torn line apart from this one
+                line = b"\n" + line
             while line:
                 line = line[file.write(line) :]
             os.fsync(file.fileno())
@@ -94,7 +118,11 @@ class Journal:
                 file.seek(self._read)
                 while line := file.readline(_LONGEST_LINE):
                     if len(line) == _LONGEST_LINE:
-                        raise OSError(errno.EINVAL, f"a line of {self._path.name} has {len(line)} bytes or more: remove the file")
+                        raise OSError(
+                            errno.EINVAL,
+                            f"a line of {self._path.name} has {len(line)} bytes or more: remove "
+                            "the file",
+                        )
                     if not line.endswith(b"\n"):
                         break  # torn, or still being written
                     self._read += len(line)
@@ -118,8 +146,12 @@ def _entry(line: bytes) -> Entry | None:
 
 
 def key(**parts: Any) -> str:
-    """Digest of everything that an output depends on (JSON values). Equal keys mean equal pictures."""
-    return hashlib.sha256(json.dumps({"format": _FORMAT, **parts}, sort_keys=True).encode()).hexdigest()
+    """Digest of everything that an output depends on (JSON values). Equal keys mean equal
+    pictures.
+    """
+    return hashlib.sha256(
+        json.dumps({"format": _FORMAT, **parts}, sort_keys=True).encode()
+    ).hexdigest()
 
 
 def digest(path: Path | str) -> str | None:
@@ -132,7 +164,9 @@ def digest(path: Path | str) -> str | None:
 
 
 def exclusive(descriptor: int) -> None:
-    """Lock an open file until it is closed or this process ends; on a file system without locks, do nothing."""
+    """Lock an open file until it is closed or this process ends; on a file system without locks, do
+    nothing.
+    """
     with suppress(OSError):
         fcntl.flock(descriptor, fcntl.LOCK_EX)
 
@@ -141,9 +175,14 @@ def exclusive(descriptor: int) -> None:
 def output_lock(output: Path) -> Iterator[None]:
     """Hold the lock on `output` in a `with` block; wait for another process that holds it.
 
-    The lock is a file beside the output, removed at the end. One that a killed process left behind is taken over, or swept. On a
-    file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
-    the lock file cannot be created.
+    The lock is a file beside the output, removed at the end. One that a killed process left behind
+    is taken over, or swept. On a file system without locks everybody gets it: then two processes
+    may write the same file, each as a whole.
+
+    Raises
+    ------
+    OSError
+        When the lock file cannot be created.
     """
     path = lock_path(output)
     while True:

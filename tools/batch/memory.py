@@ -1,4 +1,4 @@
-"""How much memory is free, and how much of it a command may use."""
+"""Free memory, and the part of it that a command may use."""
 
 import os
 import re
@@ -12,7 +12,8 @@ from ...shared.control_groups import control_groups, number_in
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
 _UNKNOWN = 4 * 2**30
-# Files of a control group, of version 2 and 1: limits, bytes in use, and of these the file cache that the kernel drops first.
+# Files of a control group, of version 2 and 1: limits, bytes in use, and of these the file cache
+# that the kernel drops first.
 _GROUPS = (
     (("memory.max", "memory.high"), "memory.current", "inactive_file"),
     (("memory.limit_in_bytes",), "memory.usage_in_bytes", "total_inactive_file"),
@@ -27,8 +28,15 @@ def allowed_memory(limit: int | None) -> int:
 
 
 def parse_bytes(text: str) -> int:
-    """Bytes of a size such as "800M" or "4G". Raises ValueError for other texts.
+    """Bytes of a size such as "800M" or "4G".
 
+    Raises
+    ------
+    ValueError
+        For other texts.
+
+    Examples
+    --------
     >>> parse_bytes("1.5k")
     1536
     """
@@ -39,7 +47,9 @@ def parse_bytes(text: str) -> int:
 
 
 def available_memory() -> int:
-    """Bytes of memory that are free, or can be freed at once: of the machine, and within every limit of this process."""
+    """Bytes of memory that are free, or can be freed at once: of the machine, and within every
+    limit of this process.
+    """
     return max(0, min((_machine(), *_left_in_groups(), *_left_to_process(), *_granted_by_slurm())))
 
 
@@ -48,7 +58,9 @@ def _left_in_groups() -> Iterator[int]:
     for group in control_groups("memory"):
         for limits, usage, dropped in _GROUPS:
             used = max(0, (number_in(group / usage) or 0) - _entry(group / "memory.stat", dropped))
-            yield from (limit - used for name in limits if (limit := number_in(group / name)) is not None)
+            yield from (
+                limit - used for name in limits if (limit := number_in(group / name)) is not None
+            )
 
 
 def _left_to_process() -> Iterator[int]:
@@ -59,11 +71,15 @@ def _left_to_process() -> Iterator[int]:
 
 
 def _granted_by_slurm() -> Iterator[int]:
-    """Yield the bytes that a Slurm job asked for on this node, which Slurm need not state as a limit elsewhere; 0 is all.
+    """Yield the bytes that a Slurm job asked for on this node, which Slurm need not state as a
+    limit elsewhere; 0 is all.
 
     Source: Slurm, srun(1), output environment variables: megabytes.
     """
-    node, processor, count = (os.environ.get(f"SLURM_{name}", "") for name in ("MEM_PER_NODE", "MEM_PER_CPU", "CPUS_ON_NODE"))
+    node, processor, count = (
+        os.environ.get(f"SLURM_{name}", "")
+        for name in ("MEM_PER_NODE", "MEM_PER_CPU", "CPUS_ON_NODE")
+    )
     if node.isdecimal() and int(node):
         yield int(node) << 20
     elif processor.isdecimal() and int(processor) and count.isdecimal():
@@ -80,14 +96,20 @@ def _machine() -> int:
 
 
 def system_figure(file: str, name: str) -> int:
-    """Return the bytes that a file of the system, with lines such as "MemAvailable: 12 kB", has under a name; 0 = unknown."""
+    """Return the bytes that a file of the system, with lines such as "MemAvailable: 12 kB", has
+    under a name; 0 = unknown.
+    """
     with suppress(OSError), Path(file).open(encoding="ascii") as lines:
-        return next((int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:")), 0)
+        return next(
+            (int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:")), 0
+        )
     return 0
 
 
 def _entry(file: Path, name: str) -> int:
-    """The number under a name in a file with lines such as "inactive_file 4096"; 0 where there is none."""
+    """The number under a name in a file with lines such as "inactive_file 4096"; 0 where there is
+    none.
+    """
     with suppress(OSError, ValueError):
         lines = file.read_text(encoding="ascii").splitlines()
         return next((int(line.split()[1]) for line in lines if line.startswith(f"{name} ")), 0)

@@ -1,4 +1,4 @@
-"""What a run is asked for, and what a picture is rendered from."""
+"""Order of a run, and sources of a picture."""
 
 import os
 from collections.abc import Iterator
@@ -24,14 +24,22 @@ if TYPE_CHECKING:
 
 
 class Subject:
-    """One shot, and the settings with which it is rendered. `burst.BurstSubject` is the frames of a burst.
+    """One shot, and the settings with which it is rendered. `burst.BurstSubject` is the frames of a
+    burst.
 
-    mosaic: whose size, colours and capture data the picture has; of a burst any frame, until `prepare` has chosen one. A single
-        shot is given up by `bands`, to save memory.
-    count: number of frames.
-    errors: a line for each file that failed, where others are left to render.
-    words: what is special about the picture, for people; "" for nothing.
     lost: where light is lost in the picture (`offline.Rendering.lost`), after `bands`.
+
+    Parameters
+    ----------
+    mosaic : Mosaic
+        Whose size, colours and capture data the picture has; of a burst any frame, until `prepare`
+        has chosen one. A single shot is given up by `bands`, to save memory.
+    count
+        Number of frames.
+    errors : tuple[str, ...]
+        A line for each file that failed, where others are left to render.
+    words
+        What is special about the picture, for people; "" for nothing.
     """
 
     count = 1
@@ -43,7 +51,13 @@ class Subject:
         self.lost: ByteArray | None = None
 
     def prepare(self, progress: Progress) -> None:
-        """Do all that comes before `bands`. Raises InputError if there can be no picture."""
+        """Do all that comes before `bands`.
+
+        Raises
+        ------
+        InputError
+            If there can be no picture.
+        """
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.colour_bands` does."""
@@ -60,7 +74,7 @@ class Subject:
         return mosaic
 
     def facts(self) -> dict[str, Any]:
-        """What is special about the picture, for machines."""
+        """Peculiarities of the picture, for machines."""
         return {}
 
 
@@ -68,21 +82,37 @@ class Subject:
 class Order:
     """Settings that all pictures of a run share.
 
-    folder: the output folder, home of the journal.
-    kind: format, bits and colour space of the pictures.
-    preset: a key of `offline.PRESETS`.
-    exposure: gain of a display picture, stops.
-    camera: replaces the calibration in the shots.
-    run: name of this run in the journal.
-    white: white balance of the pictures.
-    max_pixels: largest shot that is read.
-    resume: keep pictures that are up to date, replace those of an earlier render that are not.
-    overwrite: replace any existing file.
-    dry_run: write nothing, only report what would be done.
-    no_matter: the fields that change no picture, but only whether, where and when it is made.
+    Attributes
+    ----------
+    folder : Path
+        The output folder, home of the journal.
+    kind : PictureKind
+        Format, bits and colour space of the pictures.
+    preset : str
+        A key of `offline.PRESETS`.
+    exposure : float
+        Gain of a display picture, stops.
+    camera : Camera | None
+        Replaces the calibration in the shots.
+    run : str
+        Name of this run in the journal.
+    white : WhiteBalance
+        White balance of the pictures.
+    max_pixels : int
+        Largest shot that is read.
+    resume : bool
+        Keep pictures that are up to date, replace those of an earlier render that are not.
+    overwrite : bool
+        Replace any existing file.
+    dry_run : bool
+        Write nothing, only report what would be done.
+    no_matter : ClassVar[frozenset[str]]
+        The fields that change no picture, but only whether, where and when it is made.
     """
 
-    no_matter: ClassVar[frozenset[str]] = frozenset({"folder", "run", "max_pixels", "resume", "overwrite", "dry_run"})
+    no_matter: ClassVar[frozenset[str]] = frozenset(
+        {"folder", "run", "max_pixels", "resume", "overwrite", "dry_run"}
+    )
 
     folder: Path
     kind: PictureKind
@@ -104,28 +134,59 @@ class Order:
         return PRESETS[self.preset]
 
     def open(self, job: Job, memory: int, note: Note) -> Subject:
-        """What a picture is rendered from, read from its files. Raises InputError if it cannot become such a picture.
+        """Read the sources of a picture from its files.
 
-        memory: bytes that may be used.
-        note: called with each remark for the user.
+        Parameters
+        ----------
+        memory : int
+            Bytes that may be used.
+        note : Note
+            Called with each remark for the user.
+
+        Raises
+        ------
+        InputError
+            If it cannot become such a picture.
         """
         mosaic = self.read(job.source)
-        return Subject(mosaic if self.settings.asks_for_codes else mosaic.in_scene_units(), self.settings)
+        return Subject(
+            mosaic if self.settings.asks_for_codes else mosaic.in_scene_units(), self.settings
+        )
 
     def failures(self, job: Job) -> tuple[str, ...]:
-        """A line for each file that fails although the picture can be made without it, see `Outcome.errors`."""
+        """A line for each file that fails although the picture can be made without it, see
+        `Outcome.errors`.
+        """
         return ()
 
     def read(self, source: str) -> Mosaic:
-        """The shot, calibrated. Raises InputError for one that cannot become such a picture."""
+        """The shot, calibrated.
+
+        Raises
+        ------
+        InputError
+            For one that cannot become such a picture.
+        """
         return self.prepared(self.decode(source))
 
     def decode(self, source: str) -> Mosaic:
-        """The shot as it is in the file; this does not load the renderer. Raises InputError as `read_dng` does."""
+        """The shot as it is in the file; this does not load the renderer.
+
+        Raises
+        ------
+        InputError
+            As `read_dng` does.
+        """
         return read_dng(source, max_pixels=self.max_pixels)
 
     def prepared(self, mosaic: Mosaic) -> Mosaic:
-        """A shot, calibrated. Raises InputError for one that cannot become such a picture."""
+        """A shot, calibrated.
+
+        Raises
+        ------
+        InputError
+            For one that cannot become such a picture.
+        """
         if self.camera is not None:
             mosaic = self.camera.calibrated(mosaic)
         mosaic = self.white.of(mosaic)
@@ -134,23 +195,29 @@ class Order:
         return mosaic
 
     def development(self, mosaic: Mosaic) -> Development:
-        """How a rendering of this mosaic becomes a picture."""
+        """Conversion of a rendering of this mosaic to a picture."""
         restored = self.settings.highlights.restored
-        return Development(self.kind, mosaic.shape, mosaic.calibration, mosaic.metadata, self.exposure, restored)
+        return Development(
+            self.kind, mosaic.shape, mosaic.calibration, mosaic.metadata, self.exposure, restored
+        )
 
     def name(self, output: Path) -> str:
         """The picture's path below the folder, as it stands in the journal."""
         return Path(os.path.relpath(output, self.folder)).as_posix()
 
     def key(self, output: Path, source_digest: str) -> str:
-        """Digest of everything that a picture depends on. Orders with equal keys make equal pictures."""
+        """Digest of everything that a picture depends on. Orders with equal keys make equal
+        pictures.
+        """
         return key(input=source_digest, output=self.name(output), order=self._asked)
 
     @cached_property
     def _asked(self) -> str:
-        """Digest of all fields that change pictures, of the settings of the preset, and of the algorithm.
+        """Digest of all fields that change pictures, of the settings of the preset, and of the
+        algorithm.
 
-        Every field counts that is not named in `no_matter`: one that is added later cannot be forgotten.
+        Every field counts that is not named in `no_matter`: one that is added later cannot be
+        forgotten.
         """
         from ...offline.version import ALGORITHM
 

@@ -1,6 +1,8 @@
-"""Call a function for many items: one after the other, in threads, or by an executor (`processes`, `cluster.cluster`).
+"""Call a function for many items: one after the other, in threads, or by an executor (`processes`,
+`cluster.cluster`).
 
-Each way yields (item, result or exception) as items finish: an item that fails does not stop the others.
+Each way yields (item, result or exception) as items finish: an item that fails does not stop the
+others.
 """
 
 import multiprocessing
@@ -44,7 +46,9 @@ _STARTS = 3  # of a pool whose processes die before they have an item
 _STEPS = 10  # of a progress bar per unit of length
 
 
-def one_by_one(function: "Function[P, R]", items: Iterable[P], listen: "Callable[[P], StageProgress]") -> "Results[P, R]":
+def one_by_one(
+    function: "Function[P, R]", items: Iterable[P], listen: "Callable[[P], StageProgress]"
+) -> "Results[P, R]":
     """Call the function in this thread.
 
     Parameters
@@ -61,7 +65,9 @@ def one_by_one(function: "Function[P, R]", items: Iterable[P], listen: "Callable
         yield item, result
 
 
-def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note: "Note") -> "Results[P, R]":
+def in_threads(
+    function: "Function[P, R]", items: Sequence[P], count: int, note: "Note"
+) -> "Results[P, R]":
     """Call the function in threads; yield in the order of the items.
 
     Parameters
@@ -76,7 +82,9 @@ def in_threads(function: "Function[P, R]", items: Sequence[P], count: int, note:
     from ..io.ahead import ahead
     from .progress import StageProgress
 
-    results = ahead(lambda item: _result_or_error(function, item, StageProgress(note=note)), items, count)
+    results = ahead(
+        lambda item: _result_or_error(function, item, StageProgress(note=note)), items, count
+    )
     yield from zip(items, results, strict=True)
 
 
@@ -128,7 +136,8 @@ class Executor:
                 return
             done, _ = wait(running, _POLL, FIRST_COMPLETED)
             raise_lost_signal()
-            if not done and not self.is_alive():  # a process died before it had an item: none is done
+            # a process died before it had an item: none is done
+            if not done and not self.is_alive():
                 waiting = chain(running.values(), waiting)
                 running = {}
             for future in done:
@@ -137,7 +146,9 @@ class Executor:
                 try:
                     result, notes = future.result()
                 except self.killed:
-                    result = InputError(f"its process was killed, most likely for want of memory; {self.remedy}")
+                    result = InputError(
+                        f"its process was killed, most likely for want of memory; {self.remedy}"
+                    )
                 except BrokenProcessPool:  # as above
                     waiting = chain([item], waiting)
                     continue
@@ -148,9 +159,11 @@ class Executor:
 
 @contextmanager
 def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
-    """Start processes of this machine, which are killed at the end of the `with` block, whatever they are at.
+    """Start processes of this machine, which are killed at the end of the `with` block, whatever
+    they are at.
 
-    Files that are half written then are swept by whoever knows their folders (`shared.writing.sweep`).
+    Files that are half written then are swept by whoever knows their folders
+    (`shared.writing.sweep`).
 
     Parameters
     ----------
@@ -196,9 +209,11 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
 
 @contextmanager
 def _blocked_signals() -> Iterator[None]:
-    """Block signals in this thread, and in all threads and processes that are started in the `with` block.
+    """Block signals in this thread, and in all threads and processes that are started in the `with`
+    block.
 
-    An interrupt at a terminal goes to all processes: one that is still importing would show a traceback.
+    An interrupt at a terminal goes to all processes: one that is still importing would show a
+    traceback.
     """
     from multiprocessing import resource_tracker
 
@@ -218,7 +233,9 @@ def _begin(threads: int) -> None:
 
 
 def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
-    """In a worker: (result or exception, notes). The exception of a fault carries its traceback as text."""
+    """In a worker: (result or exception, notes). The exception of a fault carries its traceback as
+    text.
+    """
     from ...shared.errors import PanchromaError
     from .progress import StageProgress
 
@@ -231,7 +248,9 @@ def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]
     return result, notes
 
 
-def _result_or_error(function: "Function[P, R]", item: P, listener: "StageProgress") -> R | Exception:
+def _result_or_error(
+    function: "Function[P, R]", item: P, listener: "StageProgress"
+) -> R | Exception:
     """Call the function; return its result, or the exception that it raises.
 
     Only an unwritable standard output is raised, and what is no `Exception`: an interrupt.

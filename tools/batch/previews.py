@@ -13,9 +13,17 @@ if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
 class Previews:
     """Makes previews of mosaics with any patterns; builds a graph once per pattern.
 
-    scale: see `Preview`.
-    threads: see `Preview`.
-    Raises InputError for a scale below 1.
+    Parameters
+    ----------
+    scale : int, optional
+        See `Preview`.
+    threads : int | None, optional
+        See `Preview`.
+
+    Raises
+    ------
+    InputError
+        For a scale below 1.
     """
 
     def __init__(self, scale: int = 1, threads: int | None = None) -> None:
@@ -25,17 +33,26 @@ class Previews:
         self._built: dict[CfaPattern, Preview] = {}
 
     def __call__(self, mosaic: Mosaic) -> ByteArray:
-        """Return the picture, uint8 sRGB (h, w, 3), oriented like the samples. Raises InputError without such a scale."""
+        """Return the picture, uint8 sRGB (h, w, 3), oriented like the samples.
+
+        Raises
+        ------
+        InputError
+            Without such a scale.
+        """
         from ...device import Preview
 
-        pattern = mosaic.pattern.cropped(*mosaic.pattern.origin)  # wherever it begins, the graph is the same
+        # wherever it begins, the graph is the same
+        pattern = mosaic.pattern.cropped(*mosaic.pattern.origin)
         if pattern not in self._built:
             self._built[pattern] = Preview(pattern, self._scale, threads=self._threads)
         return cast(ByteArray, self._built[pattern].run(mosaic))
 
 
 def linear_preview(mosaic: Mosaic) -> FloatArray:
-    """The camera's preview of a shot at full size, without display processing: float32 (H, W, 3), scene units of the shot."""
+    """The camera's preview of a shot at full size, without display processing: float32 (H, W, 3),
+    scene units of the shot.
+    """
     from ...device import Preview
 
     return cast(FloatArray, Preview(mosaic.pattern, linear=True, threads=1).run(mosaic))

@@ -1,4 +1,4 @@
-"""How a terminal or a log shows the progress of long work."""
+"""Progress of long work on a terminal or in a log."""
 
 import sys
 import time
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 Note = Callable[[str], None]
 """Called with a remark for the user."""
 REMARKS = 1000
-"""Remarks that are remembered where each is shown once; there may be one on each of a million shots."""
+"""Remarks that are remembered where each is shown once; there may be one on each of a million
+shots.
+"""
 
 _BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
 
@@ -22,8 +24,12 @@ _BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
 class StageProgress(Progress):
     """A listener that shows nothing but notes. Leaving its `with` block ends the display.
 
-    title: of the work.
-    note: what to do with notes, which stay when the display has ended.
+    Parameters
+    ----------
+    title : str, optional
+        Of the work.
+    note : Note, optional
+        What to do with notes, which stay when the display has ended.
     """
 
     def __init__(self, title: str = "", note: Note = lambda _: None) -> None:
@@ -110,5 +116,8 @@ def rich_display() -> "RichProgress":
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
-    # rich would print to stderr, above the bar, what goes to stdout: right only where both are the same terminal.
-    return Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty())
+    # rich would print to stderr, above the bar, what goes to stdout: right only where both are the
+    # same terminal.
+    return Progress(
+        *columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
+    )

@@ -35,7 +35,7 @@ def render_all(
     memory: int | None,
     scheduler: str | None = None,
 ) -> Counter[State]:
-    """Render all shots, with a line and a record for each. Returns how many ended in which state.
+    """Render all shots, with a line and a record for each.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def render_all(
     console
         Shows results and progress; of a single shot, its stages.
     jobs
-        Number of processes, 1 or more, fewer where memory is short; None = one for a few shots, otherwise one per processor. With
+        Number of processes, 1 or more, fewer where memory is short; None = one for a few shots,
+        otherwise one per processor. With
         one the work is done in this process.
     memory
         Bytes for all processes together, on a cluster for each worker; None = most of what is free.
@@ -57,11 +58,18 @@ def render_all(
     ------
     SchedulerGoneError
         The scheduler ends.
+
+    Returns
+    -------
+    Counter[State]
+        How many ended in which state.
     """
-    if order.resume:  # commands that share a folder wait for a shot that another one renders: they should seldom meet
+    # commands that share a folder wait for a shot that another one renders: they should seldom meet
+    if order.resume:
         shots = random.sample(shots, len(shots))
     several, elsewhere = len(shots) > 1, bool(scheduler and shots and not order.dry_run)
-    note = lru_cache(REMARKS)(console.note)  # several processes send the same note: it is shown once
+    # several processes send the same note: it is shown once
+    note = lru_cache(REMARKS)(console.note)
     with ExitStack() as stack:
         progress = stack.enter_context(console.progress("render") if several else StageProgress())
         if elsewhere:
@@ -109,7 +117,9 @@ def _processes(
 
 
 def _largest_need(order: Order, shots: Sequence[Job]) -> int:
-    """Bytes that the largest shot needs, roughly. The largest files are read: they have the most pixels, or nearly."""
+    """Bytes that the largest shot needs, roughly. The largest files are read: they have the most
+    pixels, or nearly.
+    """
     sizes = {shot.source: status.st_size for shot in shots if (status := file_status(shot.source))}
     for source in sorted(sizes, key=lambda each: sizes[each], reverse=True)[:_LARGEST]:
         try:

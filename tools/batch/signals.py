@@ -12,11 +12,14 @@ INTERRUPTED = 130
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DEFAULT = (signal.SIG_DFL, signal.default_int_handler)
 _AGAIN = 0.05  # seconds until a signal that was dropped is sent again
-_received: list["Terminated"] = []  # raised since `orderly_end` began, even if something has caught it
+# raised since `orderly_end` began, even if something has caught it
+_received: list["Terminated"] = []
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGINT, SIGTERM or SIGHUP was received. A KeyboardInterrupt: what cleans up after an interrupt does so after each of them."""
+    """SIGINT, SIGTERM or SIGHUP was received. A KeyboardInterrupt: what cleans up after an
+    interrupt does so after each of them.
+    """
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -25,11 +28,17 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def orderly_end(*, last: bool = False) -> Iterator[None]:
-    """In the `with` block SIGINT, SIGTERM and SIGHUP raise Terminated; by default the last two would leave temporary files behind.
+    """In the `with` block SIGINT, SIGTERM and SIGHUP raise Terminated; by default the last two
+    would leave temporary files behind.
 
-    last: the program ends after the block: from then on they end it at once. All files are written, and a traceback helps nobody.
+    A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the
+    main thread.
 
-    A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the main thread.
+    Parameters
+    ----------
+    last : bool, optional
+        The program ends after the block: from then on they end it at once. All files are written,
+        and a traceback helps nobody.
     """
     before = {number: signal.getsignal(number) for number in _ENDING if _in_main_thread()}
     free = [number for number, handler in before.items() if handler in _DEFAULT]
@@ -81,14 +90,18 @@ def send_again_if_lost(number: int) -> None:
 
 
 def raise_lost_signal() -> None:
-    """Raise Terminated again if a signal was received: a C extension that is being imported turns it into an ImportError."""
+    """Raise Terminated again if a signal was received: a C extension that is being imported turns
+    it into an ImportError.
+    """
     if _received:
         raise _received[-1]
 
 
 @contextmanager
 def starting_service() -> Iterator[None]:
-    """In the `with` block a service starts, which may take until its first frame: SIGTERM ends it with exit code 0, as later."""
+    """In the `with` block a service starts, which may take until its first frame: SIGTERM ends it
+    with exit code 0, as later.
+    """
     try:
         yield
     except Terminated as ended:
@@ -98,19 +111,25 @@ def starting_service() -> Iterator[None]:
 
 
 class Stopping:
-    """Says, when called, whether SIGINT or SIGTERM was received in the `with` block. A second signal has its usual effect."""
+    """Says, when called, whether SIGINT or SIGTERM was received in the `with` block. A second
+    signal has its usual effect.
+    """
 
     def __init__(self) -> None:
         self._signal = 0
-        self._before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        self._before = {
+            number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)
+        }
 
     def __call__(self) -> bool:
-        """Whether to stop."""
+        """True if the command has to stop."""
         return bool(self._signal)
 
     @property
     def code(self) -> int:
-        """Exit code: 130 when interrupted, otherwise 0, because SIGTERM is the normal way to stop a service."""
+        """Exit code: 130 when interrupted, otherwise 0, because SIGTERM is the normal way to stop a
+        service.
+        """
         return INTERRUPTED if self._signal == signal.SIGINT else 0
 
     def __enter__(self) -> "Stopping":

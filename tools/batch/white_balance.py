@@ -17,10 +17,16 @@ _LARGEST = 1000.0  # multiplier; its inverse is the smallest
 
 @dataclass(frozen=True)
 class WhiteBalance:
-    """Which white balance pictures get.
+    """White balance of pictures.
 
-    kind: "camera": the neutral of the shot; "auto": estimated from the whole mosaic; "" if there are multipliers.
-    multipliers: one per channel, as raw developers have them: a channel is brighter for a larger one. Only their ratios matter.
+    Attributes
+    ----------
+    kind : str
+        "camera": the neutral of the shot; "auto": estimated from the whole mosaic; "" if there are
+        multipliers.
+    multipliers : tuple[float, ...]
+        One per channel, as raw developers have them: a channel is brighter for a larger one. Only
+        their ratios matter.
     """
 
     kind: str = _CAMERA
@@ -28,20 +34,34 @@ class WhiteBalance:
 
     @classmethod
     def parse(cls, wanted: str | Iterable[float]) -> "WhiteBalance":
-        """The white balance that is asked for: "camera", "auto", or multipliers, as numbers or as a text such as "2.1,1,1.6".
+        """The white balance that is asked for: "camera", "auto", or multipliers, as numbers or as a
+        text such as "2.1,1,1.6".
 
-        Raises InputError for anything else.
+        Raises
+        ------
+        InputError
+            For anything else.
         """
         if isinstance(wanted, str) and wanted in (_CAMERA, _AUTO):
             return cls(wanted)
         try:
-            multipliers = tuple(float(each) for each in (wanted.split(",") if isinstance(wanted, str) else wanted))
+            multipliers = tuple(
+                float(each) for each in (wanted.split(",") if isinstance(wanted, str) else wanted)
+            )
         except (ValueError, TypeError):
             multipliers = ()
         if len(multipliers) < 2:
-            raise InputError(f"`wb` is {wanted!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
-        if not all(math.isfinite(each) and 1 / _LARGEST <= each <= _LARGEST for each in multipliers):
-            raise InputError(f"`wb` is {wanted!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
+            raise InputError(
+                f"`wb` is {wanted!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as "
+                "2.1,1,1.6"
+            )
+        if not all(
+            math.isfinite(each) and 1 / _LARGEST <= each <= _LARGEST for each in multipliers
+        ):
+            raise InputError(
+                f"`wb` is {wanted!r}, expected multipliers between {1 / _LARGEST:g} and "
+                f"{_LARGEST:g}"
+            )
         return cls("", tuple(each / min(multipliers) for each in multipliers))
 
     def check(self, kind: PictureKind) -> None:
@@ -50,7 +70,13 @@ class WhiteBalance:
             raise InputError(f"`wb` is no choice here: {kind.as_measured}")
 
     def of(self, mosaic: Mosaic) -> Mosaic:
-        """The mosaic with this white balance in its calibration. Raises InputError if it is impossible for this shot."""
+        """The mosaic with this white balance in its calibration.
+
+        Raises
+        ------
+        InputError
+            If it is impossible for this shot.
+        """
         calibration = mosaic.calibration
         if self.kind == _CAMERA:
             return mosaic
@@ -58,12 +84,16 @@ class WhiteBalance:
             neutral = estimate_neutral(mosaic)
             if neutral is None:
                 raise InputError(
-                    'too dark, too bright or too small to estimate the white balance; give `wb="camera"` or multipliers'
+                    "too dark, too bright or too small to estimate the white balance; give "
+                    '`wb="camera"` or multipliers'
                 )
             return mosaic.calibrated(balanced(calibration, np.array(neutral), estimated=True))
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)
-            raise InputError(f"`wb` has {count} multipliers, expected one for each channel of the sensor: {channels}")
+            raise InputError(
+                f"`wb` has {count} multipliers, expected one for each channel of the sensor: "
+                f"{channels}"
+            )
         return mosaic.calibrated(balanced(calibration, 1 / np.array(self.multipliers)))
 
 

@@ -1,4 +1,6 @@
-"""The colour matrix from camera RGB to XYZ (D50), which keeps white neutral, and the uneven light on the chart."""
+"""The colour matrix from camera RGB to XYZ (D50), which keeps white neutral, and the uneven light
+on the chart.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +22,9 @@ GREYS = 19, 20, 21
 # Brightest over dimmest light on the chart: worth a word if colours show it; in any case.
 UNEVEN, VERY_UNEVEN = 1.25, 1.5
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
-_STEEPEST = 0.28  # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's curve 0.36
+# log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's
+# curve 0.36
+_STEEPEST = 0.28
 _ROUNDS = 12
 _FIELD_RIDGE = 0.02  # of a patch's weight: stabilises the corners
 _HUBER = 0.08  # log light: a larger deviation is a reflection or the edge of a shadow
@@ -34,14 +38,24 @@ _KINDS = {"RGB": np.eye(3), "CMY": 1 - np.eye(3)}
 class ColourFit:
     """A camera's colours under one light, from the patches of one chart.
 
-    camera: (24, C), linear levels.
-    colours: (24, 3), XYZ (D50) of the reference, white = 1.
-    cells: (24, 2), positions of the patches on the chart.
-    matrix: (3, C), scene units to XYZ (D50); it takes `neutral` to D50 exactly.
-    neutral: (C,), what white reads, largest entry 1.
-    light: (24,), relative illumination of each patch, mean 1.
-    lab: (24, 3), L*a*b* of the patches after correction.
-    reference: (24, 3), L*a*b* of the reference.
+    Attributes
+    ----------
+    camera : DoubleArray
+        (24, C), linear levels.
+    colours : DoubleArray
+        (24, 3), XYZ (D50) of the reference, white = 1.
+    cells : DoubleArray
+        (24, 2), positions of the patches on the chart.
+    matrix : DoubleArray
+        (3, C), scene units to XYZ (D50); it takes `neutral` to D50 exactly.
+    neutral : DoubleArray
+        (C,), what white reads, largest entry 1.
+    light : DoubleArray
+        (24,), relative illumination of each patch, mean 1.
+    lab : DoubleArray
+        (24, 3), L*a*b* of the patches after correction.
+    reference : DoubleArray
+        (24, 3), L*a*b* of the reference.
     """
 
     camera: DoubleArray
@@ -65,13 +79,15 @@ class ColourFit:
 
     @cached_property
     def plain(self) -> DoubleArray:
-        """The same if the light is treated as even."""
+        """Residual if the light is treated as even."""
         matrix, _, light = _fit(self.camera, self.colours, self.cells, field=False)
         return delta_e_2000(xyz_to_lab((self.camera / light[:, None]) @ matrix.T), self.reference)
 
     @cached_property
     def left_out(self) -> DoubleArray:
-        """The dE2000 of each patch with matrix and illumination field from the 23 others, (24,); it takes 24 times as long."""
+        """The dE2000 of each patch with matrix and illumination field from the 23 others, (24,); it
+        takes 24 times as long.
+        """
         errors = np.zeros(PATCHES)
         for index, used in enumerate(1 - np.eye(PATCHES)):
             matrix, _, light = _fit(self.camera, self.colours, self.cells, field=True, used=used)
@@ -81,9 +97,17 @@ class ColourFit:
 
 
 def fit_colour(camera: DoubleArray, colours: DoubleArray, cells: DoubleArray) -> ColourFit:
-    """Fit matrix, neutral and illumination field to the patches of one chart; camera, colours, cells: see `ColourFit`.
+    """Fit matrix, neutral and illumination field to the patches of one chart.
 
-    Raises InputError if the grey patches have no light in some channel.
+    Parameters
+    ----------
+    camera, colours, cells : DoubleArray
+        See `ColourFit`.
+
+    Raises
+    ------
+    InputError
+        If the grey patches have no light in some channel.
     """
     if camera.shape[0] != PATCHES or not (camera[list(GREYS)] > 0).all():
         raise InputError("colour: the grey patches have no light in some channel; expose more")
@@ -94,12 +118,16 @@ def fit_colour(camera: DoubleArray, colours: DoubleArray, cells: DoubleArray) ->
 
 
 def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> float:
-    """Return by how much white changes from one chart to the other, over the change between the lights: 1 = as it should.
+    """Return by how much white changes from one chart to the other, over the change between the
+    lights: 1 = as it should.
 
-    lights: of the two charts, see `illuminant_xy`.
+    The patches show what each channel sees of XYZ. A change of light acts on white like a coloured
+    surface, so they predict the change in every channel, up to a common factor.
 
-    The patches show what each channel sees of XYZ. A change of light acts on white like a coloured surface, so they predict the
-    change in every channel, up to a common factor.
+    Parameters
+    ----------
+    lights : tuple[str, str]
+        Of the two charts, see `illuminant_xy`.
     """
     white, before = (xyz(*illuminant_xy(light)) for light in lights)
     expected = np.zeros(len(one.neutral))
@@ -113,7 +141,9 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
 
 
 def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
-    """Return L*a*b* (24, 3) with a given matrix, after white balance and exposure on the greys: the state before calibration."""
+    """Return L*a*b* (24, 3) with a given matrix, after white balance and exposure on the greys: the
+    state before calibration.
+    """
     greys = list(GREYS)
     white, *_ = np.linalg.lstsq(matrix, D50, rcond=None)
     read = (camera[greys] / reference[greys, 1:2]).mean(axis=0)
@@ -121,12 +151,18 @@ def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleAr
 
 
 def _fit(
-    camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, field: bool, used: DoubleArray | None = None
+    camera: DoubleArray,
+    reference: DoubleArray,
+    cells: DoubleArray,
+    *,
+    field: bool,
+    used: DoubleArray | None = None,
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """Return matrix, neutral (largest entry 1), and the absolute light on each patch.
 
-    Light and matrix are fitted in turn: given the matrix, the light is the excess of luminance over the reference; given the
-    light, the matrix is a linear least-squares problem. used: (24,), weights; field: whether the light may be uneven.
+    Light and matrix are fitted in turn: given the matrix, the light is the excess of luminance over
+    the reference; given the light, the matrix is a linear least-squares problem. used: (24,),
+    weights; field: whether the light may be uneven.
     """
     used = np.ones(len(camera)) if used is None else used
     greys = [index for index in GREYS if used[index]]
@@ -144,11 +180,14 @@ def _fit(
     return matrix * scale, neutral / scale, light * scale
 
 
-def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray) -> DoubleArray:
-    """Return the matrix M with M neutral = D50 that has the least squared error in L*a*b*, to first order.
+def _white_preserving(
+    camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray
+) -> DoubleArray:
+    """Return the matrix M with M neutral = D50 that has the least squared error in L*a*b*, to first
+    order.
 
-    M = D50 n^T / n.n + Q B^T, where B is a basis of the space orthogonal to n: any Q preserves white (G. D. Finlayson, M. S. Drew,
-    "White-point preserving color correction", CIC 1997).
+    M = D50 n^T / n.n + Q B^T, where B is a basis of the space orthogonal to n: any Q preserves
+    white (G. D. Finlayson, M. S. Drew, "White-point preserving color correction", CIC 1997).
     """
     basis = np.linalg.svd(neutral[None])[2][1:].T
     start = np.outer(D50, neutral) / (neutral @ neutral)
@@ -161,13 +200,17 @@ def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: Doub
 
 
 def _emphasis(reference: DoubleArray) -> DoubleArray:
-    """Return weights: CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in `delta_e_2000`)."""
+    """Return weights: CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in
+    `delta_e_2000`).
+    """
     _, a, b = xyz_to_lab(reference).T
     return 1 / (1 + 0.045 * np.hypot(a, b))
 
 
 def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> DoubleArray:
-    """Fit a second-order surface to logarithms (24,), robust against single patches; return its values (24,)."""
+    """Fit a second-order surface to logarithms (24,), robust against single patches; return its
+    values (24,).
+    """
     x, y = 2 * cells[:, 0] / COLUMNS - 1, 2 * cells[:, 1] / ROWS - 1
     terms = np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
     ridge = np.diag([0.0, *[_FIELD_RIDGE * PATCHES] * (terms.shape[1] - 1)])
@@ -182,11 +225,16 @@ def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> Doub
 def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
     """Return why six levels cannot be a grey row: not monotone, or not linear; None if they can.
 
-    level: (6,), white to black.
-    reference: (6,), their Y.
+    The light may change along the row by a constant factor per patch, up to the effect of a shadow.
+    The greys are nearly a geometric series, so a tone curve looks like a very steep fall-off of the
+    light.
 
-    The light may change along the row by a constant factor per patch, up to the effect of a shadow. The greys are nearly a
-    geometric series, so a tone curve looks like a very steep fall-off of the light.
+    Parameters
+    ----------
+    level : DoubleArray
+        (6,), white to black.
+    reference : DoubleArray
+        (6,), their Y.
     """
     if not (np.diff(level) < 0).all() or level[-1] <= 0:
         return "the grey row does not get darker from patch to patch"
@@ -197,19 +245,29 @@ def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
     if worst > _CROOKED:
         return f"the grey row is not linear (off by {100 * worst:.0f} %)"
     if abs(line[0]) > _STEEPEST:
-        return f"the grey row is not linear, or the light on it changes {np.exp(abs(line[0]) * 5):.0f}-fold"
+        return (
+            "the grey row is not linear, or the light on it changes "
+            f"{np.exp(abs(line[0]) * 5):.0f}-fold"
+        )
     return None
 
 
 def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: CfaPattern) -> None:
-    """Raise InputError if the channels R, G and B, or C, M and Y, see the chart's colours as if their names were exchanged.
+    """Raise InputError if the channels R, G and B, or C, M and Y, see the chart's colours as if
+    their names were exchanged.
 
-    levels: (24, C), patches under one light, linear.
-    reference: (24, 3), XYZ (D50), white = 1.
-    pattern: of the shot.
+    A matrix from camera RGB to XYZ undoes any exchange, so it cannot tell. But a filter called red
+    is, however broad, more like the red of sRGB than a filter called blue is: the patches' colours,
+    relative to grey, must be most alike in the order of the names.
 
-    A matrix from camera RGB to XYZ undoes any exchange, so it cannot tell. But a filter called red is, however broad, more like the
-    red of sRGB than a filter called blue is: the patches' colours, relative to grey, must be most alike in the order of the names.
+    Parameters
+    ----------
+    levels : DoubleArray
+        (24, C), patches under one light, linear.
+    reference : DoubleArray
+        (24, 3), XYZ (D50), white = 1.
+    pattern : CfaPattern
+        Of the shot.
     """
     shown = reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
     for names, parts in _KINDS.items():
@@ -219,7 +277,9 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
 
 
 def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: CfaPattern) -> None:
-    """Check the channels with these names; shown: (24, 3), what they should see; levels: (24, 3), what they see."""
+    """Check the channels with these names; shown: (24, 3), what they should see; levels: (24, 3),
+    what they see.
+    """
     wanted, found = _hues(shown), _hues(levels)
     likeness = {order: float((wanted * found[:, order]).sum()) for order in permutations(range(3))}
     best = max(likeness, key=lambda order: likeness[order])
@@ -231,13 +291,16 @@ def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: C
     rows = ("".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from())
     block = "/".join(rows)
     raise InputError(
-        f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its sensor, whose pattern probably is "
+        f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its "
+        "sensor, whose pattern probably is "
         f"{block}; capture the shot again with the right pattern"
     )
 
 
 def _hues(levels: DoubleArray) -> DoubleArray:
-    """Return the logarithms of the levels relative to grey and to the mean of the patch's channels, (24, C)."""
+    """Return the logarithms of the levels relative to grey and to the mean of the patch's channels,
+    (24, C).
+    """
     parts = np.maximum(levels / levels[list(GREYS)].mean(axis=0), _DARKEST)
     logarithms = np.log(parts)
     return logarithms - logarithms.mean(axis=1, keepdims=True)

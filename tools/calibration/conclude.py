@@ -1,6 +1,8 @@
-"""From measurements to a camera: each of its parts is concluded by itself, and none depends on another.
+"""From measurements to a camera: each of its parts is concluded by itself, and none depends on
+another.
 
-`conclude_gamma`, `conclude_colour` and so on return a `Part` each; `conclude` makes a camera of them.
+`conclude_gamma`, `conclude_colour` and so on return a `Part` each; `conclude` makes a camera of
+them.
 """
 
 import math
@@ -18,7 +20,15 @@ from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight
 from ..io.colour_difference import delta_e_2000
 from .chart.place import PATCHES
-from .colour_matrix import GREYS, UNEVEN, VERY_UNEVEN, ColourFit, fit_colour, light_change, white_balanced
+from .colour_matrix import (
+    GREYS,
+    UNEVEN,
+    VERY_UNEVEN,
+    ColourFit,
+    fit_colour,
+    light_change,
+    white_balanced,
+)
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
 from .measure import Measurements, ShotMeasurement
@@ -26,17 +36,22 @@ from .noise import SIGMAS, NoiseResult, noise_of_flats
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
-_LEVER = 0.2  # of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be stated in codes
+# of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be
+# stated in codes
+_LEVER = 0.2
 _UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 codes of 256
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_GAMMA = 0.02  # half width over gamma
-_COLOURED = 0.2  # of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three broad channels
+# of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three
+# broad channels
+_COLOURED = 0.2
 
-# Of colour.
-# See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two cameras; the rest is for lamps and daylight
-# that are not quite what is said of them.
+# Of colour. See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two
+# cameras; the rest is for lamps and daylight that are not quite what is said of them.
 _LIKELY_CHANGE = (0.6, 1.9)
-_CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
+# mean dE2000 of patches predicted from the others: below it the correction for uneven light has
+# worked
+_CORRECTED = 2.5
 # Mean dE2000: an average chart in average light stays below; above it the colours are useless.
 _GOOD_COLOUR, _USELESS_COLOUR = 4.0, 6.0
 
@@ -53,15 +68,26 @@ _MOVED = 2.0  # standard errors of the black level
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One measured part of a camera: what it changes, how well it is known, and what a user has to know of it.
+    """One measured part of a camera: what it changes, how well it is known, and what a user has to
+    know of it.
 
-    name: its key in "measured" of camera.json.
-    facts: for camera.json: how it was measured, and how well it is known; None = it was not, and only its warnings count.
-    changes: fields of the calibration, and their values.
-    warnings: sentences for the user.
-    contradictions: sentences on what is wrong beyond doubt: the camera must not be used.
-    refusal: why there must not be a camera file; "" = there may be one.
-    result: the fit, for the report.
+    Attributes
+    ----------
+    name : str
+        Its key in "measured" of camera.json.
+    facts : Mapping[str, Any] | None
+        For camera.json: how it was measured, and how well it is known; None = it was not, and only
+        its warnings count.
+    changes : Mapping[str, Any]
+        Fields of the calibration, and their values.
+    warnings : Sequence[str]
+        Sentences for the user.
+    contradictions : Sequence[str]
+        Sentences on what is wrong beyond doubt: the camera must not be used.
+    refusal : str
+        Why there must not be a camera file; "" = there may be one.
+    result : Any
+        The fit, for the report.
     """
 
     name: str
@@ -82,7 +108,8 @@ class Result:
     seen
         What it was concluded from.
     parts
-        What the frames show, or say that they do not show: by the name in "measured" of camera.json.
+        What the frames show, or say that they do not show: by the name in "measured" of
+        camera.json.
     camera
         The camera; None if the frames cannot determine it.
     refusal
@@ -102,7 +129,7 @@ class Result:
 
     @property
     def facts(self) -> dict[str, Mapping[str, Any]]:
-        """How each part that was measured is known: by the name in "measured" of camera.json."""
+        """Sources of the measured parts: by the name in "measured" of camera.json."""
         return {name: part.facts for name, part in self.parts.items() if part.facts is not None}
 
     @property
@@ -152,7 +179,9 @@ def conclude(seen: Measurements, provenance: Mapping[str, Any] | None = None) ->
 
 
 def _outdated(seen: Measurements, measured: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a warning of parts that are kept, and were measured with a black level that has turned out to be wrong."""
+    """Return a warning of parts that are kept, and were measured with a black level that has turned
+    out to be wrong.
+    """
     kept = [part for part in seen.known if part in _OF_BLACK and part not in measured]
     if not (kept and seen.old and seen.dark):
         return ()
@@ -160,16 +189,20 @@ def _outdated(seen: Measurements, measured: Mapping[str, Any]) -> tuple[str, ...
     if not (np.abs(moved) > _MOVED * seen.assumed().black).any():
         return ()
     return (
-        f"the black level is {np.abs(moved).max():.1f} codes off the one with which {', '.join(kept)} of the camera file were "
+        f"the black level is {np.abs(moved).max():.1f} codes off the one with which "
+        f"{', '.join(kept)} of the camera file were "
         "measured; give all frames together to measure these again",
     )
 
 
-# --- gamma ------------------------------------------------------------------------------------------------------------------------
+# --- gamma
+# --------------------------------------------------------------------------------------------------
 
 
 def conclude_gamma(seen: Measurements) -> Part | None:
-    """Return the weights of Eq. 7 as all shots show them together, and what does not fit together."""
+    """Return the weights of Eq. 7 as all shots show them together, and what does not fit
+    together.
+    """
     fit = seen.gamma
     if fit is None:
         stated = ", ".join(f"{value:g}" for value in seen.calibration.gamma)
@@ -181,8 +214,11 @@ def conclude_gamma(seen: Measurements) -> Part | None:
         check_determined(fit)
     except InputError as error:
         refusal = str(error)
-    # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
-    if contradictions and (refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION):
+    # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may
+    # follow.
+    if contradictions and (
+        refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION
+    ):
         refusal = "; ".join(contradictions)
     return Part(
         "gamma",
@@ -202,7 +238,9 @@ def conclude_gamma(seen: Measurements) -> Part | None:
 
 
 def black_error(seen: Measurements) -> DoubleArray:
-    """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what shots show of it."""
+    """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what
+    shots show of it.
+    """
     assumed, fit = seen.assumed(), seen.gamma
     if fit is None or assumed.black_measured:
         return assumed.black
@@ -215,32 +253,45 @@ def black_error(seen: Measurements) -> DoubleArray:
 
 
 def coloured_light(shot: ShotMeasurement) -> str:
-    """Return what strongly coloured light does to a shot of the chart, "" if the light is not: it shows on the grey patches."""
+    """Return what strongly coloured light does to a shot of the chart, "" if the light is not: it
+    shows on the grey patches.
+    """
     grey = shot.places.mean[list(GREYS), :-1].mean(axis=0)
     if grey.min() > _COLOURED * grey.max():
         return ""
     letters = shot.fit.calibration.channels
     weak, strong = letters[int(grey.argmin())], letters[int(grey.argmax())]
     return (
-        f"{shot.name}: the light is strongly coloured: on grey {weak} reads {100 * max(grey.min(), 0) / grey.max():.0f} % of what "
-        f"{strong} does, so that colours, and gamma of {weak}, are known less well; take white light"
+        f"{shot.name}: the light is strongly coloured: on grey {weak} reads "
+        f"{100 * max(grey.min(), 0) / grey.max():.0f} % of what "
+        f"{strong} does, so that colours, and gamma of {weak}, are known less well; take white "
+        "light"
     )
 
 
 def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
-    """Return what does not fit together by more than four standard errors, and what to shoot instead; a sentence each."""
+    """Return what does not fit together by more than four standard errors, and what to shoot
+    instead; a sentence each.
+    """
     lines = []
     if abs(fit.black_deviation) > _CONTRADICTION:
         lines.append(_wrong_black(fit))
     if fit.contradiction > _CONTRADICTION:
         each = ", ".join(
             " ".join(
-                [shot.name, *(f"{value:.3f} ± {half:.2g}" for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True))]
+                [
+                    shot.name,
+                    *(
+                        f"{value:.3f} ± {half:.2g}"
+                        for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True)
+                    ),
+                ]
             )
             for shot in shots
         )
         lines.append(
-            f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard deviations: {each}; give only shots of "
+            f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard "
+            f"deviations: {each}; give only shots of "
             "one session, with one lens, or shoot the chart anew in even light"
         )
     return lines
@@ -250,7 +301,8 @@ def _wrong_black(fit: GammaFit) -> str:
     """Return that shots contradict the black level, by how much, and what to do."""
     offset, error = fit.offset
     span = fit.calibration.white_level - fit.calibration.black_level[-1]
-    # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does not show.
+    # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does
+    # not show.
     lever, seems = 1 - float(fit.gamma.sum()), ""
     if abs(lever) > _LEVER:
         codes, codes_error = (abs(value * span / lever) for value in (offset, error))
@@ -260,12 +312,20 @@ def _wrong_black(fit: GammaFit) -> str:
     remedy = "take dark frames (`dark`), and give them together with these shots"
     if fit.assumed.black_measured:
         which = "that the dark frames show"
-        remedy = "take dark frames anew, with gain, exposure and temperature of the other shots, and the chart without reflections"
-    return f"the shots contradict the black level {which} by {abs(fit.black_deviation):.0f} standard errors{seems}; {remedy}"
+        remedy = (
+            "take dark frames anew, with gain, exposure and temperature of the other "
+            "shots, and the chart without reflections"
+        )
+    return (
+        f"the shots contradict the black level {which} by {abs(fit.black_deviation):.0f} "
+        f"standard errors{seems}; {remedy}"
+    )
 
 
 def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
-    """Warn of an uncertain gamma, of residuals that noise does not explain, and of patches that were left out."""
+    """Warn of an uncertain gamma, of residuals that noise does not explain, and of patches that
+    were left out.
+    """
     warnings = []
     tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
     if fit.worst > _GOOD_GAMMA:
@@ -290,16 +350,23 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     return warnings
 
 
-# --- colour -----------------------------------------------------------------------------------------------------------------------
+# --- colour
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
 class ChartColours:
     """The colours of a chart without clipped patches.
 
-    shot: of the chart.
-    fit: matrix, neutral and light.
-    before: L*a*b* of the patches with the matrix in the shot (without one: sRGB primaries), (24, 3); None = there is neither.
+    Attributes
+    ----------
+    shot : ShotMeasurement
+        Of the chart.
+    fit : ColourFit
+        Matrix, neutral and light.
+    before : DoubleArray | None
+        L*a*b* of the patches with the matrix in the shot (without one: sRGB primaries), (24, 3);
+        None = there is neither.
     """
 
     shot: ShotMeasurement
@@ -308,7 +375,8 @@ class ChartColours:
 
 
 def conclude_colour(seen: Measurements) -> Part | None:
-    """Return the camera's colours: of every chart without clipped patches those that predict the left-out patches best.
+    """Return the camera's colours: of every chart without clipped patches those that predict the
+    left-out patches best.
 
     Under two lights, those under each; the part is refused unless both are known.
     """
@@ -324,7 +392,10 @@ def conclude_colour(seen: Measurements) -> Part | None:
     warnings, contradictions = [], []
     for chart in best:
         mean = float(chart.fit.difference.mean())
-        off = f"{chart.shot.name}: the colours differ from the reference by a mean dE2000 of {mean:.1f}, more than"
+        off = (
+            f"{chart.shot.name}: the colours differ from the reference by a mean dE2000 of "
+            f"{mean:.1f}, more than"
+        )
         warnings += _uneven_warnings(chart)
         if mean > _USELESS_COLOUR:
             contradictions.append(f"{off} {_USELESS_COLOUR:.0f}")
@@ -362,7 +433,9 @@ def _colour_facts(chart: ChartColours) -> dict[str, object]:
     return {
         "shot": chart.shot.name,
         "mean_dE2000": round(float(fit.difference.mean()), 3),
-        "mean_dE2000_before": None if before is None else round(float(delta_e_2000(before, fit.reference).mean()), 3),
+        "mean_dE2000_before": None
+        if before is None
+        else round(float(delta_e_2000(before, fit.reference).mean()), 3),
         "max_dE2000": round(float(fit.difference.max()), 3),
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),
@@ -377,14 +450,18 @@ def _uneven_warnings(chart: ChartColours) -> list[str]:
     if unevenness <= least or coloured_light(chart.shot):
         return []
     return [
-        f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} times brighter in one place than in "
-        "another, and colours are only corrected for it in part; light the chart evenly, and take flat frames (`flat`) if the "
+        f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} times "
+        "brighter in one place than in "
+        "another, and colours are only corrected for it in part; light the chart evenly, and "
+        "take flat frames (`flat`) if the "
         "lens darkens the corners"
     ]
 
 
 def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
-    """Return which shots cannot be under the two lights that are named, and what to do; "" if all can."""
+    """Return which shots cannot be under the two lights that are named, and what to do; "" if
+    all can.
+    """
     (one, first), (other, second) = charts.items()
     changes = []
     for a, b in product(first, second):
@@ -399,23 +476,32 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
     said = f"{warm} is given as under {one} and {cold} as under {other}, but white changes"
     if change <= -least:
         return (
-            f"{said} the other way from one to the other: the two lights are exchanged; name the light of each shot (`chart_light`)"
+            f"{said} the other way from one to the other: the two lights are exchanged; name "
+            "the light of each shot (`chart_light`)"
         )
     return (
-        f"{said} {max(change, 0):.1f} times as much from one to the other as between these lights, {least:g} to {most:g} times are "
-        "likely: name the light under which each was taken (`chart_light`), or take the chart anew under these two"
+        f"{said} {max(change, 0):.1f} times as much from one to the other as between these "
+        f"lights, {least:g} to {most:g} times are "
+        "likely: name the light under which each was taken (`chart_light`), or take the chart "
+        "anew under these two"
     )
 
 
-# --- dark and flat frames ---------------------------------------------------------------------------------------------------------
+# --- dark and flat frames
+# --------------------------------------------------------------------------------------------------
 
 
 def conclude_black_level(seen: Measurements) -> Part | None:
-    """Return the black level of each plane, and a warning of codes that are too coarse for the read noise."""
+    """Return the black level of each plane, and a warning of codes that are too coarse for the read
+    noise.
+    """
     dark = seen.dark
     if dark is None:
         return None
-    coarse = "the read noise is smaller than rounding to codes shows, so the dark frames do not tell it; use more gain or more bits"
+    coarse = (
+        "the read noise is smaller than rounding to codes shows, so the dark frames do not "
+        "tell it; use more gain or more bits"
+    )
     return Part(
         "black_level",
         {"frames": dark.frames, "standard_error": rounded(dark.black_error)},
@@ -428,8 +514,8 @@ def conclude_black_level(seen: Measurements) -> Part | None:
 def conclude_defects(seen: Measurements) -> Part | None:
     """Return the defects.
 
-    Those that the frames or the camera file state stay, unless dark and flat frames together do not show them: dark frames alone
-    show no dead pixels, and flat ones no hot pixels.
+    Those that the frames or the camera file state stay, unless dark and flat frames together do not
+    show them: dark frames alone show no dead pixels, and flat ones no hot pixels.
     """
     dark, flats, stated = seen.dark, seen.flats, seen.stated_defects
     if seen.base is None:
@@ -444,14 +530,16 @@ def conclude_defects(seen: Measurements) -> Part | None:
         named = [f"{row} {column}" for row, column in gone]
         places = ", ".join(named[:_NAMED] + ["..."] * (len(named) > _NAMED))
         warnings.append(
-            f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, and are left out (row and column "
+            f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, "
+            "and are left out (row and column "
             f"{places})"
         )
     if part > _MANY:
         warnings.append(f"there are many defective pixels: {len(found)} ({100 * part:.2f} %)")
     if flats and flats.blind > _BLIND:
         warnings.append(
-            f"the flat frames are too dark, or too uneven, to tell dead pixels in {100 * flats.blind:.0f} % of the frame; "
+            "the flat frames are too dark, or too uneven, to tell dead pixels in "
+            f"{100 * flats.blind:.0f} % of the frame; "
             "expose the brightest pair up to three quarters of full scale"
         )
     return Part("defects", {"part_of_pixels": part}, {"defects": tuple(found)}, warnings)
@@ -473,7 +561,11 @@ def conclude_noise(seen: Measurements) -> Part | None:
     read_error = np.hypot(full_scale * read_own, error * read)
     return Part(
         "noise",
-        {"from": found.source, "shot_error": rounded(shot_error), "read_error": rounded(read_error)},
+        {
+            "from": found.source,
+            "shot_error": rounded(shot_error),
+            "read_error": rounded(read_error),
+        },
         {"noise": found.model(full_scale)},
         _noise_warnings(found, seen.dark),
         result=found,
@@ -481,7 +573,9 @@ def conclude_noise(seen: Measurements) -> Part | None:
 
 
 def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
-    """Warn of an uncertain gain, and of an uncertain read noise: in all but the darkest frames shot noise hides it."""
+    """Warn of an uncertain gain, and of an uncertain read noise: in all but the darkest frames shot
+    noise hides it.
+    """
     warnings = []
     if not noise.uncertainty <= _GOOD_NOISE:
         warnings.append(
@@ -501,7 +595,9 @@ def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
 
 
 def conclude_shading(seen: Measurements) -> Part | None:
-    """Return how light falls off, for each plane, and a warning if its error is that of an assumed black level."""
+    """Return how light falls off, for each plane, and a warning if its error is that of an assumed
+    black level.
+    """
     found = seen.shading
     if found is None:
         return None
@@ -509,7 +605,8 @@ def conclude_shading(seen: Measurements) -> Part | None:
     if not seen.assumed().black_measured:  # light that is black in truth does not fall off
         error = float(np.hypot(error, found.error_of_black(black_error(seen))))
         warnings.append(
-            f"shading was measured with a black level that is assumed, and so is only known to ±{100 * error:.2g} % in the "
+            "shading was measured with a black level that is assumed, and so is only known to "
+            f"±{100 * error:.2g} % in the "
             "corners (standard error); take dark frames (`dark`)"
         )
     facts: dict[str, Any] = {"frames": found.frames, "standard_error": float(f"{error:.2g}")}
@@ -524,4 +621,11 @@ def rounded(values: DoubleArray) -> list[float]:
     return [float(f"{value:.3g}") for value in values.tolist()]
 
 
-_PARTS = (conclude_gamma, conclude_colour, conclude_noise, conclude_black_level, conclude_defects, conclude_shading)
+_PARTS = (
+    conclude_gamma,
+    conclude_colour,
+    conclude_noise,
+    conclude_black_level,
+    conclude_defects,
+    conclude_shading,
+)

@@ -1,4 +1,6 @@
-"""What a frame shows (nothing, an even surface, a scene), so that one given as another kind is refused with the right reason."""
+"""Content of a frame (nothing, an even surface, a scene), so that one given as another kind is
+refused with the right reason.
+"""
 
 from dataclasses import dataclass
 
@@ -8,7 +10,8 @@ from ...shared import Mosaic
 from ...shared.errors import InputError
 from .samples import CLIPPED, levels_of, robust_deviation, without_shading
 
-# Parts of full scale, where nothing else is said. All are set so that simulated frames of each kind are told apart.
+# Parts of full scale, where nothing else is said. All are set so that simulated frames of each kind
+# are told apart.
 _TILES = 24  # along each side
 # Of full scale, and codes: in less light than that filters do not differ.
 _DARK, _LEAST_CODES = 1 / 1024, 3.0
@@ -24,14 +27,22 @@ _NOISE = 6.0  # standard errors
 
 @dataclass(frozen=True)
 class Content:
-    """What the panchromatic samples of a frame show; levels are parts of full scale.
+    """Content of the panchromatic samples of a frame; levels are parts of full scale.
 
-    level: median.
-    lift: of the median above the mean of the channels' medians.
-    brightest: quantile 0.995.
-    clipped: part of the samples that are clipped.
-    least: level below which a difference between filters is none.
-    is_scene: whether light differs from place to place in steps, as no lens makes it.
+    Attributes
+    ----------
+    level : float
+        Median.
+    lift : float
+        Of the median above the mean of the channels' medians.
+    brightest : float
+        Quantile 0.995.
+    clipped : float
+        Part of the samples that are clipped.
+    least : float
+        Level below which a difference between filters is none.
+    is_scene : bool
+        Whether light differs from place to place in steps, as no lens makes it.
     """
 
     level: float
@@ -61,16 +72,22 @@ class Content:
         )
 
     def is_dark(self, *, black_measured: bool) -> bool:
-        """Whether no light fell in: nothing reads more than black, or no filter more than another, where black may be off.
+        """True if no light fell in: nothing reads more than black, or no filter more than another,
+        where black may be off.
 
-        black_measured: whether dark frames have measured the black level; False = it is assumed.
+        Parameters
+        ----------
+        black_measured : bool
+            Whether dark frames have measured the black level; False = it is assumed.
         """
         alike = abs(self.lift) < self.least and self.level < (_OFF if black_measured else _NOT_DARK)
         return (alike or (black_measured and self.level < self.least)) and not self.is_scene
 
 
 def _has_steps(clear: np.ndarray, brightest: float) -> bool:
-    """Return whether many neighbouring tiles differ by more light than noise and a lens explain; clear: (h, w), levels."""
+    """Return whether many neighbouring tiles differ by more light than noise and a lens explain.
+    clear: (h, w), levels.
+    """
     rows, columns = (min(max(length // _TILES, 2), length) for length in clear.shape)
     high, wide = clear.shape[0] // rows, clear.shape[1] // columns
     tiles = clear[: high * rows, : wide * columns].reshape(high, rows, wide, columns).swapaxes(1, 2)
@@ -79,7 +96,10 @@ def _has_steps(clear: np.ndarray, brightest: float) -> bool:
     # Of a median, sqrt(pi / 2) times that of a mean; of two, sqrt(2) times more.
     error = robust_deviation(samples - middle[..., None]) * np.sqrt(np.pi / (rows * columns))
     light = np.log(np.maximum(middle, max(0.02 * brightest, 1e-6)))
-    steps, ratios = (np.abs(np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)])) for each in (middle, light))
+    steps, ratios = (
+        np.abs(np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)]))
+        for each in (middle, light)
+    )
     large = (steps > max(_LEAST_STEP, _NOISE * error)) & (ratios > _STEP)
     return bool(large.sum() > _STEPS * large.size)
 
@@ -88,14 +108,23 @@ def check_dark(mosaic: Mosaic) -> None:
     """Raise InputError if a frame that is given as dark shows a scene or an evenly lit surface."""
     content = Content.of(mosaic)
     if content.is_scene:
-        raise InputError("is not dark: it shows a scene; cover the lens (a shot of the chart is given without `dark`)")
+        raise InputError(
+            "is not dark: it shows a scene; cover the lens (a shot of the chart is given without "
+            "`dark`)"
+        )
     if content.level > _NOT_DARK:
         level = f"its median is {100 * content.level:.0f} % of full scale"
         raise InputError(f"is not dark: {level}; cover the lens (flat frames go by `flat`)")
 
 
 def check_flat(mosaic: Mosaic, *, black_measured: bool) -> None:
-    """Raise InputError if a frame that is given as flat is dark or shows a scene; black_measured: see `Content.is_dark`."""
+    """Raise InputError if a frame that is given as flat is dark or shows a scene.
+
+    Parameters
+    ----------
+    black_measured : bool
+        See `Content.is_dark`.
+    """
     content = Content.of(mosaic)
     if content.is_dark(black_measured=black_measured):
         raise InputError("is dark: no light fell in; dark frames are given by `dark`")
@@ -106,16 +135,27 @@ def check_flat(mosaic: Mosaic, *, black_measured: bool) -> None:
 
 
 def why_no_chart(mosaic: Mosaic) -> str:
-    """Return why a frame in which no chart was found shows none, "" if that is nothing in particular."""
+    """Return why a frame in which no chart was found shows none, "" if that is nothing in
+    particular.
+    """
     content = Content.of(mosaic)
     if content.brightest < _DIM:
         if content.is_dark(black_measured=False):
-            return "no ColorChecker was found: it is dark; a dark frame, or a folder of them, is given by `dark`"
+            return (
+                "no ColorChecker was found: it is dark; a dark frame, or a folder of them, "
+                "is given by `dark`"
+            )
         reading = f"its brightest places read {100 * max(content.brightest, 0):.1f} % of full scale"
-        return f"it is too dark for a chart: {reading}; expose more, so that white reads about three quarters"
+        return (
+            f"it is too dark for a chart: {reading}; expose more, so that white reads about "
+            "three quarters"
+        )
     if content.clipped > _OVEREXPOSED:
         part = f"{100 * content.clipped:.0f} % of its panchromatic samples are clipped"
         return f"it is over-exposed: {part}; expose less, so that white reads about three quarters"
     if not content.is_scene:
-        return "no ColorChecker was found: it shows an even surface; a flat frame, or a folder of them, is given by `flat`"
+        return (
+            "no ColorChecker was found: it shows an even surface; a flat frame, or a folder "
+            "of them, is given by `flat`"
+        )
     return ""

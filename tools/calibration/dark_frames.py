@@ -1,4 +1,6 @@
-"""Black level, read noise and hot pixels per filter colour, from dark frames; whether light fell in (EMVA Standard 1288)."""
+"""Black level, read noise and hot pixels per filter colour, from dark frames; whether light fell in
+(EMVA Standard 1288).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +13,17 @@ from ...shared.errors import InputError
 from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, tiles
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
-HIDDEN = 0.5  # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288 asks for as much)
+# code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288
+# asks for as much)
+HIDDEN = 0.5
 DEFECT = 5.5  # standard deviations in the averaged dark frame: 4e-8 of good pixels are beyond
 _LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
 _NOT_DARK = 0.1  # of full scale above black
-_UNLIKE = 4.0  # times the variance of another dark frame: one has another gain or exposure, or is no measurement at all
-_DRIFT = 3.0  # standard deviations (and codes) that black may move between dark frames, as with temperature
+# times the variance of another dark frame: one has another gain or exposure, or is no measurement
+# at all
+_UNLIKE = 4.0
+# standard deviations (and codes) that black may move between dark frames, as with temperature
+_DRIFT = 3.0
 # Of the read noise: drift expected before any is seen, and its weight in frames.
 _USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
 # Of the range of codes: black levels of the planes that differ by less are those of electronics.
@@ -30,12 +37,20 @@ _IN_LINE = 0.9
 class DarkResult:
     """Measurements of dark frames, per plane (the C channels, then panchromatic), in codes.
 
-    frames: their number.
-    black: (C + 1,), black level.
-    black_error: (C + 1,), its standard error.
-    read: (C + 1,), read noise as a standard deviation, without the effect of rounding to codes.
-    read_error: (C + 1,), its standard error.
-    defects: (row, column) of pixels that are not black.
+    Attributes
+    ----------
+    frames : int
+        Their number.
+    black : DoubleArray
+        (C + 1,), black level.
+    black_error : DoubleArray
+        (C + 1,), its standard error.
+    read : DoubleArray
+        (C + 1,), read noise as a standard deviation, without the effect of rounding to codes.
+    read_error : DoubleArray
+        (C + 1,), its standard error.
+    defects : tuple[tuple[int, int], ...]
+        (row, column) of pixels that are not black.
     """
 
     frames: int
@@ -47,7 +62,7 @@ class DarkResult:
 
     @property
     def shows_read(self) -> bool:
-        """Whether the codes are fine enough to show the read noise."""
+        """True if the codes are fine enough to show the read noise."""
         return bool((self.read >= HIDDEN).all())
 
     @property
@@ -62,7 +77,11 @@ class DarkResult:
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     """Measure black level and read noise per filter colour, and find the pixels that are not black.
 
-    frames: one or more, with the same exposure. Raises InputError if they are not dark, or clearly differ in noise or level.
+    Parameters
+    ----------
+    frames : Sequence[Mosaic]
+        One or more, with the same exposure. Raises InputError if they are not dark, or clearly
+        differ in noise or level.
     """
     first = frames[0]
     planes = first.pattern.filter_map(first.shape)
@@ -93,7 +112,8 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         else:
             variance = float(samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - ROUNDING, 0.0))
-        # What whole frames drift by is an error of the black level that samples of one frame do not show, and few frames hardly.
+        # What whole frames drift by is an error of the black level that samples of one frame do not
+        # show, and few frames hardly.
         usual = _USUAL_DRIFT_FRAMES * (_USUAL_DRIFT * np.sqrt(variance)) ** 2
         squares = ((levels - levels.mean()) ** 2).sum() + usual
         drift = squares / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
@@ -120,18 +140,23 @@ def _check_alike(samples: DoubleArray) -> None:
         low, high = int(values.argmin()), int(values.argmax())
         if values[high] > limit:
             raise InputError(
-                f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of frame {high + 1} {values[high]:.4g}: "
+                f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of "
+                f"frame {high + 1} {values[high]:.4g}: "
                 "they have another gain or exposure, or light fell in; take all in the same way"
             )
 
 
-def _check_light(frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int) -> None:
-    """Raise InputError if light has fallen on dark frames: in all of the sensor, or in a part of it.
+def _check_light(
+    frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int
+) -> None:
+    """Raise InputError if light has fallen on dark frames: in all of the sensor, or in a part of
+    it.
 
     frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes.
 
-    Panchromatic samples collect the light of all channels, so light lifts them above the others, and light has shot noise: the
-    planes' variances rise along a line over their levels. Heat lifts all planes alike, and an electronic offset has no noise.
+    Panchromatic samples collect the light of all channels, so light lifts them above the others,
+    and light has shot noise: the planes' variances rise along a line over their levels. Heat lifts
+    all planes alike, and an electronic offset has no noise.
     """
     letters, planes = frame.pattern.planes, frame.pattern.filter_map(frame.shape)
     limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK)
@@ -146,8 +171,10 @@ def _check_light(frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: Do
         levels = ", ".join(f"{letter} {level:.1f}" for letter, level, _ in every)
         noises = ", ".join(f"{letter} {each:.2f}" for letter, _, each in every)
         raise InputError(
-            f"dark frames: light fell in: their levels are {levels} codes, with a noise of {noises}: both rise from filter to "
-            "filter as they do in light, most in W, which sees all colours; cover lens and viewfinder, and take them in the dark"
+            f"dark frames: light fell in: their levels are {levels} codes, with a noise of "
+            f"{noises}: both rise from filter to "
+            "filter as they do in light, most in W, which sees all colours; cover lens and "
+            "viewfinder, and take them in the dark"
         )
     parts = []
     for window in tiles(planes):
@@ -158,6 +185,8 @@ def _check_light(frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: Do
     most, (rows, columns) = max(parts, key=lambda part: part[0])
     if most - usual > max(limit, CLIP * float(noise.max()) / np.sqrt(frames * LEAST_SAMPLES)):
         raise InputError(
-            f"dark frames: light fell in around row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}: "
-            f"W is {most - usual:.1f} codes further above the other filters there than elsewhere; cover lens and viewfinder"
+            f"dark frames: light fell in around row {(rows.start + rows.stop) // 2}, column "
+            f"{(columns.start + columns.stop) // 2}: "
+            f"W is {most - usual:.1f} codes further above the other filters there than "
+            "elsewhere; cover lens and viewfinder"
         )

@@ -1,4 +1,6 @@
-"""The files of one calibration: frames, sorted by kind, and the camera.json that is updated or written."""
+"""The files of one calibration: frames, sorted by kind, and the camera.json that is updated or
+written.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -15,17 +17,26 @@ from ..io.backup import keep_old
 from .gamma import Assumed
 
 Files = dict[str, list[str]]
-"""The files to calibrate from: paths of each of `KINDS`, then of the charts under each of two lights, by its name."""
+"""The files to calibrate from: paths of each of `KINDS`, then of the charts under each of two
+lights, by its name.
+"""
 KINDS = "shots", "dark", "flat"
 
 
 def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]:
     """Sort the given files by kind; returns also what was found and left out in folders.
 
-    given: files, and folders with DNGs in them or below: of each of `KINDS`, then of the charts under each of two lights. Of shots,
-        what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat frame.
+    Parameters
+    ----------
+    given : Mapping[str, Sequence[str]]
+        Files, and folders with DNGs in them or below: of each of `KINDS`, then of the charts under
+        each of two lights. Of shots, what is named dark* or flat*, or lies in a subfolder of such a
+        name, is a dark or a flat frame.
 
-    Raises InputError for a folder that cannot be read or has no DNG, and for a shot under neither light.
+    Raises
+    ------
+    InputError
+        For a folder that cannot be read or has no DNG, and for a shot under neither light.
     """
     files: Files = {kind: [] for kind in given}
     searches = []
@@ -40,12 +51,17 @@ def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]
             kinds = (kind for name in names for kind in KINDS[1:] if name.startswith(kind))
             files[next(kinds, known)].append(source.name)
     if len(given) > len(KINDS) and files["shots"]:
-        raise InputError(f"{files['shots'][0]}: shows a chart under neither light; name it after one of the two `chart_light`")
+        raise InputError(
+            f"{files['shots'][0]}: shows a chart under neither light; name it after one of the "
+            "two `chart_light`"
+        )
     return files, searches
 
 
 def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
-    """Raise OutputError if the camera file cannot be written to `output`. Call it before the measurements."""
+    """Raise OutputError if the camera file cannot be written to `output`. Call it before the
+    measurements.
+    """
     if output.is_dir():
         example = f"`output` names the camera file, for example {output / 'camera.json'}"
         raise OutputError(f"{output}: is a folder; {example}")
@@ -59,7 +75,13 @@ def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
 
 
 def read_known(path: Path) -> Camera:
-    """Return the camera in a file that is to be updated. Raises InputError that names the file and what is damaged in it."""
+    """Return the camera in a file that is to be updated.
+
+    Raises
+    ------
+    InputError
+        That names the file and what is damaged in it.
+    """
     camera = read_camera(path)
     try:
         Assumed.of(camera.calibration, measured=camera.measured)
@@ -69,7 +91,9 @@ def read_known(path: Path) -> Camera:
 
 
 def check_same(path: Path, old: Camera, base: Mosaic) -> None:
-    """Raise InputError, naming the file, if a frame is not from the camera in it: another sensor, pattern, size or white level."""
+    """Raise InputError, naming the file, if a frame is not from the camera in it: another sensor,
+    pattern, size or white level.
+    """
     try:
         old.check(base.pattern, base.calibration)
         old.check_size(base.shape)
@@ -77,14 +101,21 @@ def check_same(path: Path, old: Camera, base: Mosaic) -> None:
         raise InputError(f"{path}: {error}") from None
     if old.calibration.white_level != base.calibration.white_level:
         raise InputError(
-            f"{path}: the shots have white level {base.calibration.white_level}, the camera file {old.calibration.white_level}"
+            f"{path}: the shots have white level {base.calibration.white_level}, the camera file "
+            f"{old.calibration.white_level}"
         )
 
 
 def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path | None:
-    """Write the file atomically. With `overwrite` it may replace one, which is kept beside it, see `keep_old`.
+    """Write the file atomically. With `overwrite` it may replace one, which is kept beside it, see
+    `keep_old`.
 
-    Returns the name of the old file; None if there was none. Raises OutputError.
+    Raises OutputError.
+
+    Returns
+    -------
+    Path | None
+        The name of the old file; None if there was none.
     """
     kept = keep_old(path) if overwrite and path.exists() else None
     write_durably(path, (_text(camera.to_json()) + "\n").encode(), overwrite=overwrite)
@@ -92,13 +123,19 @@ def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path
 
 
 def _text(value: Any, indent: str = "") -> str:
-    """Return JSON with a line per field and per row of a matrix, so that a diff shows the changed figures."""
+    """Return JSON with a line per field and per row of a matrix, so that a diff shows the changed
+    figures.
+    """
     deeper = indent + "  "
     if isinstance(value, dict) and value:
         fields = ((json.dumps(key), _text(entry, deeper)) for key, entry in value.items())
         rows = [f"{deeper}{name}: {text}" for name, text in fields]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
-    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple | str | dict):
+    if (
+        isinstance(value, list | tuple)
+        and value
+        and isinstance(value[0], list | tuple | str | dict)
+    ):
         rows = [f"{deeper}{_text(entry, deeper)}" for entry in value]
         return "[\n" + ",\n".join(rows) + f"\n{indent}]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,17 +1,21 @@
-"""Gamma (Eq. 7) from the patches of charts, with its interval: regression with errors in all variables.
+"""Gamma (Eq. 7) from the patches of charts, with its interval: regression with errors in all
+variables.
 
-Both sides of l = sum_i gamma_i c_i are measured with noise. Plain least squares treats the c_i as exact, and its gamma is too
-small. The maximum of the likelihood over gamma and the true c_i together is the minimum over gamma alone of
+Both sides of l = sum_i gamma_i c_i are measured with noise. Plain least squares treats the c_i as
+exact, and its gamma is too small. The maximum of the likelihood over gamma and the true c_i
+together is the minimum over gamma alone of
 
     sum_j (l_j - gamma . c_j)^2 / (var l_j + sum_i gamma_i^2 var c_ij)
 
-(W. A. Fuller, Measurement Error Models, Wiley 1987, section 3.1; physicists call it the effective variance method).
+(W. A. Fuller, Measurement Error Models, Wiley 1987, section 3.1; physicists call it the effective
+variance method).
 
-Two things disturb Eq. 7 that a shot does not measure. A black level that is off adds a constant to the panchromatic level:
-l = gamma . c + offset. Colour shading, a fall-off of a channel that differs from the panchromatic one, makes gamma change over
-the frame: gamma_i (1 + a_i(place)), with a_i = 0 in the middle. Both are unknowns beside gamma, with Gaussian priors: narrow if
-dark and flat frames have measured them, wide if not. So intervals of gamma cover what was assumed. Gamma is stated for the place
-of the chart: only there do colours measure it.
+Two things disturb Eq. 7 that a shot does not measure. A black level that is off adds a constant to
+the panchromatic level: l = gamma . c + offset. Colour shading, a fall-off of a channel that differs
+from the panchromatic one, makes gamma change over the frame: gamma_i (1 + a_i(place)), with a_i = 0
+in the middle. Both are unknowns beside gamma, with Gaussian priors: narrow if dark and flat frames
+have measured them, wide if not. So intervals of gamma cover what was assumed. Gamma is stated for
+the place of the chart: only there do colours measure it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,12 +36,15 @@ from .dark_frames import DarkResult
 from .noise import fit_photon_transfer
 from .samples import PlaceSamples, robust_deviation
 
-# Of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64 are assumed.
+# Of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64
+# are assumed.
 _UNKNOWN_BLACK = 0.5
 _STEADY = 0.3  # codes of 12 bits: drift of black between dark frames and other shots
-# Of the light, in the corners: behind its usual lens an IMX219 loses 34 % more red there, 5 % less blue (libcamera's tuning file).
+# Of the light, in the corners: behind its usual lens an IMX219 loses 34 % more red there, 5 % less
+# blue (libcamera's tuning file).
 _UNKNOWN_COLOUR, _UNKNOWN_TILT = 0.15, 0.02
-# Of the light: flat frames may differ by as much from a smooth shading, and uneven light by as much per colour.
+# Of the light: flat frames may differ by as much from a smooth shading, and uneven light by as much
+# per colour.
 _KNOWN_COLOUR = 0.005
 CONFIDENCE = 0.95
 WORST_INTERVAL = 0.05  # half width over gamma: beyond it a calibration would do harm
@@ -48,7 +55,8 @@ _INSTEAD = (
 _VISIBLE = 3  # channels: light of three primaries has no more independent ones
 # The larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90.
 _WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0
-# With these four, the 95 % intervals of random cameras cover gamma in 91 to 96 % (tests.benchmarks.coverage).
+# With these four, the 95 % intervals of random cameras cover gamma in 91 to 96 %
+# (tests.benchmarks.coverage).
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
@@ -59,10 +67,17 @@ _ROUNDS = 4
 class Assumed:
     """Standard deviations of what was assumed, or measured by other frames.
 
-    black: (C + 1,), black level, codes.
-    black_measured: whether dark frames have measured it.
-    colour: (C,), in the corners, share of the light by which a channel may fall off otherwise than the panchromatic samples.
-    tilt: share by which it may do so from one side to the middle.
+    Attributes
+    ----------
+    black : DoubleArray
+        (C + 1,), black level, codes.
+    black_measured : bool
+        Whether dark frames have measured it.
+    colour : DoubleArray
+        (C,), in the corners, share of the light by which a channel may fall off otherwise than the
+        panchromatic samples.
+    tilt : float
+        Share by which it may do so from one side to the middle.
     """
 
     black: DoubleArray
@@ -81,10 +96,17 @@ class Assumed:
     ) -> "Assumed":
         """Return what is assumed of a camera.
 
-        calibration: with its black level.
-        dark: measurement of the black level by dark frames; None = there are none.
-        measured: parts of the camera that an earlier calibration has measured, as its camera file describes them.
-        even: whether these frames have measured shading, if only that there is none.
+        Parameters
+        ----------
+        calibration : SensorCalibration
+            With its black level.
+        dark : DarkResult | None, optional
+            Measurement of the black level by dark frames; None = there are none.
+        measured : Mapping[str, Mapping[str, Any]], optional
+            Parts of the camera that an earlier calibration has measured, as its camera file
+            describes them.
+        even : bool, optional
+            Whether these frames have measured shading, if only that there is none.
         """
         steady = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
@@ -99,8 +121,9 @@ class Assumed:
             is_measured = False
         colour = np.full(len(calibration.channels), _KNOWN_COLOUR)
         if calibration.shading:
-            # A lens that dims a colour, rather than the sensor that sees less of it, dims its share of panchromatic light too.
-            # Flat frames do not tell these apart, and with that share gamma itself changes towards the corners.
+            # A lens that dims a colour, rather than the sensor that sees less of it, dims its share
+            # of panchromatic light too. Flat frames do not tell these apart, and with that share
+            # gamma itself changes towards the corners.
             *colours, panchromatic = calibration.shading.sketch
             falls = np.array([float(np.abs(panchromatic / each - 1).max()) for each in colours])
             return cls(black, is_measured, np.hypot(colour, falls), _KNOWN_COLOUR)
@@ -108,15 +131,22 @@ class Assumed:
             return cls(black, is_measured, colour, _KNOWN_COLOUR)
         return cls(black, is_measured, np.full_like(colour, _UNKNOWN_COLOUR), _UNKNOWN_TILT)
 
-    def precision(self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True) -> DoubleArray:
+    def precision(
+        self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
+    ) -> DoubleArray:
         """Return the inverse covariance of the unknowns, (P, P), in the order of `unknowns`.
 
-        gamma: (C,), about.
-        offset: whether the black level counts; False = nothing is assumed of it.
+        Parameters
+        ----------
+        gamma : DoubleArray
+            (C,), about.
+        offset : bool, optional
+            Whether the black level counts; False = nothing is assumed of it.
         """
         weights = np.append(np.abs(gamma), 1)
         span = calibration.white_level - np.array(calibration.black_level)
-        # Planes may be off together or each by itself: as sums of squares or as a sum; the larger is the safer one.
+        # Planes may be off together or each by itself: as sums of squares or as a sum; the larger
+        # is the safer one.
         part = self.black / span * weights
         # In common, errors of the channels cancel that of the panchromatic plane in part.
         common = abs(part[-1] - part[:-1].sum())
@@ -127,12 +157,17 @@ class Assumed:
 
 
 def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
-    """Return the terms of the panchromatic level at N places, (N, P): colours, 1, and colours times each shape of shading.
-
-    colours: (N, C), levels of the channels.
-    places: (N, 2), row and column from the middle of the frame, in halves of its diagonal.
+    """Return the terms of the panchromatic level at N places, (N, P): colours, 1, and colours times
+    each shape of shading.
 
     Shapes of shading: two that are round, and two that tilt.
+
+    Parameters
+    ----------
+    colours : DoubleArray
+        (N, C), levels of the channels.
+    places : DoubleArray
+        (N, 2), row and column from the middle of the frame, in halves of its diagonal.
     """
     square = (places**2).sum(axis=1, keepdims=True)
     shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:])
@@ -144,22 +179,39 @@ def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
 class GammaFit:
     """An estimate of gamma from N places, and how reliable it is.
 
-    The unknowns are gamma, an offset, and colour shading, P in all (see `unknowns`). Without any prior the places tell
-    `information` @ unknowns = `right_hand_side`; such equations of independent places add up.
+    The unknowns are gamma, an offset, and colour shading, P in all (see `unknowns`). Without any
+    prior the places tell `information` @ unknowns = `right_hand_side`; such equations of
+    independent places add up.
 
-    information: (P, P), inverse covariance.
-    right_hand_side: (P,).
-    assumed: how far black level and shading may be off.
-    calibration: its levels; its gamma is not used.
-    freedom: degrees of freedom of the covariance.
-    level: (N,), measured panchromatic levels, parts of full scale.
-    predicted: (N,), levels that the fit predicts.
-    used: (N,), False for places that were left out (clipped, outliers).
-    condition: largest over smallest singular value of the colours, each divided by its level: 1 = ideal, 100 = nearly grey.
-    spread: sqrt(chi2 / freedom); 1 = noise explains the residuals.
-    where: (M, 2), places for whose mean gamma is stated, see `unknowns`: the middle of each chart.
-    contradiction: of independent fits, as standard deviations of a normal number; 0 = there is only one fit.
-    widened: by how much that widens the covariance.
+    Attributes
+    ----------
+    information : DoubleArray
+        (P, P), inverse covariance.
+    right_hand_side : DoubleArray
+        (P,).
+    assumed : Assumed
+        How far black level and shading may be off.
+    calibration : SensorCalibration
+        Its levels; its gamma is not used.
+    freedom : float
+        Degrees of freedom of the covariance.
+    level : DoubleArray
+        (N,), measured panchromatic levels, parts of full scale.
+    predicted : DoubleArray
+        (N,), levels that the fit predicts.
+    used : BoolArray
+        (N,), False for places that were left out (clipped, outliers).
+    condition : float
+        Largest over smallest singular value of the colours, each divided by its level: 1 = ideal,
+        100 = nearly grey.
+    spread : float
+        Sqrt(chi2 / freedom); 1 = noise explains the residuals.
+    where : DoubleArray
+        (M, 2), places for whose mean gamma is stated, see `unknowns`: the middle of each chart.
+    contradiction : float
+        Of independent fits, as standard deviations of a normal number; 0 = there is only one fit.
+    widened : float
+        By how much that widens the covariance.
     """
 
     information: DoubleArray
@@ -177,7 +229,9 @@ class GammaFit:
     widened: float = 1.0
 
     def _solved(self, *, offset: bool = True) -> tuple[DoubleArray, DoubleArray]:
-        """Return the unknowns (P,) and their covariance (P, P), also by what is assumed; offset: see `Assumed.precision`."""
+        """Return the unknowns (P,) and their covariance (P, P), also by what is assumed; offset:
+        see `Assumed.precision`.
+        """
         gamma = np.ones(self._channels)
         found, covariance = self.right_hand_side, self.information
         for _ in range(2):  # how much shading matters depends on gamma
@@ -215,7 +269,8 @@ class GammaFit:
 
     @cached_property
     def offset(self) -> tuple[float, float]:
-        """The panchromatic level where the channels are 0, as the places alone show it, and its standard error; of full scale.
+        """The panchromatic level where the channels are 0, as the places alone show it, and its
+        standard error; of full scale.
 
         The error includes that of the black level only where dark frames have measured it.
         """
@@ -229,7 +284,7 @@ class GammaFit:
 
     @property
     def black_deviation(self) -> float:
-        """How many standard errors the black level seems to be off by."""
+        """Error of the black level in standard errors."""
         offset, error = self.offset
         return offset / max(error, 1e-12)
 
@@ -244,7 +299,9 @@ class GammaFit:
         return float((self.half_width / np.abs(self.gamma)).max())
 
 
-def fit_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None) -> GammaFit:
+def fit_gamma(
+    places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None
+) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
 
     Parameters
@@ -259,7 +316,8 @@ def fit_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Ass
     Raises
     ------
     InputError
-        The patches cannot determine gamma: clipped, too few, too similar in colour. It says what to shoot instead.
+        The patches cannot determine gamma: clipped, too few, too similar in colour. It says what to
+        shoot instead.
     """
     assumed = assumed or Assumed.of(calibration)
     channels = places.mean.shape[1] - 1
@@ -293,9 +351,13 @@ def fit_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Ass
     if condition > (worst := max(_WORST_CONDITION, _PER_CHANNEL * channels)):
         why = "greys, or too few colours"
         if channels > _VISIBLE:
-            why += f", or {channels} channels that are mixtures of fewer, as in light of three primaries (a screen, an RGB picture)"
+            why += (
+                f", or {channels} channels that are mixtures of fewer, as in light of three "
+                "primaries (a screen, an RGB picture)"
+            )
         raise InputError(
-            f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most {worst:.0f}): {why}; {_INSTEAD}"
+            f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most "
+            f"{worst:.0f}): {why}; {_INSTEAD}"
         )
     return GammaFit(
         information=information,
@@ -318,7 +380,9 @@ class _Problem:
     level: (N,); colours: (N, C); places: see `unknowns`; variance: (N, C + 1), of the means.
     """
 
-    def __init__(self, level: DoubleArray, colours: DoubleArray, places: DoubleArray, variance: DoubleArray) -> None:
+    def __init__(
+        self, level: DoubleArray, colours: DoubleArray, places: DoubleArray, variance: DoubleArray
+    ) -> None:
         self.level, self.colours, self.places, self.variance = level, colours, places, variance
         self.terms = unknowns(colours, places)
 
@@ -327,8 +391,12 @@ class _Problem:
         total = _total(self.variance, found[: self.colours.shape[1]])
         return (self.level - self.terms @ found) / np.sqrt(total)
 
-    def solved(self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float) -> DoubleArray:
-        """Return the likeliest unknowns (P,), with Huber's loss for the places; prior: (P, P), diagonal."""
+    def solved(
+        self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float
+    ) -> DoubleArray:
+        """Return the likeliest unknowns (P,), with Huber's loss for the places; prior: (P, P),
+        diagonal.
+        """
         strict = np.sqrt(np.diag(prior))
         assumed = strict > 0
 
@@ -340,7 +408,9 @@ class _Problem:
         return least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
 
     def information(self, used: BoolArray, found: DoubleArray) -> DoubleArray:
-        """Return what the places tell, (P, P), from the most likely true channels: noisy ones spread more than the true ones."""
+        """Return what the places tell, (P, P), from the most likely true channels: noisy ones
+        spread more than the true ones.
+        """
         gamma = found[: self.colours.shape[1]]
         total = _total(self.variance, gamma)
         pull = self.variance[:, :-1] * gamma * ((self.level - self.terms @ found) / total)[:, None]
@@ -349,7 +419,9 @@ class _Problem:
 
 
 def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
-    """Return the most likely channel levels (N, C) that fulfil Eq. 7 exactly, given the measured levels and gamma."""
+    """Return the most likely channel levels (N, C) that fulfil Eq. 7 exactly, given the measured
+    levels and gamma.
+    """
     variance = mean_variance(places, ~places.clipped)
     disagreement = places.mean[:, -1] - places.mean[:, :-1] @ gamma
     pull = variance[:, :-1] * gamma / _total(variance, gamma)[:, None]
@@ -357,7 +429,9 @@ def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
 
 
 def mean_variance(places: PlaceSamples, exposed: BoolArray) -> DoubleArray:
-    """Return the variance of each mean, (N, C + 1): the place's own, averaged with the noise line of its plane."""
+    """Return the variance of each mean, (N, C + 1): the place's own, averaged with the noise line
+    of its plane.
+    """
     variance = np.zeros_like(places.mean)
     for plane in range(places.mean.shape[1]):
         mean, own, count = places.mean[:, plane], places.variance[:, plane], places.count[:, plane]
@@ -381,7 +455,9 @@ def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> D
 
 
 def combined(fits: Sequence[GammaFit]) -> GammaFit:
-    """Combine independent fits with the same calibration and assumptions: what they assume counts once."""
+    """Combine independent fits with the same calibration and assumptions: what they assume counts
+    once.
+    """
     if len(fits) == 1:
         return fits[0]
     whole = replace(
@@ -396,8 +472,9 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         spread=max(fit.spread for fit in fits),
         where=np.concatenate([fit.where for fit in fits]),
     )
-    # Fits that contradict each other in gamma beyond their intervals widen the common one (Birge's ratio). Each has its few
-    # degrees of freedom, and all that it assumes: what is off in common sets them apart less than this allows.
+    # Fits that contradict each other in gamma beyond their intervals widen the common one (Birge's
+    # ratio). Each has its few degrees of freedom, and all that it assumes: what is off in common
+    # sets them apart less than this allows.
     chi2 = 0.0
     for fit in fits:
         there = replace(fit, where=whole.where)
@@ -410,11 +487,14 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
 
 
 def check_determined(fit: GammaFit) -> None:
-    """Raise InputError that says what to shoot instead, unless every gamma is positive and known to WORST_INTERVAL."""
+    """Raise InputError that says what to shoot instead, unless every gamma is positive and known to
+    WORST_INTERVAL.
+    """
     if fit.gamma.min() <= 0 or fit.worst > WORST_INTERVAL:
         pairs = zip(fit.gamma, fit.half_width, strict=True)
         figures = ", ".join(f"{value:.3g} ± {half:.2g}" for value, half in pairs)
         raise InputError(
-            f"gamma is only known to be {figures}, and {100 * WORST_INTERVAL:.0f} % are needed: {_INSTEAD}; "
+            f"gamma is only known to be {figures}, and {100 * WORST_INTERVAL:.0f} % are needed: "
+            f"{_INSTEAD}; "
             "more light or more shots help too"
         )

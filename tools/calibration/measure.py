@@ -1,6 +1,8 @@
-"""Measure the frames of one camera, in the order in which one kind needs what another has shown. Start reading here.
+"""Measure the frames of one camera, in the order in which one kind needs what another has shown.
+Start reading here.
 
-`measure_frames` reads and measures, `conclude.conclude` makes a camera of what was measured, `report.write_report` shows it.
+`measure_frames` reads and measures, `conclude.conclude` makes a camera of what was measured,
+`report.write_report` shows it.
 """
 
 import hashlib
@@ -30,7 +32,8 @@ from .noise import FlatResult, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
 
-# Of full scale, between two black levels: more than they drift with temperature (see gamma._STEADY).
+# Of full scale, between two black levels: more than they drift with temperature (see
+# gamma._STEADY).
 _FAR = 1 / 256
 # The white patch; part of full scale below which it shows much more noise than at three quarters.
 _WHITE, _DIM = 18, 0.1
@@ -43,12 +46,21 @@ Check = Callable[[Mosaic], None]
 class ShotMeasurement:
     """Measurements of one shot of the chart.
 
-    name: file name.
-    fit: gamma; its calibration is that stored in the shot, with the black level that the measurements refer to.
-    chart: the chart.
-    places: statistics of the patches.
-    picture: uint8 RGB (H, W, 3), the shot with the patches outlined.
-    light: the one of two on the chart, "" = the only one.
+    Attributes
+    ----------
+    name : str
+        File name.
+    fit : GammaFit
+        gamma; its calibration is that stored in the shot, with the black level that the
+        measurements refer to.
+    chart : FoundChart
+        The chart.
+    places : PlaceSamples
+        Statistics of the patches.
+    picture : ByteArray
+        uint8 RGB (H, W, 3), the shot with the patches outlined.
+    light : str
+        The one of two on the chart, "" = the only one.
     """
 
     name: str
@@ -61,19 +73,33 @@ class ShotMeasurement:
 
 @dataclass(eq=False)
 class Measurements:
-    """What the frames of one camera show, and what they do not; None = not measured.
+    """Measurements of the frames of one camera; None = not measured.
 
-    chart_colours: (24, 3), XYZ (D50) of the chart, white = 1.
-    base: the first frame that was read: its pattern, levels and sensor are those of the camera. None = no frame could be read.
-    old: the camera file that is updated; None = there is none.
-    dark: of dark frames.
-    flats: of pairs of flat frames.
-    shots: of each shot of a chart.
-    lights: the names of the two lights on the charts; () = one light, whose name does not matter.
-    shading: of flat frames.
-    stated_defects: (row, column) of the defects that the frames state.
-    skipped: a line for each frame, or set of frames, that could not be used.
-    remarks: why flat frames do not show shading or noise, and why a measurement of before is kept.
+    Attributes
+    ----------
+    chart_colours : DoubleArray
+        (24, 3), XYZ (D50) of the chart, white = 1.
+    base : Mosaic | None
+        The first frame that was read: its pattern, levels and sensor are those of the camera. None
+        = no frame could be read.
+    old : Camera | None
+        The camera file that is updated; None = there is none.
+    dark : DarkResult | None
+        Of dark frames.
+    flats : FlatResult | None
+        Of pairs of flat frames.
+    shots : list[ShotMeasurement]
+        Of each shot of a chart.
+    lights : tuple[str, ...]
+        The names of the two lights on the charts; () = one light, whose name does not matter.
+    shading : ShadingResult | None
+        Of flat frames.
+    stated_defects : set[tuple[int, int]]
+        (row, column) of the defects that the frames state.
+    skipped : list[str]
+        A line for each frame, or set of frames, that could not be used.
+    remarks : list[str]
+        Why flat frames do not show shading or noise, and why a measurement of before is kept.
     """
 
     chart_colours: DoubleArray
@@ -95,14 +121,18 @@ class Measurements:
 
     @property
     def empty(self) -> bool:
-        """Whether no frame could be used."""
+        """True if no frame could be used."""
         return not (self.dark or self.flats or self.shots or self.shading)
 
     @property
     def calibration(self) -> SensorCalibration:
-        """That of the old camera file, or of the frames; with the black level of the dark frames.
+        """Calibration of the old camera file, or of the frames, with the black level of the dark
+        frames.
 
-        Raises InputError if no frame was read.
+        Raises
+        ------
+        InputError
+            If no frame was read.
         """
         if self.base is None:
             raise InputError("no frame could be used")
@@ -125,7 +155,13 @@ class Measurements:
         return combined([shot.fit for shot in self.shots]) if self.shots else None
 
     def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
-        """Return how far black level and shading may be off; calibration: of a frame, None = that of the camera."""
+        """Return how far black level and shading may be off.
+
+        Parameters
+        ----------
+        calibration : SensorCalibration | None, optional
+            Of a frame, None = that of the camera.
+        """
         even, calibration = self.shading is not None, calibration or self.calibration
         return Assumed.of(calibration, self.dark, self.known, even=even)
 
@@ -138,7 +174,8 @@ def measure_frames(
     sensor: str | None = None,
     old: Camera | None = None,
 ) -> Measurements:
-    """Measure all frames of one camera. A frame that cannot be used is skipped, with a line that says why.
+    """Measure all frames of one camera. A frame that cannot be used is skipped, with a line that
+    says why.
 
     Parameters
     ----------
@@ -153,7 +190,8 @@ def measure_frames(
     sensor
         Name of the sensor; None = the name in the frames.
     old
-        A camera file that is updated: its black level, shading and gamma count as known. None = there is none.
+        A camera file that is updated: its black level, shading and gamma count as known. None =
+        there is none.
     """
     session = Session(console, chart_colours, sensor, old)
     session.dark(files["dark"])
@@ -166,7 +204,11 @@ def measure_frames(
 
 
 def measure_chart(
-    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Matrix | None = None, assumed: Assumed | None = None
+    name: str,
+    mosaic: Mosaic,
+    reference: DoubleArray,
+    corners: Matrix | None = None,
+    assumed: Assumed | None = None,
 ) -> ShotMeasurement:
     """Find the chart in a shot, measure its patches, and estimate gamma from them.
 
@@ -196,7 +238,13 @@ def measure_chart(
 
 
 class Session:
-    """Measures frames kind by kind; see `measure_frames`. read: reads a frame. `seen` is what was measured so far."""
+    """Measures frames kind by kind; see `measure_frames`.
+
+    Parameters
+    ----------
+    read : Callable[[str], Mosaic], optional
+        Reads a frame. `seen` is what was measured so far.
+    """
 
     def __init__(
         self,
@@ -245,7 +293,9 @@ class Session:
             self._measure_noise(paths, frames)
 
     def _measure_shading(self, frames: list[tuple[str, Mosaic]]) -> None:
-        """Measure the shading of flat frames; what a shot states of its shading does not count any more."""
+        """Measure the shading of flat frames; what a shot states of its shading does not count any
+        more.
+        """
         if self.seen.base is not None:
             self.seen.base = without_shading(self.seen.base)
         before = self._known.setdefault("shading", None)
@@ -277,7 +327,13 @@ class Session:
             self._console.note(f"{frames[index][0]} tells no noise: {why}")
 
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
-        """Measure shots of a chart; light: see `ShotMeasurement`, the other arguments: see `measure_frames`."""
+        """Measure shots of a chart.
+
+        Parameters
+        ----------
+        light : str, optional
+            See `ShotMeasurement`, the other arguments: see `measure_frames`.
+        """
 
         def measured(path: str) -> ShotMeasurement:
             (mosaic, stated), name = self._read(path, "shot"), Path(path).name
@@ -291,7 +347,8 @@ class Session:
                 why = why_no_chart(mosaic) or str(error)
                 if self._is_far(stated):
                     why += (
-                        f"; or the dark frames are to blame: they show black level {figures(self._known['black_level'])}, the "
+                        "; or the dark frames are to blame: they show black level "
+                        f"{figures(self._known['black_level'])}, the "
                         f"shot states {figures(stated.black_level)} codes"
                     )
                 raise InputError(why) from None
@@ -302,17 +359,20 @@ class Session:
             white = shot.places.mean[_WHITE, -1]
             if white < _DIM:
                 self.seen.remarks.append(
-                    f"{shot.name} is dark: its white patch reads {100 * white:.1f} % of full scale; expose more, up to 75 %"
+                    f"{shot.name} is dark: its white patch reads {100 * white:.1f} % of full "
+                    "scale; expose more, up to 75 %"
                 )
             self.seen.shots.append(replace(shot, light=light))
 
     def _is_far(self, stated: SensorCalibration) -> bool:
-        """Whether the black level that a frame states is far from the one that was measured."""
+        """True if the black level that a frame states is far from the one that was measured."""
         black = np.array(self._known.get("black_level", stated.black_level))
         return bool(np.abs(black - stated.black_level).max() > _FAR * stated.white_level)
 
     def _unshaded(self, paths: Sequence[str], kind: str, check: Check) -> list[tuple[str, Mosaic]]:
-        """Return the frames that can be read and are of this kind, without the shading that they state."""
+        """Return the frames that can be read and are of this kind, without the shading that they
+        state.
+        """
 
         def read(path: str) -> tuple[str, Mosaic]:
             mosaic, _ = self._read(path, kind, check)
@@ -320,10 +380,13 @@ class Session:
 
         return list(self._each(paths, kind, read))
 
-    def _read(self, path: str, kind: str, check: Check = lambda _: None) -> tuple[Mosaic, SensorCalibration]:
+    def _read(
+        self, path: str, kind: str, check: Check = lambda _: None
+    ) -> tuple[Mosaic, SensorCalibration]:
         """Return a frame with what is known of the camera, and what the frame states.
 
-        Raises InputError for a copy of a frame before, and if it is from another camera, or was taken with other settings.
+        Raises InputError for a copy of a frame before, and if it is from another camera, or was
+        taken with other settings.
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
@@ -352,7 +415,9 @@ class Session:
         return mosaic, stated
 
     def _check_same(self, mosaic: Mosaic, kind: str) -> None:
-        """Raise InputError unless a frame has size, pattern and levels of the first one: as they are stated."""
+        """Raise InputError unless a frame has size, pattern and levels of the first one: as they
+        are stated.
+        """
         if self.seen.base is None:
             return
         ours, first = _facts(mosaic), _facts(self.seen.base)
@@ -362,12 +427,15 @@ class Session:
         for name, fact in ours.items():
             if fact != first[name] and (name != "sensor" or (fact and first[name])):
                 raise InputError(
-                    f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all frames have to be from one camera, "
+                    f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all "
+                    "frames have to be from one camera, "
                     "with the same settings"
                 )
 
     def _each(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
-        """Yield what `work` makes of each frame that it can use, with a record; the others are skipped."""
+        """Yield what `work` makes of each frame that it can use, with a record; the others are
+        skipped.
+        """
         for path in paths:
             try:
                 with self._console.progress(Path(path).name) as progress:
@@ -394,7 +462,8 @@ def _facts(mosaic: Mosaic) -> dict[str, str]:
     return {
         "sensor": calibration.sensor,
         "size": f"{mosaic.shape[1]} x {mosaic.shape[0]} pixels",
-        "pattern": f"{pattern.channels} period {pattern.period} ({' '.join(pattern.letters_from())})",
+        "pattern": f"{pattern.channels} period {pattern.period} "
+        f"({' '.join(pattern.letters_from())})",
         "number of bits": str(calibration.bits),
         "white level": str(calibration.white_level),
         "black level": figures(calibration.black_level),

@@ -1,6 +1,8 @@
-"""Noise and dead pixels per filter colour, from pairs of flat frames (EMVA Standard 1288, release 4).
+"""Noise and dead pixels per filter colour, from pairs of flat frames (EMVA Standard 1288, release
+4).
 
-Photon transfer: variance over mean tells gain and read noise (J. R. Janesick, Photon Transfer, SPIE 2007).
+Photon transfer: variance over mean tells gain and read noise (J. R. Janesick, Photon Transfer, SPIE
+2007).
 """
 
 import math
@@ -14,7 +16,15 @@ from ...shared import Mosaic, NoiseModel, SensorCalibration
 from ...shared.arrays import BoolArray, DoubleArray
 from ...shared.errors import InputError
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
-from .samples import CLIP, CLIPPED, PlaceSamples, clipped_moments, levels_of, robust_deviation, tiles
+from .samples import (
+    CLIP,
+    CLIPPED,
+    PlaceSamples,
+    clipped_moments,
+    levels_of,
+    robust_deviation,
+    tiles,
+)
 
 _ROUNDS = 12
 _LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
@@ -23,7 +33,8 @@ _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of 
 _MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _GROUPS = 6  # of tiles, per pair
-_RESTLESS = 2.0  # times the median variance per light of a pair's tiles: something moved between the frames
+# times the median variance per light of a pair's tiles: something moved between the frames
+_RESTLESS = 2.0
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
 SIGMAS = 1.96  # standard errors in half a 95 % interval
 
@@ -32,9 +43,14 @@ SIGMAS = 1.96  # standard errors in half a 95 % interval
 class PhotonTransfer:
     """The line variance = shot * mean + read**2 of one plane, in parts of full scale.
 
-    shot: variance per level.
-    read: standard deviation without light.
-    shot_error, read_error: their standard errors; infinite = the places do not determine them; 0 = given, not fitted.
+    Attributes
+    ----------
+    shot : float
+        Variance per level.
+    read : float
+        Standard deviation without light.
+    shot_error, read_error : float
+        Their standard errors; infinite = the places do not determine them; 0 = given, not fitted.
     """
 
     shot: float
@@ -47,15 +63,24 @@ class PhotonTransfer:
         return self.shot * np.maximum(mean, 0) + self.read**2
 
 
-def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:
-    """Fit the line through the means and variances of N places of one plane; neither shot nor read is negative.
+def fit_photon_transfer(
+    mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None
+) -> PhotonTransfer:
+    """Fit the line through the means and variances of N places of one plane; neither shot nor read
+    is negative.
 
-    An intercept that is fitted may be: then black is lower than it is taken for, which must not tilt the line. Places far above
-    the line have texture and are left out.
+    An intercept that is fitted may be: then black is lower than it is taken for, which must not
+    tilt the line. Places far above the line have texture and are left out.
 
-    mean, variance: (N,), parts of full scale.
-    count: (N,), number of samples; it gives the weight, because the variance of n samples has the variance 2 variance^2 / (n - 1).
-    read: read noise from dark frames, parts of full scale; None = it is the line's intercept.
+    Parameters
+    ----------
+    mean, variance : DoubleArray
+        (N,), parts of full scale.
+    count : DoubleArray
+        (N,), number of samples; it gives the weight, because the variance of n samples has the
+        variance 2 variance^2 / (n - 1).
+    read : float | None, optional
+        Read noise from dark frames, parts of full scale; None = it is the line's intercept.
     """
     good = (count > 1) & np.isfinite(variance)
     mean, variance, root = mean[good], variance[good], np.sqrt((count[good] - 1) / 2)
@@ -100,10 +125,18 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
 class FlatResult:
     """Measurements of pairs of flat frames.
 
-    pairs: their number.
-    points: mean and variance in parts of full scale, in a few groups of places per pair; rounding to codes is part of the variance.
-    dead: (row, column) of pixels that are dead in the brightest pair.
-    blind: part of the pixels whose light is too weak, or too uneven nearby, to tell a dead pixel from a good one.
+    Attributes
+    ----------
+    pairs : int
+        Their number.
+    points : PlaceSamples
+        Mean and variance in parts of full scale, in a few groups of places per pair; rounding to
+        codes is part of the variance.
+    dead : tuple[tuple[int, int], ...]
+        (row, column) of pixels that are dead in the brightest pair.
+    blind : float
+        Part of the pixels whose light is too weak, or too uneven nearby, to tell a dead pixel from
+        a good one.
     """
 
     pairs: int
@@ -116,9 +149,14 @@ class FlatResult:
 class NoiseResult:
     """Photon transfer in parts of full scale.
 
-    lines: per plane (the channels, then panchromatic).
-    points: the measurements that the lines were fitted to.
-    source: which frames they come from, for people.
+    Attributes
+    ----------
+    lines : tuple[PhotonTransfer, ...]
+        Per plane (the channels, then panchromatic).
+    points : PlaceSamples
+        The measurements that the lines were fitted to.
+    source : str
+        Which frames they come from, for people.
     """
 
     lines: tuple[PhotonTransfer, ...]
@@ -126,23 +164,43 @@ class NoiseResult:
     source: str
 
     def model(self, full_scale: float) -> NoiseModel:
-        """Return the noise model in scene units; full_scale: scene units at the white level."""
+        """Return the noise model in scene units.
+
+        Parameters
+        ----------
+        full_scale : float
+            Scene units at the white level.
+        """
         shot, read = zip(*((line.shot, line.read) for line in self.lines), strict=True)
         return NoiseModel(*(tuple(full_scale * value for value in each) for each in (shot, read)))
 
     @property
     def uncertainty(self) -> float:
-        """Half the 95 % interval of what light adds to the variance at full scale, over that variance: of the plane known worst."""
+        """Half the 95 % interval of what light adds to the variance at full scale, over that
+        variance: of the plane known worst.
+        """
         of_lines = [line.shot_error / max(line.shot + line.read**2, 1e-30) for line in self.lines]
         return SIGMAS * max(of_lines)
 
 
 def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
-    """Measure pairs of equal flat frames: half the variance of their difference is noise without fixed pattern.
+    """Measure pairs of equal flat frames: half the variance of their difference is noise without
+    fixed pattern.
 
-    frames: flat frames of one or more exposures, in any order.
+    Parameters
+    ----------
+    frames : Sequence[Mosaic]
+        Flat frames of one or more exposures, in any order.
 
-    Returns the measurements, and the indices of frames without a partner. Raises InputError if there is no pair.
+    Returns
+    -------
+    tuple[FlatResult, list[int]]
+        The measurements, and the indices of frames without a partner.
+
+    Raises
+    ------
+    InputError
+        If there is no pair.
     """
     planes = frames[0].pattern.filter_map(frames[0].shape)
     white = len(frames[0].pattern.planes) - 1
@@ -158,7 +216,8 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
     unpaired = sorted(set(range(len(frames))).difference(*pairs))
     if not pairs:
         raise InputError(
-            "flat frames: no two unclipped frames have the same exposure; take two of each, at several exposures up to three "
+            "flat frames: no two unclipped frames have the same exposure; take two of each, at "
+            "several exposures up to three "
             "quarters of full scale"
         )
     frames_of = [(levels[first], levels[second]) for first, second in pairs]
@@ -170,15 +229,27 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
 
 
 def noise_of_flats(
-    flats: FlatResult, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None = None
+    flats: FlatResult,
+    calibration: SensorCalibration,
+    dark: DarkResult | None,
+    black_error: DoubleArray | None = None,
 ) -> NoiseResult:
-    """Fit the noise of flat frames: a line per plane, after subtracting the variance that rounding to codes adds.
+    """Fit the noise of flat frames: a line per plane, after subtracting the variance that rounding
+    to codes adds.
 
-    calibration: its black and white level are those of the frames.
-    dark: measurements of dark frames; None = the read noise is the intercept of the fit.
-    black_error: (C + 1,), standard error of the black level, codes; None = it is exact.
+    Parameters
+    ----------
+    calibration : SensorCalibration
+        Its black and white level are those of the frames.
+    dark : DarkResult | None
+        Measurements of dark frames; None = the read noise is the intercept of the fit.
+    black_error : DoubleArray | None, optional
+        (C + 1,), standard error of the black level, codes; None = it is exact.
 
-    Raises InputError if the pairs do not show how the noise grows with light.
+    Raises
+    ------
+    InputError
+        If the pairs do not show how the noise grows with light.
     """
     points, span = flats.points, calibration.white_level - np.array(calibration.black_level)
     points = replace(points, variance=np.maximum(points.variance - ROUNDING / span**2, 0))
@@ -186,7 +257,11 @@ def noise_of_flats(
     lines = []
     for plane, full in enumerate(span.tolist()):
         read = None if known is None else float(known.read[plane] / full)
-        mean, variance, count = (points.mean[:, plane], points.variance[:, plane], points.count[:, plane])
+        mean, variance, count = (
+            points.mean[:, plane],
+            points.variance[:, plane],
+            points.count[:, plane],
+        )
         line = fit_photon_transfer(mean, variance, count, read)
         # Black that is off stretches the levels, and moves the line's intercept.
         moved = 0.0 if black_error is None else line.shot * float(black_error[plane] / full)
@@ -203,19 +278,25 @@ def noise_of_flats(
         fault = "show less noise than rounding to codes hides"
     elif not noise.uncertainty <= _WORST_NOISE:
         part = f"±{100 * noise.uncertainty:.0f} %" if noise.uncertainty < 1 else "±100 % or more"
-        fault = f"tell the noise at full scale only to {part}, and {100 * _WORST_NOISE:.0f} % are allowed"
+        fault = (
+            f"tell the noise at full scale only to {part}, and {100 * _WORST_NOISE:.0f} % "
+            "are allowed"
+        )
     if fault:
         raise InputError(
-            f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, up to three quarters of full "
+            f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, "
+            "up to three quarters of full "
             "scale, and dark frames (`dark`)"
         )
     return noise
 
 
 def _grouped(places: DoubleArray) -> DoubleArray:
-    """Return a few groups of places of like brightness, without places that have more than noise (something moved).
+    """Return a few groups of places of like brightness, without places that have more than noise
+    (something moved).
 
-    A line fits the groups as well as the places. places: see `_pair_points`; the groups are of the same form.
+    A line fits the groups as well as the places. places: see `_pair_points`; the groups are of the
+    same form.
     """
     if not places.size:
         return places
@@ -230,8 +311,11 @@ def _grouped(places: DoubleArray) -> DoubleArray:
     return np.array(groups)
 
 
-def _pair_points(one: DoubleArray, two: DoubleArray, planes: np.ndarray, number: int) -> DoubleArray:
-    """Return mean, half the variance of the difference of two frames, and number of samples, in N tiles that are not clipped.
+def _pair_points(
+    one: DoubleArray, two: DoubleArray, planes: np.ndarray, number: int
+) -> DoubleArray:
+    """Return mean, half the variance of the difference of two frames, and number of samples, in N
+    tiles that are not clipped.
 
     number: of planes P; the result is (N, 3, P).
     """
@@ -250,11 +334,15 @@ def _pair_points(one: DoubleArray, two: DoubleArray, planes: np.ndarray, number:
     return np.reshape(places, (-1, 3, number))
 
 
-def _dead(one: DoubleArray, two: DoubleArray, planes: np.ndarray) -> tuple[tuple[tuple[int, int], ...], float]:
-    """Return (row, column) of pixels that are dead in two frames (H, W), and the part of the pixels that cannot tell.
+def _dead(
+    one: DoubleArray, two: DoubleArray, planes: np.ndarray
+) -> tuple[tuple[tuple[int, int], ...], float]:
+    """Return (row, column) of pixels that are dead in two frames (H, W), and the part of the pixels
+    that cannot tell.
 
-    Dead is less than half the light of the plane in the same tile. A good pixel must not be as dark by chance, nor a dead one as
-    bright: half the light is DEFECT deviations of the noise away from both. Where many pixels are dark the light is uneven.
+    Dead is less than half the light of the plane in the same tile. A good pixel must not be as dark
+    by chance, nor a dead one as bright: half the light is DEFECT deviations of the noise away from
+    both. Where many pixels are dark the light is uneven.
     """
     found: list[tuple[int, int]] = []
     blind, bright = 0, one + two

@@ -1,4 +1,6 @@
-"""Reference colours of a chart: the built-in ColorChecker, or a CGATS file (.ti3, .cie), the format of Argyll CMS."""
+"""Reference colours of a chart: the built-in ColorChecker, or a CGATS file (.ti3, .cie), the format
+of Argyll CMS.
+"""
 
 import re
 from pathlib import Path
@@ -27,11 +29,18 @@ _EXCHANGED, _OF_THE_SAME_CHART = 5.0, 6.0
 
 
 def read_reference(path: Path) -> DoubleArray:
-    """Read a CGATS file with XYZ or L*a*b* of 24 patches; return XYZ (24, 3), D50 with white = 1, in reading order.
+    """Read a CGATS file with XYZ or L*a*b* of 24 patches; return XYZ (24, 3), D50 with white = 1,
+    in reading order.
 
-    XYZ may be those of 0 to 1 or of 0 to 100, which the white patch tells. Patches are named by column and row (A1 dark skin, A4
-    white, F4 black, as in Argyll's ColorChecker.cie), by row and column (A1 dark skin, D1 white, D6 black) or numbered in reading
-    order; without names they are in reading order. Raises InputError that names the file and what is wrong with it.
+    XYZ may be those of 0 to 1 or of 0 to 100, which the white patch tells. Patches are named by
+    column and row (A1 dark skin, A4 white, F4 black, as in Argyll's ColorChecker.cie), by row and
+    column (A1 dark skin, D1 white, D6 black) or numbered in reading order; without names they are
+    in reading order.
+
+    Raises
+    ------
+    InputError
+        That names the file and what is wrong with it.
     """
     try:
         return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))
@@ -40,9 +49,15 @@ def read_reference(path: Path) -> DoubleArray:
 
 
 def check_order(path: Path, reference: DoubleArray, usual: DoubleArray) -> None:
-    """Raise InputError, naming the file, if its colours are those of a ColorChecker in another order.
+    """Raise InputError, naming the file, if its colours are those of a ColorChecker in another
+    order.
 
-    reference: (24, 3), XYZ (D50), white = 1, as read from the file; usual: those of the built-in chart.
+    Parameters
+    ----------
+    reference : DoubleArray
+        (24, 3), XYZ (D50), white = 1, as read from the file;
+    usual : DoubleArray
+        Those of the built-in chart.
     """
     first, second = (xyz_to_lab(colours) for colours in (reference, usual))
     difference = delta_e_2000(*np.broadcast_arrays(first[:, None], second[None]))
@@ -52,8 +67,10 @@ def check_order(path: Path, reference: DoubleArray, usual: DoubleArray) -> None:
     if matched.mean() < _OF_THE_SAME_CHART and wrong.size:
         one = int(wrong[0])
         raise InputError(
-            f"{path}: the colour of {_name(one)} ({NAMES[one]}) is that of {_name(int(places[one]))} ({NAMES[places[one]]}) on a "
-            f"ColorChecker, and {wrong.size} patches are elsewhere in all; correct names or order: A1 to F1, A2 to F2, ... F4"
+            f"{path}: the colour of {_name(one)} ({NAMES[one]}) is that of "
+            f"{_name(int(places[one]))} ({NAMES[places[one]]}) on a "
+            f"ColorChecker, and {wrong.size} patches are elsewhere in all; correct names or "
+            "order: A1 to F1, A2 to F2, ... F4"
         )
 
 
@@ -94,7 +111,8 @@ def _scaled(values: DoubleArray) -> DoubleArray:
         if _LEAST_WHITE <= white / scale <= _MOST_WHITE:
             return values / scale
     raise InputError(
-        f"the white patch (A4) has XYZ_Y {white:g}, expected about 0.9 (of 0 to 1) or 90 (of 0 to 100), relative to perfect white; "
+        f"the white patch (A4) has XYZ_Y {white:g}, expected about 0.9 (of 0 to 1) or 90 (of 0 "
+        "to 100), relative to perfect white; "
         "divide all by what that reads, or correct the order"
     )
 
@@ -109,23 +127,29 @@ def _from_lab(values: DoubleArray) -> DoubleArray:
 
 
 def _checked(reference: DoubleArray) -> DoubleArray:
-    """Return the reference. Raises InputError unless its greys get darker from patch to patch and are grey for D50."""
+    """Return the reference. Raises InputError unless its greys get darker from patch to patch and
+    are grey for D50.
+    """
     grey = reference[_WHITE:]
     darker = (np.diff(grey[:, 1]) < 0).all() and _LEAST_WHITE <= grey[0, 1] <= _MOST_WHITE
     if reference.min() < 0 or not darker:
         raise InputError(
-            "the grey row (A4 to F4) does not get darker from white, about 0.9 of perfect white, to black; correct scale or order"
+            "the grey row (A4 to F4) does not get darker from white, about 0.9 of perfect white, "
+            "to black; correct scale or order"
         )
     tint = np.median(xyz_to_lab(grey)[:, 1:], axis=0)
     if np.hypot(*tint) > _TINTED:
         raise InputError(
-            f"the grey row has a tint (a* {tint[0]:.0f}, b* {tint[1]:.0f}), as for another light than D50; adapt the colours to D50"
+            f"the grey row has a tint (a* {tint[0]:.0f}, b* {tint[1]:.0f}), as for another light "
+            "than D50; adapt the colours to D50"
         )
     return reference
 
 
 def _check_light(text: str) -> None:
-    """Raise InputError if the file says that its colours are for another light than D50, or another observer than 2 degrees."""
+    """Raise InputError if the file says that its colours are for another light than D50, or another
+    observer than 2 degrees.
+    """
     header = text.partition("BEGIN_DATA_FORMAT")[0]
     for said, remedy in ((_LIGHT.search(header), "D50"), (_OBSERVER.search(header), "2 degrees")):
         if said:
@@ -155,7 +179,9 @@ def _table(text: str) -> tuple[list[str], list[list[str]]]:
 
 
 def _order(names: list[str]) -> list[int]:
-    """Return the index in reading order of each patch, [] unless the names are those of all patches."""
+    """Return the index in reading order of each patch, [] unless the names are those of all
+    patches.
+    """
     places = [(name[1].upper(), int(name[2])) for each in names if (name := _PLACE.fullmatch(each))]
     by_column = [(number - 1) * COLUMNS + "ABCDEF".index(letter) for letter, number in places]
     by_row = ["ABCDEF".index(letter) * COLUMNS + number - 1 for letter, number in places]

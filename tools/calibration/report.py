@@ -1,4 +1,6 @@
-"""The calibration report: one HTML page for sign-off, with the verdict first, then the measurements and how well they fit."""
+"""The calibration report: one HTML page for sign-off, with the verdict first, then the measurements
+and how well they fit.
+"""
 
 import json
 from collections.abc import Mapping
@@ -52,10 +54,17 @@ def write_report(result: Result, made: Mapping[str, str]) -> bytes:
         planes=seen.planes,
         shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
         gamma=found.get("gamma"),
-        residuals=embed_plot(lambda axes: _plot_residuals(axes, result)) if "gamma" in found else "",
-        colours=[(chart, _patches(chart), _differences(chart), _glow(chart.fit.light)) for chart in found.get("colour", ())],
+        residuals=embed_plot(lambda axes: _plot_residuals(axes, result))
+        if "gamma" in found
+        else "",
+        colours=[
+            (chart, _patches(chart), _differences(chart), _glow(chart.fit.light))
+            for chart in found.get("colour", ())
+        ],
         noise=found.get("noise"),
-        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes)) if "noise" in found else "",
+        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes))
+        if "noise" in found
+        else "",
         dark=seen.dark,
         shading=seen.shading,
         camera=camera,
@@ -67,7 +76,9 @@ def write_report(result: Result, made: Mapping[str, str]) -> bytes:
 
 
 def _plot_residuals(axes: "Axes", result: Result) -> None:
-    """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were left out are crosses."""
+    """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were
+    left out are crosses.
+    """
     colours = np.array(_css_colours(xyz_to_lab(result.seen.chart_colours)))
     for fit in (shot.fit for shot in result.seen.shots):
         percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
@@ -101,7 +112,9 @@ def _patches(chart: ChartColours) -> list[tuple[str, float, tuple[str, ...]]]:
 
 
 def _differences(chart: ChartColours) -> list[tuple[str, str, str]]:
-    """Return mean and maximum of dE2000 before, after, and with each patch predicted from the others."""
+    """Return mean and maximum of dE2000 before, after, and with each patch predicted from the
+    others.
+    """
     fit, rows = chart.fit, []
     if chart.before is not None:
         name = "before (only white balance, or the shot's own matrix)"

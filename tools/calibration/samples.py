@@ -1,7 +1,9 @@
-"""Means and variances of the mosaic's samples in places such as patches. They are measured values: nothing is reconstructed.
+"""Means and variances of the mosaic's samples in places such as patches. They are measured values:
+nothing is reconstructed.
 
-Levels are parts of full scale: (code - black) / (white - black). Full scale is the same for all planes, so Eq. 7 has the same
-gamma for levels as for scene units. That is why gamma can be measured without knowing full scale in scene units.
+Levels are parts of full scale: (code - black) / (white - black). Full scale is the same for all
+planes, so Eq. 7 has the same gamma for levels as for scene units. That is why gamma can be measured
+without knowing full scale in scene units.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,8 +18,10 @@ from ...shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
 CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
 LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
-_TILES = 12  # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
-_OUTLIER = 5.0  # standard deviations: dust, glints, hot pixels; one Gaussian sample in two million is beyond
+# per side, at most: flat frames are never quite even, so means and variances are measured in tiles
+_TILES = 12
+# standard deviations: dust, glints, hot pixels; one Gaussian sample in two million is beyond
+_OUTLIER = 5.0
 
 
 Pixels = tuple[IndexArray, IndexArray]
@@ -26,13 +30,21 @@ Pixels = tuple[IndexArray, IndexArray]
 
 @dataclass(frozen=True, eq=False)
 class PlaceSamples:
-    """Statistics of N places, per plane (the C channels, then panchromatic), in parts of full scale.
+    """Statistics of N places, per plane (the C channels, then panchromatic), in parts of full
+    scale.
 
-    mean: (N, C + 1), level at the centre of the place.
-    variance: (N, C + 1), of a single sample about the place's shading.
-    count: (N, C + 1), number of samples.
-    clipped: (N,), whether a sample is at the white level.
-    where: (N, 2), row and column from the middle of the frame, in halves of its diagonal.
+    Attributes
+    ----------
+    mean : DoubleArray
+        (N, C + 1), level at the centre of the place.
+    variance : DoubleArray
+        (N, C + 1), of a single sample about the place's shading.
+    count : DoubleArray
+        (N, C + 1), number of samples.
+    clipped : BoolArray
+        (N,), whether a sample is at the white level.
+    where : DoubleArray
+        (N, 2), row and column from the middle of the frame, in halves of its diagonal.
     """
 
     mean: DoubleArray
@@ -58,15 +70,18 @@ def figures(values: Sequence[float] | DoubleArray) -> str:
 
 
 def robust_deviation(residuals: DoubleArray) -> float:
-    """Return the standard deviation of residuals about 0 from their median absolute value; outliers hardly change it."""
+    """Return the standard deviation of residuals about 0 from their median absolute value; outliers
+    hardly change it.
+    """
     return 1.4826 * float(np.median(np.abs(residuals)))  # 1.4826: for a Gaussian
 
 
 def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     """Return the statistics of the patches of a chart.
 
-    The light may fall off across a patch, equally for all filters: a linear surface is fitted to the panchromatic samples, which
-    are many, and all samples are divided by it, so that samples at different sites can be compared.
+    The light may fall off across a patch, equally for all filters: a linear surface is fitted to
+    the panchromatic samples, which are many, and all samples are divided by it, so that samples at
+    different sites can be compared.
     """
     levels, pattern = levels_of(mosaic).astype(np.float64), mosaic.pattern
     planes, number = pattern.filter_map(mosaic.shape), len(pattern.planes)
@@ -80,7 +95,9 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     return PlaceSamples(mean, variance, count, at_white, 2 * middles / np.hypot(*last))
 
 
-def _moments(rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int) -> DoubleArray:
+def _moments(
+    rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int
+) -> DoubleArray:
     """Return mean, variance and count per plane, (3, number)."""
     design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
     white = plane == number - 1
@@ -115,9 +132,16 @@ def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
 
 
 def windows(shape: tuple[int, ...], numbers: tuple[int, ...]) -> Iterator[tuple[slice, slice]]:
-    """Yield the windows that cut a frame into rows and columns of them; numbers: of windows along each axis."""
+    """Yield the windows that cut a frame into rows and columns of them.
+
+    Parameters
+    ----------
+    numbers : tuple[int, ...]
+        Of windows along each axis.
+    """
     cuts = (
-        np.unique(np.linspace(0, length, number + 1).astype(int)).tolist() for length, number in zip(shape, numbers, strict=True)
+        np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()
+        for length, number in zip(shape, numbers, strict=True)
     )
     for (top, bottom), (left, right) in product(*map(pairwise, cuts)):
         yield slice(top, bottom), slice(left, right)

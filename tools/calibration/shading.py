@@ -1,11 +1,13 @@
-"""Shading from flat frames: a smooth gain for each plane, and the reasons why flat frames may not determine it.
+"""Shading from flat frames: a smooth gain for each plane, and the reasons why flat frames may not
+determine it.
 
-An evenly lit surface shows the shading itself. Uneven light differs from shading only by what lenses do: they darken the picture
-around a centre near its middle. So light that is brighter on one side, in all or in one colour, and a centre far off, are refused,
-and so are frames that differ among each other, and what no smooth map describes.
+An evenly lit surface shows the shading itself. Uneven light differs from shading only by what
+lenses do: they darken the picture around a centre near its middle. So light that is brighter on one
+side, in all or in one colour, and a centre far off, are refused, and so are frames that differ
+among each other, and what no smooth map describes.
 
-Flat frames have few colour samples. How a colour differs from panchromatic varies less over the frame than the light itself, so
-that its map has fewer control points.
+Flat frames have few colour samples. How a colour differs from panchromatic varies less over the
+frame than the light itself, so that its map has fewer control points.
 """
 
 from collections.abc import Sequence
@@ -42,8 +44,11 @@ _ERRORS = 4.0  # standard errors: less than this is none either
 _DIGITS = 6
 _CLIPPED_PART = 2e-3  # of the samples of a plane: more of them, and it is not just defects
 _PARTS = 4  # of an axis, in which frames are compared with each other
-_OTHERWISE = 0.03  # share by which the light of a frame may fall off in another way than that of all together
-_COUNTS = 0.1  # of the light of the brightest frame: in dimmer ones, which count little, black level decides how it falls off
+# share by which the light of a frame may fall off in another way than that of all together
+_OTHERWISE = 0.03
+# of the light of the brightest frame: in dimmer ones, which count little, black level decides how
+# it falls off
+_COUNTS = 0.1
 Named = tuple[str, Mosaic]
 """A frame after its name."""
 Size = tuple[int, ...]
@@ -52,13 +57,20 @@ Size = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class ShadingResult:
-    """What flat frames show of the shading.
+    """Shading that flat frames show.
 
-    shading: None = none was found.
-    frames: number of frames that it comes from; those that are clipped are left out.
-    error: standard error of the gain where it is known worst, as a share, if the black level is right.
-    light: (C + 1,), in the middle of the frame, codes above black.
-    falls: (C + 1,), the largest gain of each plane.
+    Attributes
+    ----------
+    shading : Shading | None
+        None = none was found.
+    frames : int
+        Number of frames that it comes from; those that are clipped are left out.
+    error : float
+        Standard error of the gain where it is known worst, as a share, if the black level is right.
+    light : DoubleArray
+        (C + 1,), in the middle of the frame, codes above black.
+    falls : DoubleArray
+        (C + 1,), the largest gain of each plane.
     """
 
     shading: Shading | None
@@ -68,7 +80,9 @@ class ShadingResult:
     falls: DoubleArray
 
     def error_of_black(self, black: DoubleArray) -> float:
-        """Return the standard error of the gain where it is largest, as a share, by one of the black level, (C + 1,) codes."""
+        """Return the standard error of the gain where it is largest, as a share, by one of the
+        black level, (C + 1,) codes.
+        """
         return float((black / self.light * np.abs(self.falls - 1)).max())
 
     @property
@@ -104,14 +118,22 @@ class _Tiles(NamedTuple):
 def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     """Measure the shading that evenly lit frames show.
 
-    frames: name and frame, all of one camera and of equal size; their calibration has no shading.
-    Raises InputError with the reason if they do not determine it.
+    Parameters
+    ----------
+    frames : Sequence[Named]
+        Name and frame, all of one camera and of equal size; their calibration has no shading.
+
+    Raises
+    ------
+    InputError
+        With the reason if they do not determine it.
     """
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
     least = _FEWEST_TILES * _TILE * pattern.period
     if min(shape) < least:
         raise InputError(
-            f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it takes {least}, "
+            f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it "
+            f"takes {least}, "
             f"{_FEWEST_TILES * _TILE} periods of the pattern"
         )
     focal = _common_focal_length(frames)
@@ -129,7 +151,8 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
     if residual > _RESIDUAL:
         raise InputError(
-            f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth shading, {100 * _RESIDUAL:.1f} % are "
+            f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth "
+            f"shading, {100 * _RESIDUAL:.1f} % are "
             "allowed; take an evenly lit surface without texture, out of focus"
         )
     calibration = frames[0][1].calibration
@@ -142,7 +165,9 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
 
 
 def _common_focal_length(frames: Sequence[Named]) -> float | None:
-    """Return the common focal length of flat frames, millimetres, None if unknown. Raises InputError if they differ."""
+    """Return the common focal length of flat frames, millimetres, None if unknown. Raises
+    InputError if they differ.
+    """
     stated = ((frame.metadata.focal_length, name) for name, frame in frames)
     known = sorted((length, name) for length, name in stated if length is not None)
     if not known:
@@ -155,7 +180,8 @@ def _common_focal_length(frames: Sequence[Named]) -> float | None:
 
 
 def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, DoubleArray]]:
-    """Return the mean of the frames that are not clipped, (H, W), and, by name, the panchromatic light in parts of each.
+    """Return the mean of the frames that are not clipped, (H, W), and, by name, the panchromatic
+    light in parts of each.
 
     Raises InputError if all are clipped.
     """
@@ -176,14 +202,17 @@ def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, 
     if not parts:
         share, letter, name = min(clipped)
         raise InputError(
-            f"flat frames: all are clipped; {name} is least so, in {100 * share:.2g} % of the samples of {letter}; expose less, so "
+            f"flat frames: all are clipped; {name} is least so, in {100 * share:.2g} % of the "
+            f"samples of {letter}; expose less, so "
             "that the brightest read about three quarters of full scale"
         )
     return total / len(parts), parts
 
 
 def _check_alike(parts: dict[str, DoubleArray]) -> None:
-    """Raise InputError if the light of a frame falls off in another way than that of all; parts: see `_mean_of_unclipped`."""
+    """Raise InputError if the light of a frame falls off in another way than that of all; parts:
+    see `_mean_of_unclipped`.
+    """
     together = np.sum(list(parts.values()), axis=0)
     brightest = max(part.mean() for part in parts.values())
     for name, part in parts.items():
@@ -192,13 +221,17 @@ def _check_alike(parts: dict[str, DoubleArray]) -> None:
         unlike = float(np.ptp(part / part.mean() / (together / together.mean())))
         if unlike > _OTHERWISE:
             raise InputError(
-                f"flat frames: the light of {name} falls off in another way than that of all together, by {100 * unlike:.1f} %, "
-                f"{100 * _OTHERWISE:.0f} % are allowed; take all with the same lens, focal length, aperture and light"
+                f"flat frames: the light of {name} falls off in another way than that of all "
+                f"together, by {100 * unlike:.1f} %, "
+                f"{100 * _OTHERWISE:.0f} % are allowed; take all with the same lens, focal "
+                "length, aperture and light"
             )
 
 
 def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:
-    """Measure the light of a frame, (H, W), in tiles, with the shading undone as far as it is known."""
+    """Measure the light of a frame, (H, W), in tiles, with the shading undone as far as it is
+    known.
+    """
     shape = light.shape[0], light.shape[1]
     planes = pattern.filter_map(shape)
     down, right = (min(length // (_TILE * pattern.period), _MOST_TILES) for length in shape)
@@ -222,7 +255,8 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
 
 
 def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
-    """Return the shading that also undoes what is left in the tiles, and the standard error of its gain, as a share.
+    """Return the shading that also undoes what is left in the tiles, and the standard error of its
+    gain, as a share.
 
     Raises InputError if that is too large.
     """
@@ -244,8 +278,10 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
         gains.append(np.linalg.pinv(down) @ gain @ np.linalg.pinv(right).T)
     if not error <= _WORST:
         raise InputError(
-            f"flat frames: they are too dark, and tell the shading only to ±{100 * error:.1f} % (standard error), "
-            f"{100 * _WORST:.0f} % are allowed; expose more, up to three quarters of full scale, or take more"
+            f"flat frames: they are too dark, and tell the shading only to ±{100 * error:.1f} % "
+            "(standard error), "
+            f"{100 * _WORST:.0f} % are allowed; expose more, up to three quarters of full scale, "
+            "or take more"
         )
     middle = [np.array([(length - 1) / 2]) for length in size]
     scaled = [(gain / _values(gain, size, *middle)[0]).tolist() for gain in (*gains, panchromatic)]
@@ -254,9 +290,16 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
 
 
 def _spline(
-    tiles: _Tiles, plane: int, size: Size, points: Size, target: DoubleArray, errors: DoubleArray, rough: float
+    tiles: _Tiles,
+    plane: int,
+    size: Size,
+    points: Size,
+    target: DoubleArray,
+    errors: DoubleArray,
+    rough: float,
 ) -> tuple[DoubleArray, float]:
-    """Return the control points of the spline through values in the tiles, and its largest standard error, as a share.
+    """Return the control points of the spline through values in the tiles, and its largest standard
+    error, as a share.
 
     target: (N,), the values; errors: (N,), their standard errors, as a share.
     rough: standard deviation of third differences of the control points.
@@ -278,31 +321,40 @@ def _design(size: Size, points: Size, rows: DoubleArray, columns: DoubleArray) -
     return (down[:, :, None] * right[:, None, :]).reshape(len(rows), -1)
 
 
-def _values(points: DoubleArray, size: Size, rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
+def _values(
+    points: DoubleArray, size: Size, rows: DoubleArray, columns: DoubleArray
+) -> DoubleArray:
     """Return a spline's values at N places, (N,)."""
     return _design(size, points.shape, rows, columns) @ points.ravel()
 
 
 def _residuals(tiles: _Tiles) -> list[float]:
-    """Return how far the tiles of each plane differ, beyond their noise: root mean square, as a share of the light."""
+    """Return how far the tiles of each plane differ, beyond their noise: root mean square, as a
+    share of the light.
+    """
     share = tiles.light / tiles.light.mean(axis=1, keepdims=True) - 1
     beyond = (share**2).mean(axis=1) - _NOISE * ((tiles.error / tiles.light) ** 2).mean(axis=1)
     return np.sqrt(np.maximum(beyond, 0)).tolist()
 
 
 def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
-    """Raise InputError if the light is brighter on one side, or falls off around a place far from the middle.
+    """Raise InputError if the light is brighter on one side, or falls off around a place far from
+    the middle.
 
-    shading: with which the tiles were measured.
-    letters: of the channels. Light whose colour differs from side to side is uneven too, so that each is compared with all light.
+    shading: with which the tiles were measured. letters: of the channels. Light whose colour
+    differs from side to side is uneven too, so that each is compared with all light.
     """
     size, half = shading.size, np.hypot(*shading.size) / 2
     rows, columns = tiles.row[-1], tiles.column[-1]
     y, x = (rows - (size[0] - 1) / 2) / half, (columns - (size[1] - 1) / 2) / half
     gains = [_values(np.array(points), size, rows, columns) for points in shading.gain]
 
-    def around(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray, *more: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-        """Fit what falls off around a centre; returns the residuals and the coefficients, those of `more` last."""
+    def around(
+        centre: DoubleArray, seen: DoubleArray, weight: DoubleArray, *more: DoubleArray
+    ) -> tuple[DoubleArray, DoubleArray]:
+        """Fit what falls off around a centre; returns the residuals and the coefficients, those of
+        `more` last.
+        """
         down, right = y - centre[0], x - centre[1]
         square = down**2 + right**2
         terms = [np.ones_like(x), down**2, right**2, square**2, square**3, *more]
@@ -311,8 +363,12 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
         residuals: DoubleArray = design @ found - seen * weight
         return residuals, found.astype(np.float64)
 
-    def tilted(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray) -> tuple[float, str, float]:
-        """Return by how much one side is brighter, as a share, which side that is, and the sum of the squared residuals."""
+    def tilted(
+        centre: DoubleArray, seen: DoubleArray, weight: DoubleArray
+    ) -> tuple[float, str, float]:
+        """Return by how much one side is brighter, as a share, which side that is, and the sum of
+        the squared residuals.
+        """
         residuals, found = around(centre, seen, weight, y, x)
         down, right = found[-2:] * size / half
         vertical = abs(down) > abs(right)
@@ -330,7 +386,8 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
     if clearly and away > _CENTRE:
         raise InputError(
-            f"flat frames: the light falls off around a place that is {100 * away:.0f} % of the diagonal off the middle, "
+            f"flat frames: the light falls off around a place that is {100 * away:.0f} % of the "
+            "diagonal off the middle, "
             f"{100 * _CENTRE:.0f} % are allowed; is the lens or the light askew?"
         )
     tilts = {"": (0.0 if clearly else tilt, side)}
@@ -342,7 +399,9 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     for which, (tilt, side) in tilts.items():
         if tilt > _TILT:
             raise InputError(
-                f"flat frames: the light is tilted{which}: {100 * tilt:.1f} % brighter at the {side} of the sensor than opposite, "
-                f"{100 * _TILT:.0f} % are allowed; take an evenly lit surface, and turn the camera by half a turn to see what is "
+                f"flat frames: the light is tilted{which}: {100 * tilt:.1f} % brighter at the "
+                f"{side} of the sensor than opposite, "
+                f"{100 * _TILT:.0f} % are allowed; take an evenly lit surface, and turn the "
+                "camera by half a turn to see what is "
                 "the light's"
             )

@@ -1,4 +1,6 @@
-"""The shots that may be wrong when a stream turns out to have lost bytes: those since the last frame that was seen to be right."""
+"""The shots that may be wrong when a stream turns out to have lost bytes: those since the last
+frame that was seen to be right.
+"""
 
 from pathlib import Path
 
@@ -7,7 +9,9 @@ from ...device.capture.frame_check import SlippedError
 
 
 class DoubtfulShots:
-    """Shots since the last frame that showed its filters where they belong: whatever came before that one is right."""
+    """Shots since the last frame that showed its filters where they belong: whatever came before
+    that one is right.
+    """
 
     def __init__(self) -> None:
         self._first: Path | None = None
@@ -25,9 +29,14 @@ class DoubtfulShots:
         self._first, self._count = None, 0
 
     def remarks(self, error: Exception) -> list[str]:
-        """Which shots to look at, for the user, where this error ended the stream; none if there are none."""
+        """Advice to the user on the shots before this error ended the stream; empty if there are
+        none.
+        """
         if self._first is None or not isinstance(error, SlippedError):
             return []
         if self._count == 1:
             return [f"{self._first}: its last rows may be wrong; all shots before it are right"]
-        return [f"{self._count} shots may be wrong, {self._first} to {self._last}; all before them are right"]
+        return [
+            f"{self._count} shots may be wrong, {self._first} to {self._last}; all before them "
+            "are right"
+        ]

@@ -1,6 +1,8 @@
-"""Cameras that speak GenICam, GigE Vision and USB3 Vision, through Aravis 0.8: they say themselves what their frames are.
+"""Cameras that speak GenICam, GigE Vision and USB3 Vision, through Aravis 0.8: they say themselves
+what their frames are.
 
-Aravis is a library of the system, reached by GObject introspection, and imported in this module only.
+Aravis is a library of the system, reached by GObject introspection, and imported in this module
+only.
 """
 
 import re
@@ -18,26 +20,49 @@ from ...shared.errors import InputError
 from ..simulation.pattern_text import read_pattern
 
 GENICAM = "genicam:"
-_DEBIAN = "/usr/lib/python3/dist-packages"  # where python3-gi is; a virtual environment does not look there
+# where python3-gi is; a virtual environment does not look there
+_DEBIAN = "/usr/lib/python3/dist-packages"
 _INSTALL = (
-    "apt-get install gir1.2-aravis-0.8 python3-gi (and make the virtual environment with the system's own Python: /usr/bin/python3)"
+    "apt-get install gir1.2-aravis-0.8 python3-gi (and make the virtual environment with "
+    "the system's own Python: /usr/bin/python3)"
 )
-_BUFFERS = 4  # frames that Aravis may fill meanwhile; a frame is copied, and its buffer given back, as soon as it is there
+# frames that Aravis may fill meanwhile; a frame is copied, and its buffer given back, as soon as it
+# is there
+_BUFFERS = 4
 _SILENCE = 10.0  # seconds without a frame, beside the exposure
 _POLL = 100_000  # microseconds between two looks at whether to stop
 _MICROSECONDS = 1e6  # GenICam counts the exposure in them
-SETTINGS = {"exposure_time": ("exposure_time", _MICROSECONDS), "gain": ("gain", 1.0), "fps": ("frame_rate", 1.0)}
-"""What a user sets -> its feature for Aravis, and how many of its units are one of ours; the exposure limits the frame rate."""
-_FILTERS = re.compile(r"(SCF1[WRGB]{4})\d+\w*")  # PFNC: Sparse Color Filter #1, the first row of its tile, bits and packing
+SETTINGS = {
+    "exposure_time": ("exposure_time", _MICROSECONDS),
+    "gain": ("gain", 1.0),
+    "fps": ("frame_rate", 1.0),
+}
+"""Setting of the user -> feature of Aravis, and number of its units in one of ours; the exposure
+limits the frame rate.
+"""
+# PFNC: Sparse Color Filter #1, the first row of its tile, bits and packing
+_FILTERS = re.compile(r"(SCF1[WRGB]{4})\d+\w*")
 
 
 def connected() -> list[str]:
-    """A line for each camera that answers: its name as a source, and what it is. Raises InputError without Aravis."""
+    """A line for each camera that answers: its name as a source, and what it is.
+
+    Raises
+    ------
+    InputError
+        Without Aravis.
+    """
     aravis, _ = libraries()
     aravis.update_device_list()
-    about = aravis.get_device_vendor, aravis.get_device_model, aravis.get_device_protocol, aravis.get_device_address
+    about = (
+        aravis.get_device_vendor,
+        aravis.get_device_model,
+        aravis.get_device_protocol,
+        aravis.get_device_address,
+    )
     return [
-        f"{GENICAM}{aravis.get_device_id(number)}  " + ", ".join(filter(None, (each(number) for each in about)))
+        f"{GENICAM}{aravis.get_device_id(number)}  "
+        + ", ".join(filter(None, (each(number) for each in about)))
         for number in range(aravis.get_n_devices())
     ]
 
@@ -45,21 +70,35 @@ def connected() -> list[str]:
 class GenicamCamera:
     """A connected camera, set up to send frames.
 
-    source: genicam:ID, the name, serial number or address of a camera; see `connected`.
-    pixel_format: its name for the camera, which is PFNC's (Mono12p, SCF1WBWG10); None = the one that the camera has now.
-    settings: one of SETTINGS -> its value, None = as the camera is set: exposure_time in seconds, gain in the camera's unit, mostly
-        decibels, fps in frames a second.
-    Raises InputError without Aravis, if there is no such camera, if another program has it, and for what the camera cannot do.
+    The attributes `layout` and `bits` describe the frames, `pattern` the filters (None = the camera
+    does not say), `metadata` what every shot is to record, `about` the camera in words.
 
-    The attributes `layout` and `bits` describe the frames, `pattern` the filters (None = the camera does not say), `metadata` what
-    every shot is to record, `about` the camera in words.
+    Parameters
+    ----------
+    source : str
+        Genicam:ID, the name, serial number or address of a camera; see `connected`.
+    pixel_format : str | None
+        Its name for the camera, which is PFNC's (Mono12p, SCF1WBWG10); None = the one that the
+        camera has now.
+    settings : Mapping[str, float | None]
+        One of SETTINGS -> its value, None = as the camera is set: exposure_time in seconds, gain in
+        the camera's unit, mostly decibels, fps in frames a second.
+
+    Raises
+    ------
+    InputError
+        Without Aravis, if there is no such camera, if another program has it, and for what the
+        camera cannot do.
     """
 
-    def __init__(self, source: str, pixel_format: str | None, settings: Mapping[str, float | None]) -> None:
+    def __init__(
+        self, source: str, pixel_format: str | None, settings: Mapping[str, float | None]
+    ) -> None:
         self._aravis, self._error = libraries()
         self._source = source
         self._closed, self._gone = threading.Event(), threading.Event()
-        self._using = threading.Lock()  # held while a thread is in Aravis: none may be there when the program ends
+        # held while a thread is in Aravis: none may be there when the program ends
+        self._using = threading.Lock()
         self._stream: Any = None
         self._incomplete = self._unread = self._last = 0
         with self._answers():
@@ -67,11 +106,14 @@ class GenicamCamera:
             self._device = self._camera.get_device()
             if self._camera.is_gv_device() and not self._device.is_controller():
                 raise InputError(
-                    f"{source}: another program has the camera; end it (after a crash the camera is free again in 3 seconds)"
+                    f"{source}: another program has the camera; end it (after a crash the camera "
+                    "is free again in 3 seconds)"
                 )
-            gone = self._gone  # a reference to self would keep the camera from being freed after an error
+            # a reference to self would keep the camera from being freed after an error
+            gone = self._gone
             self._device.connect("control-lost", lambda *_: gone.set())
-            # A program that was killed may have left it sending to nobody; as long as it does, it sends nothing to anybody else.
+            # A program that was killed may have left it sending to nobody; as long as it does, it
+            # sends nothing to anybody else.
             self._camera.stop_acquisition()
             self._format(pixel_format)
             for option, (feature, units) in SETTINGS.items():
@@ -81,15 +123,27 @@ class GenicamCamera:
                 self._camera.set_acquisition_mode(self._aravis.AcquisitionMode.CONTINUOUS)
             self._describe()
 
-    def frames(self, stopped: Callable[[], bool], note: Callable[[str], None]) -> Iterator[RawFrame]:
-        """Yield the frames that arrive whole, until `stopped` returns True. Raises InputError when the camera is lost.
+    def frames(
+        self, stopped: Callable[[], bool], note: Callable[[str], None]
+    ) -> Iterator[RawFrame]:
+        """Yield the frames that arrive whole, until `stopped` returns True.
 
-        note: called once, if none arrives for ten seconds and the exposure.
+        Parameters
+        ----------
+        note : Callable[[str], None]
+            Called once, if none arrives for ten seconds and the exposure.
+
+        Raises
+        ------
+        InputError
+            When the camera is lost.
         """
         with self._answers(), self._using:
             self._stream = self._camera.create_stream(None)
             for _ in range(_BUFFERS):
-                self._stream.push_buffer(self._aravis.Buffer.new_allocate(self._camera.get_payload()))
+                self._stream.push_buffer(
+                    self._aravis.Buffer.new_allocate(self._camera.get_payload())
+                )
             self._camera.start_acquisition()
         quiet = _SILENCE + (self.metadata.exposure_time or 0.0)
         whole, patience = 0, monotonic() + quiet
@@ -99,12 +153,20 @@ class GenicamCamera:
                 whole, patience = whole + 1, monotonic() + quiet
                 yield frame
             elif monotonic() > patience and not self._gone.is_set():
-                lost, patience = f"{self._incomplete} incomplete ones" if self._incomplete else "none at all", float("inf")
-                reason = "does it wait for a trigger, or does a firewall or a slow network keep frames back?"
+                lost, patience = (
+                    f"{self._incomplete} incomplete ones" if self._incomplete else "none at all",
+                    float("inf"),
+                )
+                reason = (
+                    "does it wait for a trigger, or does a firewall or a slow network keep "
+                    "frames back?"
+                )
                 note(f"{self._source}: no whole frame for {quiet:.0f} seconds, {lost}: {reason}")
             elif self._gone.is_set():
                 reason = "it was unplugged, has no power, or another program has taken it"
-                raise InputError(f"{self._source}: the camera is gone after {whole} whole frames: {reason}")
+                raise InputError(
+                    f"{self._source}: the camera is gone after {whole} whole frames: {reason}"
+                )
 
     def _next(self) -> RawFrame | None:
         """The next frame; None if it does not arrive in time, or not whole."""
@@ -117,12 +179,16 @@ class GenicamCamera:
                 self._unread += max(self._last - number - 1, 0)
             whole = buffer.get_status() == self._aravis.BufferStatus.SUCCESS
             self._incomplete += not whole
-            frame = RawFrame.now(buffer.get_image_data()[: self.layout.frame_bytes]) if whole else None
+            frame = (
+                RawFrame.now(buffer.get_image_data()[: self.layout.frame_bytes]) if whole else None
+            )
             self._stream.push_buffer(buffer)
             return frame
 
     def lost(self) -> tuple[int, int]:
-        """Number of frames so far that arrived incomplete, and of those that came too fast to be read, or not at all."""
+        """Number of frames so far that arrived incomplete, and of those that came too fast to be
+        read, or not at all.
+        """
         return self._incomplete, self._unread
 
     def close(self) -> None:
@@ -141,7 +207,9 @@ class GenicamCamera:
         try:
             yield
         except self._error as error:
-            raise InputError(f"{self._source}: {error.message}; {GENICAM} alone lists the cameras") from None
+            raise InputError(
+                f"{self._source}: {error.message}; {GENICAM} alone lists the cameras"
+            ) from None
 
     def _format(self, wanted: str | None) -> None:
         """Choose the format, and read size, stride, bits and filters."""
@@ -150,8 +218,14 @@ class GenicamCamera:
         name = wanted or camera.get_pixel_format_as_string()
         usable = [each for each in offered if _is_known(each)]
         if name not in usable:
-            choice = f"choose one with `pixel_format`: {', '.join(usable)}" if usable else "nor can others that it offers"
-            raise InputError(f"{self._source}: the camera's format {name!r} cannot be used; {choice}")
+            choice = (
+                f"choose one with `pixel_format`: {', '.join(usable)}"
+                if usable
+                else "nor can others that it offers"
+            )
+            raise InputError(
+                f"{self._source}: the camera's format {name!r} cannot be used; {choice}"
+            )
         if wanted:
             camera.set_pixel_format_from_string(wanted)
         key, self.bits = format_named(name)
@@ -162,8 +236,13 @@ class GenicamCamera:
         elif payload % region.height == 0 and payload > layout.frame_bytes:
             self.layout = replace(layout, stride=payload // region.height)
         if payload < self.layout.frame_bytes:
-            raise InputError(f"{self._source}: a frame has {payload} bytes, but {self.layout.size}; set a width that 8 divides")
-        self.pattern: CfaPattern | None = read_pattern(found[1]) if (found := _FILTERS.fullmatch(name)) else None
+            raise InputError(
+                f"{self._source}: a frame has {payload} bytes, but {self.layout.size}; set a "
+                "width that 8 divides"
+            )
+        self.pattern: CfaPattern | None = (
+            read_pattern(found[1]) if (found := _FILTERS.fullmatch(name)) else None
+        )
         self._name = name
 
     def _set(self, option: str, feature: str, wanted: float, units: float) -> None:
@@ -179,16 +258,23 @@ class GenicamCamera:
         getattr(camera, f"set_{feature}")(wanted * units)
 
     def _is_automatic(self, feature: str) -> bool:
-        if feature == "frame_rate" or not getattr(self._camera, f"is_{feature.removesuffix('_time')}_auto_available")():
+        if (
+            feature == "frame_rate"
+            or not getattr(self._camera, f"is_{feature.removesuffix('_time')}_auto_available")()
+        ):
             return False
         return bool(getattr(self._camera, f"get_{feature}_auto")() != self._aravis.Auto.OFF)
 
     def _describe(self) -> None:
-        """Read what the camera has made of its settings; a value that it changes by itself is left out."""
+        """Read what the camera has made of its settings; a value that it changes by itself is left
+        out.
+        """
         camera = self._camera
 
         def value(feature: str) -> float | None:
-            is_set = getattr(camera, f"is_{feature}_available")() and not self._is_automatic(feature)
+            is_set = getattr(camera, f"is_{feature}_available")() and not self._is_automatic(
+                feature
+            )
             return getattr(camera, f"get_{feature}")() if is_set else None
 
         time, gain, rate = (value(feature) for feature, _ in SETTINGS.values())
@@ -218,7 +304,13 @@ def _is_known(pixel_format: str) -> bool:
 
 
 def libraries() -> tuple[Any, Any]:
-    """Aravis, and the class of its errors. Raises InputError that says what to install."""
+    """Aravis, and the class of its errors.
+
+    Raises
+    ------
+    InputError
+        That says what to install.
+    """
     sys.path.append(_DEBIAN)  # at the end: what the environment has itself comes first
     try:
         import gi
@@ -226,7 +318,9 @@ def libraries() -> tuple[Any, Any]:
         gi.require_version("Aravis", "0.8")
         from gi.repository import Aravis, GLib
     except (ImportError, ValueError) as error:
-        raise InputError(f"{GENICAM} needs Aravis 0.8 and PyGObject ({error}): {_INSTALL}") from None
+        raise InputError(
+            f"{GENICAM} needs Aravis 0.8 and PyGObject ({error}): {_INSTALL}"
+        ) from None
     finally:
         sys.path.remove(_DEBIAN)
     return Aravis, GLib.Error

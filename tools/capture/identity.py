@@ -1,12 +1,14 @@
 """Finding the filters of a sensor that nobody described, from one frame.
 
-The frame is cut into square parts, and each part is folded: the mean is taken at each place of a K x K tile. What the scene does
-differs from part to part; what the filters do is the same in all. Energies are products of means from opposite quarters of a part,
-which share no sample and hardly an edge: on average noise and scene add nothing to them.
+The frame is cut into square parts, and each part is folded: the mean is taken at each place of a K
+x K tile. What the scene does differs from part to part; what the filters do is the same in all.
+Energies are products of means from opposite quarters of a part, which share no sample and hardly an
+edge: on average noise and scene add nothing to them.
 
-The smallest period that explains what any period does is that of the filters. Panchromatic sites are the brightest. Sites of one
-colour read the same, whatever the colour of the scene; sites of different colours do not. Which of two colours is red and which is
-blue a mosaic does not tell: a picture of something known does.
+The smallest period that explains what any period does is that of the filters. Panchromatic sites
+are the brightest. Sites of one colour read the same, whatever the colour of the scene; sites of
+different colours do not. Which of two colours is red and which is blue a mosaic does not tell: a
+picture of something known does.
 """
 
 from collections import Counter
@@ -38,24 +40,33 @@ _PERIODS = range(2, PERIODS[-1] + 1)
 _PARTS, _FEW = 256, 8  # at most: more show nothing new; at least: the spread of fewer is unknown
 _SMALLEST = 32  # pixels along a part; and four periods, so that a quarter has two
 _WINDOW = 17  # pixels, about, of local means: whole periods
-_CERTAIN, _SHOWN = 5.0, 0.005  # standard errors, for one period among fifteen; energy: filters show 0.015 and more, scenes 0.001
-# A longer period has to explain this share more, by so many standard errors: in each part, or in what all have in common. In
-# photographs scenes reach 5 and 9; filters 10 and more in one of both.
+# standard errors, for one period among fifteen; energy: filters show 0.015 and more, scenes 0.001
+_CERTAIN, _SHOWN = 5.0, 0.005
+# A longer period has to explain this share more, by so many standard errors: in each part, or in
+# what all have in common. In photographs scenes reach 5 and 9; filters 10 and more in one of both.
 _SHARE, _MORE, _COMMON = 4e-4, 6.0, 10.0
 _GAP = 0.2  # of the range of all sites, between panchromatic ones and others
-_SURE = 4.0  # standard errors by which the colours of a tile without panchromatic sites have to differ
+# standard errors by which the colours of a tile without panchromatic sites have to differ
+_SURE = 4.0
 _DOUBT = 1.0  # standard errors from which on sites may have different colours
 _BETTER = 3.0  # standard errors by which the best of a few tiles has to be better than any other
-_APART = 3.0  # times the energy by which sites of one kind differ; in photographs 7 times and more where there is light
-# Of tiles without panchromatic sites. In six camera RAWs and eight photographs with noise up to 0.03: 61 times and more; where two
-# of four different filters (CYGM, RGBW) are taken for one: at most 25.
+# times the energy by which sites of one kind differ; in photographs 7 times and more where there is
+# light
+_APART = 3.0
+# Of tiles without panchromatic sites. In six camera RAWs and eight photographs with noise up to
+# 0.03: 61 times and more; where two of four different filters (CYGM, RGBW) are taken for one: at
+# most 25.
 _DENSE_APART = 40.0
-_UNLIKE = 0.005  # of the energy between the brightest sites and others: different filters have 0.015 and more, the same 0.002
-_COLOURS = "GRB"  # letters of three kinds, the one with most sites first; no frame tells which of the others is which
+# of the energy between the brightest sites and others: different filters have 0.015 and more, the
+# same 0.002
+_UNLIKE = 0.005
+# letters of three kinds, the one with most sites first; no frame tells which of the others is which
+_COLOURS = "GRB"
 _MORE_COLOURS = "CDEFHIJK"
 
 _NOTHING = (
-    "the frame shows no pattern of filters: it is too dark, too even or too small, or there are none. Photograph something with "
+    "the frame shows no pattern of filters: it is too dark, too even or too small, or there are "
+    "none. Photograph something with "
     "many colours in good light, not overexposed; the larger the frame the better"
 )
 _EXCHANGED = "RGB"
@@ -65,16 +76,23 @@ Letters = NDArray[np.str_]
 
 @dataclass(frozen=True)
 class Identity:
-    """What a frame shows of the filters over its sensor.
+    """Filter pattern that a frame shows.
 
-    tile: K strings of K letters, from the first pixel of the frame on. W is panchromatic, "?" a colour that the frame does not
-        tell. If two colours have equally many sites, the tile with both exchanged would fit as well. Without a name the
-        letters only say which sites are alike.
-    name: the tile's in `shared.tiles`, or one of DENSE; "" if it has none.
-    certainty: energy of what repeats with the period, in standard errors; more than 5.
-    separation: energy by which the two colours that are most alike differ, divided by that by which sites of one colour do; more
-        than 3, or 0 where the frame does not tell colours.
-    light: mean of each site minus what is around it, in mean local deviations, float64 (K, K).
+    Attributes
+    ----------
+    tile : tuple[str, ...]
+        K strings of K letters, from the first pixel of the frame on. W is panchromatic, "?" a
+        colour that the frame does not tell. If two colours have equally many sites, the tile with
+        both exchanged would fit as well. Without a name the letters only say which sites are alike.
+    name : str
+        The tile's in `shared.tiles`, or one of DENSE; "" if it has none.
+    certainty : float
+        Energy of what repeats with the period, in standard errors; more than 5.
+    separation : float
+        Energy by which the two colours that are most alike differ, divided by that by which sites
+        of one colour do; more than 3, or 0 where the frame does not tell colours.
+    light : DoubleArray
+        Mean of each site minus what is around it, in mean local deviations, float64 (K, K).
     """
 
     tile: tuple[str, ...]
@@ -90,7 +108,9 @@ class Identity:
 
 
 def pattern_of(tile: Sequence[str]) -> CfaPattern | None:
-    """The pattern with these letters from the first pixel on; None if one is unknown, or if Panchroma cannot use the tile."""
+    """The pattern with these letters from the first pixel on; None if one is unknown, or if
+    Panchroma cannot use the tile.
+    """
     name, origin = place_of(tuple(tile))
     with suppress(InputError):
         return CfaPattern.of_letters(name or "/".join(tile), origin)
@@ -100,12 +120,18 @@ def pattern_of(tile: Sequence[str]) -> CfaPattern | None:
 def identify(codes: CodeArray) -> Identity | None:
     """Find the filters of the sensor that took a frame; None if the frame shows no pattern.
 
-    codes: (H, W), of any size and with any black and white level. Colours show in a scene that has several; the larger the period,
-        the larger the frame has to be.
+    The brightest sites are taken for panchromatic if they read the same, and in a tile without a
+    name a sum of the others, unless the tile is one of DENSE. Of tiles with the same panchromatic
+    sites the colours decide; where they do not, they are "?".
 
-    The brightest sites are taken for panchromatic if they read the same, and in a tile without a name a sum of the others, unless
-    the tile is one of DENSE. Of tiles with the same panchromatic sites the colours decide; where they do not, they are "?".
+    Parameters
+    ----------
+    codes : CodeArray
+        (H, W), of any size and with any black and white level. Colours show in a scene that has
+        several; the larger the period, the larger the frame has to be.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> from panchroma.tools.capture.identity import identify
     >>> identify(np.full((300, 400), 512, np.uint16)) is None
@@ -122,24 +148,41 @@ def identify(codes: CodeArray) -> Identity | None:
         return None
     alike = _are_alike(quarters, _bright(light).ravel())
     open_tile = np.full(light.shape, UNKNOWN), 0.0
-    name, letters, separation = _named(folds, light, alike) or ("", *(_kinds(quarters, light) if alike else open_tile))
+    name, letters, separation = _named(folds, light, alike) or (
+        "",
+        *(_kinds(quarters, light) if alike else open_tile),
+    )
     if not name and separation and not _is_sum(folds.levels(period), letters.ravel()):
         letters, separation = open_tile
     times = len(letters) // period
-    return Identity(tuple("".join(row) for row in letters.tolist()), name, certainty, separation, np.tile(light, (times, times)))
+    return Identity(
+        tuple("".join(row) for row in letters.tolist()),
+        name,
+        certainty,
+        separation,
+        np.tile(light, (times, times)),
+    )
 
 
 def facts_of(codes: CodeArray) -> dict[str, Any]:
-    """What a frame (H, W) shows of the filters, see `Identity`; `pattern` and `alternatives` are those that fit.
+    """Identify the filter pattern of a frame (H, W), see `Identity`; `pattern` and `alternatives`
+    are those that fit.
 
-    Raises InputError that says what to photograph if the frame shows no pattern.
+    Raises
+    ------
+    InputError
+        That says what to photograph if the frame shows no pattern.
     """
     found = identify(codes)
     if found is None:
         raise InputError(_NOTHING)
     others = _exchanged(found.tile)
     clear = np.array([[letter == PANCHROMATIC for letter in row] for row in found.tile])
-    gap = float(found.light[clear].min() - found.light[~clear].max()) / float(np.ptp(found.light)) if clear.any() else None
+    gap = (
+        float(found.light[clear].min() - found.light[~clear].max()) / float(np.ptp(found.light))
+        if clear.any()
+        else None
+    )
     return {
         "width": codes.shape[1],
         "height": codes.shape[0],
@@ -163,9 +206,14 @@ def _exchanged(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The tiles that would fit as well: colours with equally many sites are exchanged."""
     sites = Counter("".join(tile))
     orders = (
-        order for order in permutations(_EXCHANGED) if all(sites[a] == sites[b] for a, b in zip(_EXCHANGED, order, strict=True))
+        order
+        for order in permutations(_EXCHANGED)
+        if all(sites[a] == sites[b] for a, b in zip(_EXCHANGED, order, strict=True))
     )
-    tiles = (tuple(row.translate(str.maketrans(_EXCHANGED, "".join(order))) for row in tile) for order in orders)
+    tiles = (
+        tuple(row.translate(str.maketrans(_EXCHANGED, "".join(order))) for row in tile)
+        for order in orders
+    )
     return [each for each in tiles if each != tile]
 
 
@@ -182,7 +230,11 @@ class _Folds:
     """
 
     def __init__(self, codes: CodeArray) -> None:
-        self.periods = [each for each in _PERIODS if np.prod([size // self._side(each) for size in codes.shape]) >= _FEW]
+        self.periods = [
+            each
+            for each in _PERIODS
+            if np.prod([size // self._side(each) for size in codes.shape]) >= _FEW
+        ]
         self._parts = cache(lambda side: Tiles.of(codes, side, _PARTS))
         self._flat = cache(lambda side, window: self._parts(side).flattened(window))
 
@@ -193,7 +245,8 @@ class _Folds:
         return levels.reshape(-1, period**2)
 
     def quarters(self, period: int, large: int = 0) -> DoubleArray:
-        """Means of each part's four quarters at each place of a tile, less the mean of all places: (parts, 4, K K).
+        """Means of each part's four quarters at each place of a tile, less the mean of all places:
+        (parts, 4, K K).
 
         large: the parts are as large as this period needs; 0 = as this one.
         """
@@ -208,20 +261,30 @@ class _Folds:
 
 
 def _period(folds: _Folds) -> tuple[int, float] | None:
-    """The smallest period that explains what any does, and its certainty in standard errors; None if none is certain."""
+    """The smallest period that explains what any does, and its certainty in standard errors; None
+    if none is certain.
+    """
     energies = {each: _common(folds.quarters(each)) for each in folds.periods}
-    sure = [each for each, energy in energies.items() if _errors(energy) > _CERTAIN and energy.mean() > _SHOWN]
+    sure = [
+        each
+        for each, energy in energies.items()
+        if _errors(energy) > _CERTAIN and energy.mean() > _SHOWN
+    ]
     if not sure:
         return None
     likely = max(sure, key=lambda each: float(energies[each].mean()))
-    found = min(each for each in energies if likely % each == 0 and not _explains_more(folds, likely, each))
+    found = min(
+        each for each in energies if likely % each == 0 and not _explains_more(folds, likely, each)
+    )
     longer = (each for each in energies if each > found and each % found == 0)
     found = next((each for each in longer if _explains_more(folds, each, found)), found)
     return (found, _errors(energies[found])) if found in sure else None
 
 
 def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
-    """Whether a period certainly explains something that one of its divisors does not, in the same parts."""
+    """True if a period certainly explains something that one of its divisors does not, in the same
+    parts.
+    """
     more, less = folds.quarters(longer), folds.quarters(shorter, large=longer)
     for energy, least in ((_energy, _MORE), (_common, _COMMON)):
         gain = energy(more) - energy(less)
@@ -231,17 +294,23 @@ def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
 
 
 def _named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Letters, float] | None:
-    """Name, letters (K, K) and separation of the tile with a name that fits best; None if none does.
+    """Name, letters (K, K) and separation of the tile with a name that fits best; None if none
+    does.
 
     alike: whether the brightest sites may be panchromatic.
 
-    Its period may be a multiple of the one that was found: in a checkerboard of panchromatic sites little else may show.
+    Its period may be a multiple of the one that was found: in a checkerboard of panchromatic sites
+    little else may show.
     """
     period = len(light)
     likely: dict[str, Letters] = {}
     for side in (each for each in folds.periods if alike and each % period == 0):
         repeated = np.tile(light, (side // period, side // period))
-        fitting = [each for each in _known(side, repeated) if np.array_equal(each[1] == PANCHROMATIC, _bright(repeated))]
+        fitting = [
+            each
+            for each in _known(side, repeated)
+            if np.array_equal(each[1] == PANCHROMATIC, _bright(repeated))
+        ]
         if found := _best(folds.quarters(side), fitting, sure=side > period):
             return found
         likely |= dict(fitting)
@@ -255,16 +324,23 @@ def _named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Letters
     return name, np.where(tile == PANCHROMATIC, PANCHROMATIC, UNKNOWN), 0.0
 
 
-def _best(quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: bool) -> tuple[str, Letters, float] | None:
-    """The tile whose sites of a colour read most alike, and its separation; None if another one may be it as well.
+def _best(
+    quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: bool
+) -> tuple[str, Letters, float] | None:
+    """The tile whose sites of a colour read most alike, and its separation; None if another one may
+    be it as well.
 
     tiles: names and letters; of two in which the same sites are alike the first counts.
     sure: all colours have to differ for certain.
     """
-    kinds = {(tile[..., None, None] == tile).tobytes(): (name, tile) for name, tile in reversed(tiles)}
+    kinds = {
+        (tile[..., None, None] == tile).tobytes(): (name, tile) for name, tile in reversed(tiles)
+    }
     spreads = {key: _spread(quarters, tile.ravel()) for key, (_, tile) in kinds.items()}
     best = min(spreads, key=lambda each: float(spreads[each].mean()), default=b"")
-    if not spreads or any(_errors(spreads[other] - spreads[best]) < _BETTER for other in spreads if other != best):
+    if not spreads or any(
+        _errors(spreads[other] - spreads[best]) < _BETTER for other in spreads if other != best
+    ):
         return None
     name, tile = kinds[best]
     separation = _separation(quarters, tile.ravel(), sure)
@@ -272,44 +348,65 @@ def _best(quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: boo
 
 
 def _known(period: int, light: DoubleArray) -> Iterator[tuple[str, Letters]]:
-    """Name and letters of the tiles with this period, wherever they begin; those whose green is brightest come first."""
-    known = [(name, letters.split("/")) for name, letters in (TILES | DENSE).items() if name != "paper"]
+    """Name and letters of the tiles with this period, wherever they begin; those whose green is
+    brightest come first.
+    """
+    known = [
+        (name, letters.split("/")) for name, letters in (TILES | DENSE).items() if name != "paper"
+    ]
     if period in PERIODS:
         blocks = [CfaPattern.bayer(period, order).tile for order in ("RGGB", "GRBG")]
         known += [(name_of(blocks[0]), [*tile]) for tile in blocks]
     tiles = [(name, np.array([[*row] for row in rows])) for name, rows in known]
-    begun = [(name, np.roll(tile, step, (0, 1))) for name, tile in tiles if len(tile) == period for step in np.ndindex(tile.shape)]
+    begun = [
+        (name, np.roll(tile, step, (0, 1)))
+        for name, tile in tiles
+        if len(tile) == period
+        for step in np.ndindex(tile.shape)
+    ]
     yield from sorted(begun, key=lambda each: -float(light[each[1] == "G"].mean()))
 
 
 def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:
-    """Whether the brightest sites may have one filter: panchromatic ones read the same."""
+    """True if the brightest sites may have one filter: panchromatic ones read the same."""
     within = _spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC))
-    beside = _energy(quarters[..., bright].mean(axis=2, keepdims=True) - quarters[..., ~bright].mean(axis=2, keepdims=True))
+    beside = _energy(
+        quarters[..., bright].mean(axis=2, keepdims=True)
+        - quarters[..., ~bright].mean(axis=2, keepdims=True)
+    )
     return _errors(within) < _SURE or float(within.mean()) < _UNLIKE * float(beside.mean())
 
 
 def _is_sum(levels: DoubleArray, letters: Letters) -> bool:
-    """Whether panchromatic sites see the sum of the others: from part to part they read more, the more there is of each colour.
+    """True if panchromatic sites see the sum of the others: from part to part they read more, the
+    more there is of each colour.
 
-    Yellow ones, which can be as bright, read less where there is more cyan and as much of magenta and green.
+    Yellow ones, which can be as bright, read less where there is more cyan and as much of magenta
+    and green.
     """
-    kinds = [levels[:, letters == letter].mean(axis=1) for letter in (PANCHROMATIC, *_colours(letters))]
+    kinds = [
+        levels[:, letters == letter].mean(axis=1) for letter in (PANCHROMATIC, *_colours(letters))
+    ]
     clear, *colours = (kind - kind.mean() for kind in kinds)
     return bool((np.linalg.lstsq(np.stack(colours, axis=1), clear)[0] > 0).all())
 
 
 def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
-    """Letters (K, K) of a tile without a name, and their separation: as many kinds of colours as are certainly apart.
+    """Letters (K, K) of a tile without a name, and their separation: as many kinds of colours as
+    are certainly apart.
 
-    Sites are joined, those that differ least first, until any two kinds differ more than panchromatic sites do. Where that is in
-    doubt, all colours stay open.
+    Sites are joined, those that differ least first, until any two kinds differ more than
+    panchromatic sites do. Where that is in doubt, all colours stay open.
     """
     bright, level = _bright(light).ravel(), light.ravel()
     letters = np.where(bright, PANCHROMATIC, UNKNOWN)
     usual = max(2 * float(_spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC)).mean()), 1e-6)
     sites = np.flatnonzero(~bright)
-    apart, members = _differences(quarters)[np.ix_(sites, sites)], np.eye(len(sites), dtype=np.bool_)  # of groups, a row each
+    # of groups, a row each
+    apart, members = (
+        _differences(quarters)[np.ix_(sites, sites)],
+        np.eye(len(sites), dtype=np.bool_),
+    )
     while len(members) > 1:
         shares = members / members.sum(axis=1, keepdims=True)
         means = shares @ apart @ shares.T
@@ -321,7 +418,10 @@ def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
             if len(members) > len(_MORE_COLOURS) or separation < _APART or _errors(nearest) < _SURE:
                 break
             names = _COLOURS if len(members) == len(_COLOURS) else _MORE_COLOURS
-            groups = sorted((sites[each] for each in members), key=lambda group: (-len(group), -level[group].mean()))
+            groups = sorted(
+                (sites[each] for each in members),
+                key=lambda group: (-len(group), -level[group].mean()),
+            )
             for letter, group in zip(names, groups, strict=False):
                 letters[group] = letter
             return letters.reshape(light.shape), separation
@@ -331,12 +431,18 @@ def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
 
 
 def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
-    """By how many times more the two colours that are most alike differ than sites of one colour do.
+    """By how many times more the two colours that are most alike differ than sites of one colour
+    do.
 
     sure: 0 unless that is certain.
     """
-    kinds = [quarters[..., letters == letter].mean(axis=2, keepdims=True) for letter in _colours(letters)]
-    apart = min((_energy(first - second) for first, second in combinations(kinds, 2)), key=lambda each: float(each.mean()))
+    kinds = [
+        quarters[..., letters == letter].mean(axis=2, keepdims=True) for letter in _colours(letters)
+    ]
+    apart = min(
+        (_energy(first - second) for first, second in combinations(kinds, 2)),
+        key=lambda each: float(each.mean()),
+    )
     if sure and _errors(apart) < _SURE:
         return 0.0
     return float(apart.mean()) / max(2 * float(_spread(quarters, letters).mean()), 1e-6)
@@ -345,7 +451,9 @@ def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
 def _spread(quarters: DoubleArray, letters: Letters) -> DoubleArray:
     """Variance of the sites of a colour about their mean, in each part, (parts,)."""
     kinds = [quarters[..., letters == letter] for letter in _colours(letters)]
-    energies = sum(_energy(kind - kind.mean(axis=2, keepdims=True)) * kind.shape[2] for kind in kinds)
+    energies = sum(
+        _energy(kind - kind.mean(axis=2, keepdims=True)) * kind.shape[2] for kind in kinds
+    )
     return np.asarray(energies / max(sum(kind.shape[2] - 1 for kind in kinds), 1))
 
 
@@ -361,7 +469,9 @@ def _bright(light: DoubleArray) -> BoolArray:
 
 def _differences(quarters: DoubleArray) -> DoubleArray:
     """Energy of the difference of any two sites, (K K, K K)."""
-    products = (quarters[:, 0].T @ quarters[:, 3] + quarters[:, 1].T @ quarters[:, 2]) / (2 * len(quarters))
+    products = (quarters[:, 0].T @ quarters[:, 3] + quarters[:, 1].T @ quarters[:, 2]) / (
+        2 * len(quarters)
+    )
     own = np.diag(products)
     return own[:, None] + own - products - products.T
 

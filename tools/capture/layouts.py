@@ -1,6 +1,8 @@
-"""The layout of a raw frame: as described, or, where that shows no filters, the format and stride with which the bytes do.
+"""The layout of a raw frame: as described, or, where that shows no filters, the format and stride
+with which the bytes do.
 
-Whatever the format, rows resemble each other: the stride is the distance at which the bytes resemble themselves most.
+Whatever the format, rows resemble each other: the stride is the distance at which the bytes
+resemble themselves most.
 """
 
 import os
@@ -16,11 +18,13 @@ from ...shared.reading import opened_file
 from .identity import identify
 from .source import STREAM, SourceOptions, layout_of, recording, standard_input
 
-_LIKELY, _NEAR = 2, 2  # strides at which rows repeat most; groups of samples by which they may be wrong
+# strides at which rows repeat most; groups of samples by which they may be wrong
+_LIKELY, _NEAR = 2, 2
 _BYTES = 1 << 19  # of the middle of a frame
 _SMOOTH = 61  # samples of the running mean that is subtracted
 _BAND = 2049  # frequencies over which the spectrum is evened out
-# A frequency counts at most this many times its surroundings: the lower bits of packed samples come at regular distances.
+# A frequency counts at most this many times its surroundings: the lower bits of packed samples come
+# at regular distances.
 _LINE = 30.0
 _CLEAR = 8.0  # a peak stands out by this many times the usual deviation
 _HALF = 0.4  # of the height of another peak
@@ -29,9 +33,13 @@ Reading = tuple[str, int, int]
 
 
 def first_frame(given: SourceOptions) -> tuple[Bytes, FrameLayout]:
-    """Read the first frame of a file or stream as it is described; returns its bytes and their layout.
+    """Read the first frame of a file or stream as it is described; returns its bytes and their
+    layout.
 
-    Raises InputError for what cannot be read, and for a description that does not fit.
+    Raises
+    ------
+    InputError
+        For what cannot be read, and for a description that does not fit.
     """
     layout, _ = layout_of(given)
     if given.source == STREAM:
@@ -47,7 +55,8 @@ def first_frame(given: SourceOptions) -> tuple[Bytes, FrameLayout]:
 
 
 def likely_reading(data: Bytes, layout: FrameLayout) -> str:
-    """Name the options with which the bytes of a frame show a tile that has a name, and that name; "" if there are none.
+    """Name the options with which the bytes of a frame show a tile that has a name, and that name.
+    "" if there are none.
 
     A wrong layout hardly ever shows such a tile: of 108 pairs of formats and tiles none did.
 
@@ -71,9 +80,12 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
 
 
 def _readings(data: Bytes, layout: FrameLayout) -> Iterator[list[Reading]]:
-    """Yield the likely readings of a frame, then less likely ones: strides that are a little off."""
+    """Yield the likely readings of a frame, then less likely ones: strides that are a little
+    off.
+    """
     declared, others = layout.format, [name for name in FORMATS if name != layout.format]
-    # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two resemble each other even more.
+    # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two
+    # resemble each other even more.
     likely = likely_strides(data, layout.stride)[:_LIKELY]
     repeats = [part for stride in likely for part in (stride, stride // 2)]
     tight = FrameLayout(layout.width, 1, declared).stride
@@ -82,15 +94,26 @@ def _readings(data: Bytes, layout: FrameLayout) -> Iterator[list[Reading]]:
     yield [
         *((name, stride, 0) for name in FORMATS for stride in strides),
         *(reading for reading in without_padding if reading[1] not in strides),
-        *((declared, stride, skip) for stride in strides for skip in range(1, FORMATS[declared].length)),
+        *(
+            (declared, stride, skip)
+            for stride in strides
+            for skip in range(1, FORMATS[declared].length)
+        ),
     ]
     reach = _NEAR * FORMATS[declared].length
     shifts = [shift for shift in range(-reach, reach + 1) if shift]
-    yield [(declared, stride + shift, 0) for stride in repeats for shift in shifts if stride + shift > 0]
+    yield [
+        (declared, stride + shift, 0)
+        for stride in repeats
+        for shift in shifts
+        if stride + shift > 0
+    ]
 
 
 def _read_as(data: Bytes, layout: FrameLayout, name: str, stride: int, skipped: int) -> CodeArray:
-    """Unpack the samples of a frame in another reading; empty if no line is as short. layout: for its width."""
+    """Unpack the samples of a frame in another reading; empty if no line is as short. layout: for
+    its width.
+    """
     packing = FORMATS[name]
     height = (len(data) - skipped) // stride
     width = min(layout.width, stride // packing.length * packing.pixels)
@@ -110,7 +133,10 @@ def _advice(layout: FrameLayout, name: str, stride: int, skipped: int, tile: str
     if width < layout.width:
         options.append(f"`width={width}` or less")
     if skipped:
-        options.append(f"a stream without {skipped} bytes (or whole groups of samples more) before the first sample")
+        options.append(
+            f"a stream without {skipped} bytes (or whole groups of samples more) before the "
+            "first sample"
+        )
     return f"likely {' '.join(options)}, which shows the tile {tile}"
 
 
@@ -134,7 +160,9 @@ def likely_strides(data: Bytes, stride: int) -> list[int]:
             heights[distance] = max(height, heights.get(distance, 0.0))
 
     def is_multiple(lag: int) -> bool:
-        """Two rows further down the picture resembles itself too, and may even do so a little more."""
+        """Two rows further down the picture resembles itself too, and may even do so a little
+        more.
+        """
         shorter: Sequence[int] = [each for each in heights if each < lag and lag % each == 0]
         return any(heights[each] > _HALF * heights[lag] for each in shorter)
 
@@ -142,7 +170,9 @@ def likely_strides(data: Bytes, stride: int) -> list[int]:
 
 
 def _repeats(samples: NDArray[np.unsignedinteger], around: int) -> list[tuple[int, float]]:
-    """The two distances at which samples repeat most clearly, each with its height in usual deviations."""
+    """The two distances at which samples repeat most clearly, each with its height in usual
+    deviations.
+    """
     from scipy.fft import irfft, rfft
     from scipy.ndimage import uniform_filter1d
     from scipy.signal import find_peaks
@@ -152,7 +182,8 @@ def _repeats(samples: NDArray[np.unsignedinteger], around: int) -> list[tuple[in
         return []
     values = samples.astype(np.float64)
     values -= uniform_filter1d(values, _SMOOTH, mode="mirror")
-    power = np.abs(rfft(values, 2 * samples.size)) ** 2  # twice as long: the end is not compared with the beginning
+    # twice as long: the end is not compared with the beginning
+    power = np.abs(rfft(values, 2 * samples.size)) ** 2
     if power.size > 2 * _BAND:
         even = uniform_filter1d(np.sqrt(power), _BAND, mode="mirror")
         power = np.minimum(power / (even**2 + 1e-9), _LINE)

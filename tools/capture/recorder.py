@@ -9,20 +9,32 @@ from ...device.capture.frame_queue import FrameQueue
 from ...device.capture.shots import ShotFolder
 from .source import FrameSource, Note, Stopped, preview_maker
 
-_DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older
+# frames that may wait: one covers a slow write, a second a pause of the disk; more would only be
+# older
+_DEPTH = 2
 
 
 class Recorder:
     """Saves frames as shots.
 
-    source: where they come from.
-    folder: an existing folder.
-    latest: see `ShotFolder`.
-    burst: number of frames that are taken as fast as they come, and saved under one name; None = each on its own.
     Raises InputError and OutputError as `ShotFolder` does.
+
+    Parameters
+    ----------
+    source : FrameSource
+        Where they come from.
+    folder : Path
+        An existing folder.
+    latest : Path | None
+        See `ShotFolder`.
+    burst : int | None
+        Number of frames that are taken as fast as they come, and saved under one name; None = each
+        on its own.
     """
 
-    def __init__(self, source: FrameSource, folder: Path, latest: Path | None, *, burst: int | None) -> None:
+    def __init__(
+        self, source: FrameSource, folder: Path, latest: Path | None, *, burst: int | None
+    ) -> None:
         self._source, self._burst = source, burst
         self._shots = ShotFolder(folder, latest)
         self._preview = preview_maker(source.sensor)
@@ -31,25 +43,47 @@ class Recorder:
     @property
     def dropped(self) -> int:
         """Number of frames that came too fast to be saved, or arrived incomplete."""
-        return sum(self._source.lost()) + (0 if self._queue is None else self._queue.dropped)  # an empty queue counts as false
+        # an empty queue counts as false
+        return sum(self._source.lost()) + (0 if self._queue is None else self._queue.dropped)
 
     @property
     def waiting(self) -> int:
-        """Number of frames that have come and are not saved yet; of a burst, only those that nobody has taken."""
+        """Number of frames that have come and are not saved yet; of a burst, only those that nobody
+        has taken.
+        """
         return 0 if self._queue is None else len(self._queue)
 
-    def saved(self, stopped: Stopped, refused: Callable[[object], None], note: Note) -> Iterator[Saved]:
+    def saved(
+        self, stopped: Stopped, refused: Callable[[object], None], note: Note
+    ) -> Iterator[Saved]:
         """Save frames until they end, and yield each.
 
-        stopped: polled between frames: whether to end.
-        refused: called with the reason for each frame that is not saved.
-        note: called with remarks on the first frames.
-        Raises InputError when the stream breaks off, OutputError when a file cannot be written.
+        Parameters
+        ----------
+        stopped : Stopped
+            Polled between frames: whether to end.
+        refused : Callable[[object], None]
+            Called with the reason for each frame that is not saved.
+        note : Note
+            Called with remarks on the first frames.
+
+        Raises
+        ------
+        InputError
+            When the stream breaks off.
+        OutputError
+            When a file cannot be written.
         """
-        frames, sensor, burst = self._source.frames(stopped, refused, note), self._source.sensor, self._burst
+        frames, sensor, burst = (
+            self._source.frames(stopped, refused, note),
+            self._source.sensor,
+            self._burst,
+        )
         if burst:  # all frames may wait: none is dropped, and no more are read
             frames = islice(frames, burst)
-        self._queue = queue = FrameQueue(frames, burst or _DEPTH, wait=self._source.waits, stopped=stopped)
+        self._queue = queue = FrameQueue(
+            frames, burst or _DEPTH, wait=self._source.waits, stopped=stopped
+        )
         to = sensor, self._preview, self._shots
         for outcome in capture_burst(queue, burst, *to) if burst else capture(queue, *to):
             if isinstance(outcome, Saved):

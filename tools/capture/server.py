@@ -30,9 +30,11 @@ _FILES = {
 }
 _HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; script-src 'self'; connect-src 'self'; "
+    "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; "
+    "script-src 'self'; connect-src 'self'; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-    # Other sites must not show the picture, nor load our page in an invisible frame to catch clicks (clickjacking).
+    # Other sites must not show the picture, nor load our page in an invisible frame to catch clicks
+    # (clickjacking).
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
@@ -42,20 +44,36 @@ _BOUNDARY = "frame"
 _VIEWERS = 8
 _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
 _LOOK = 0.25  # seconds between two looks at whether a viewer to whom nothing is sent has left
-_STALL = 1.0  # seconds after which the last picture is sent a second time: Chromium shows the first of a stream only then
+# seconds after which the last picture is sent a second time: Chromium shows the first of a stream
+# only then
+_STALL = 1.0
 _IGNORED = 4096  # bytes
 _FREED = 1.0  # seconds that a new viewer waits for the seat of one who has left
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
 class ViewfinderServer(ThreadingTCPServer):
-    """The server of a viewfinder. Not an HTTPServer: that looks up its own host name, and without a network it waits for an answer.
+    """The server of a viewfinder. Not an HTTPServer: that looks up its own host name, and without a
+    network it waits for an answer.
 
-    address: (host, port); port 0 takes any free port.
-    finder: the viewfinder.
-    report: called with each error that is not a client's; they end one answer, not the server.
-    hosts: names under which browsers may ask for the page, beside addresses and the machine's own names.
-    Raises InputError if the host is not an IP address, OutputError if the port cannot be used.
+    Parameters
+    ----------
+    address : tuple[str, int]
+        (host, port); port 0 takes any free port.
+    finder : Viewfinder
+        The viewfinder.
+    report : Callable[[BaseException], None]
+        Called with each error that is not a client's; they end one answer, not the server.
+    hosts : Iterable[str], optional
+        Names under which browsers may ask for the page, beside addresses and the machine's own
+        names.
+
+    Raises
+    ------
+    InputError
+        If the host is not an IP address.
+    OutputError
+        If the port cannot be used.
     """
 
     allow_reuse_address = True
@@ -63,7 +81,11 @@ class ViewfinderServer(ThreadingTCPServer):
     block_on_close = False
 
     def __init__(
-        self, address: tuple[str, int], finder: Viewfinder, report: Callable[[BaseException], None], hosts: Iterable[str] = ()
+        self,
+        address: tuple[str, int],
+        finder: Viewfinder,
+        report: Callable[[BaseException], None],
+        hosts: Iterable[str] = (),
     ) -> None:
         self.finder, self._report = finder, report
         self.hosts = frozenset(map(_plain_name, hosts))
@@ -74,10 +96,15 @@ class ViewfinderServer(ThreadingTCPServer):
                 self.address_family = socket.AF_INET6
             super().__init__(address, _Handler)
         except ValueError:
-            raise InputError(f"{address[0]!r} is not the address of a network interface, such as 127.0.0.1 or 0.0.0.0") from None
+            raise InputError(
+                f"{address[0]!r} is not the address of a network interface, such as 127.0.0.1 or "
+                "0.0.0.0"
+            ) from None
         except (OSError, OverflowError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise OutputError(f"{address[0]} port {address[1]}: nothing can be served there ({reason})") from None
+            raise OutputError(
+                f"{address[0]} port {address[1]}: nothing can be served there ({reason})"
+            ) from None
 
     @property
     def url(self) -> str:
@@ -110,8 +137,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         origin = self.headers.get("Origin")
-        # A proxy may speak TLS and pass another Host on: then the page's own name is one of those that were allowed.
-        allowed = origin is None or origin == f"http://{self.headers['Host']}" or _host_of(origin) in self.server.hosts
+        # A proxy may speak TLS and pass another Host on: then the page's own name is one of those
+        # that were allowed.
+        allowed = (
+            origin is None
+            or origin == f"http://{self.headers['Host']}"
+            or _host_of(origin) in self.server.hosts
+        )
         if not allowed:
             self._refuse(HTTPStatus.FORBIDDEN, "shots are taken from the camera's own page")
         elif self.path != "/capture":
@@ -120,7 +152,11 @@ class _Handler(BaseHTTPRequestHandler):
             try:
                 shot = self.server.finder.shoot()
             except PanchromaError as error:
-                status = HTTPStatus.INSUFFICIENT_STORAGE if isinstance(error, OutputError) else HTTPStatus.CONFLICT
+                status = (
+                    HTTPStatus.INSUFFICIENT_STORAGE
+                    if isinstance(error, OutputError)
+                    else HTTPStatus.CONFLICT
+                )
                 # Clients need not know where on this machine the shots are.
                 self._refuse(status, str(error).replace(f"{self.server.finder.folder}{os.sep}", ""))
             else:
@@ -128,42 +164,52 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _stream(self) -> None:
         if not self.server.seats.acquire(timeout=_FREED):
-            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, f"{_VIEWERS} people look through this camera already")
+            self._refuse(
+                HTTPStatus.SERVICE_UNAVAILABLE,
+                f"{_VIEWERS} people look through this camera already",
+            )
             return
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
             self._head(HTTPStatus.OK, f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
             self.wfile.write(f"--{_BOUNDARY}\r\n".encode())
-            number, repeat, finder = 0, math.inf, self.server.finder  # repeat: when the last picture is sent again
+            # repeat: when the last picture is sent again
+            number, repeat, finder = 0, math.inf, self.server.finder
             while not finder.closed:
                 if view := finder.after(number, _LOOK):
                     number, repeat = view.number, time.monotonic() + _STALL
                 elif self._has_left():
                     return
                 elif time.monotonic() > repeat:
-                    view, repeat = finder.after(0, 0), time.monotonic() + _TIMEOUT  # proxies want to hear something
+                    # proxies want to hear something
+                    view, repeat = finder.after(0, 0), time.monotonic() + _TIMEOUT
                 if view:
                     head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
-                    # Send the boundary now, not before the next picture: browsers show a picture when they have read its end.
+                    # Send the boundary now, not before the next picture: browsers show a picture
+                    # when they have read its end.
                     self.wfile.write(head.encode() + view.jpeg + f"\r\n--{_BOUNDARY}\r\n".encode())
         finally:
             self.server.seats.release()
 
     def _has_left(self) -> bool:
-        """Whether the client has closed the connection; whatever else it says is ignored."""
+        """True if the client has closed the connection; whatever else it says is ignored."""
         readable, _, _ = select.select([self.connection], [], [], 0)
         return bool(readable) and not self.connection.recv(_IGNORED)
 
     def parse_request(self) -> bool:
-        """Read the request. Returns whether it is one, and addressed to this camera; if not, it has been answered with an error.
+        """Read the request. Returns whether it is one, and addressed to this camera; if not, it has
+        been answered with an error.
 
-        Another site can make its own name point to this address (DNS rebinding), and its page would then count as ours. It cannot
-        do so with an IP address or with the machine's own name.
+        Another site can make its own name point to this address (DNS rebinding), and its page would
+        then count as ours. It cannot do so with an IP address or with the machine's own name.
         """
         if not super().parse_request():
             return False
         if not (ours := _is_own(self.headers.get("Host", ""), self.server.hosts)):
-            advice = "ask for the camera by its address or its own name, or start `panchroma view --host NAME` with this one"
+            advice = (
+                "ask for the camera by its address or its own name, or start `panchroma "
+                "view --host NAME` with this one"
+            )
             self._refuse(HTTPStatus.MISDIRECTED_REQUEST, advice)
         return ours
 
@@ -195,7 +241,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _is_own(host: str, allowed: Container[str]) -> bool:
-    """Whether a Host header has an IP address, one of the allowed names, or the machine's own."""
+    """True if a Host header has an IP address, one of the allowed names, or the machine's own."""
     if not (name := _host_of(f"//{host}")):
         return False
     with suppress(ValueError):
@@ -223,10 +269,13 @@ def _page() -> dict[str, bytes]:
 def _own_names() -> frozenset[str]:
     name = socket.gethostname().lower()
     short = name.partition(".")[0]
-    return frozenset({"localhost", name, short, f"{short}.local"})  # .local: the name in multicast DNS
+    # .local: the name in multicast DNS
+    return frozenset({"localhost", name, short, f"{short}.local"})
 
 
 @cache
 def _full_name() -> str:
-    """The machine's name with its domain, for those who ask by it. Without a network the answer takes a while."""
+    """The machine's name with its domain, for those who ask by it. Without a network the answer
+    takes a while.
+    """
     return _plain_name(socket.getfqdn())

@@ -42,20 +42,32 @@ Note = Callable[[str], None]
 Opened = Callable[[Stopped, Refused, Note], Iterator[RawFrame]]
 """Opens a source."""
 Described = Callable[[CfaPattern | None], tuple[Camera | None, CfaPattern]]
-"""Camera and pattern as the user describes them; the argument is the pattern that the camera itself states."""
+"""Camera and pattern as the user describes them; the argument is the pattern that the camera itself
+states.
+"""
 
 
 @dataclass(frozen=True)
 class SourceOptions:
     """The description of a source of frames, as a user gives it.
 
-    source: "-" (standard input), a folder that is watched, genicam:ID, or builtin:WIDTHxHEIGHT@FPS, a simulated sensor.
-    width, height, pixel_format, stride: see `FrameLayout` and `format_named`; None = not given.
-    sensor_bits: bits of a sample; None = those of the pixel format, or of the camera file.
-    black: black level, code; None = that of the camera file, or a sixteenth of the range.
-    unchecked: frames are not compared with this description.
-    new: files that are in the folder already are skipped.
-    exposure_time, gain, fps: see `GenicamCamera`.
+    Attributes
+    ----------
+    source : str
+        "-" (standard input), a folder that is watched, genicam:ID, or builtin:WIDTHxHEIGHT@FPS, a
+        simulated sensor.
+    width, height, pixel_format, stride : int | None, str | None, int
+        See `FrameLayout` and `format_named`; None = not given.
+    sensor_bits : int | None
+        Bits of a sample; None = those of the pixel format, or of the camera file.
+    black : int | None
+        Black level, code; None = that of the camera file, or a sixteenth of the range.
+    unchecked : bool
+        Frames are not compared with this description.
+    new : bool
+        Files that are in the folder already are skipped.
+    exposure_time, gain, fps : float | None
+        See `GenicamCamera`.
     """
 
     source: str
@@ -82,13 +94,22 @@ class SourceOptions:
 class FrameSource:
     """A source of frames from a known sensor.
 
-    sensor: layout of the frames, pattern and calibration.
-    opened: opens the source.
-    waits: whether the source waits for a slow consumer (a recording does, a sensor does not).
-    notes: remarks for the user on how the description was interpreted.
-    checks: whether the first frames are compared with the description.
-    lost: numbers of frames so far that arrived incomplete, and that came too fast to be read.
-    close: lets the camera go.
+    Attributes
+    ----------
+    sensor : Sensor
+        Layout of the frames, pattern and calibration.
+    opened : Opened
+        Opens the source.
+    waits : bool
+        Whether the source waits for a slow consumer (a recording does, a sensor does not).
+    notes : tuple[str, ...]
+        Remarks for the user on how the description was interpreted.
+    checks : bool
+        Whether the first frames are compared with the description.
+    lost : Callable[[], tuple[int, int]]
+        Numbers of frames so far that arrived incomplete, and that came too fast to be read.
+    close : Callable[[], object]
+        Lets the camera go.
     """
 
     sensor: Sensor
@@ -100,13 +121,22 @@ class FrameSource:
     close: Callable[[], object] = bool
 
     def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
-        """The frames; note: called when the first of them do not show whether the description is right, or none comes."""
+        """The frames.
+
+        Parameters
+        ----------
+        note : Note
+            Called when the first of them do not show whether the description is right, or none
+            comes.
+        """
         raw = self.opened(stopped, refused, note)
         return checked(raw, self.sensor, note, refused=refused) if self.checks else raw
 
 
 def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
-    """A camera's preview as a function, ready before the first frame arrives; for the arguments and errors see `Preview`."""
+    """A camera's preview as a function, ready before the first frame arrives; for the arguments and
+    errors see `Preview`.
+    """
     preview = Preview(sensor.pattern, scale, threads=threads)
     return lambda mosaic: cast(ByteArray, preview.run(mosaic))
 
@@ -114,7 +144,10 @@ def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None)
 def open_source(given: SourceOptions, described: Described) -> FrameSource:
     """Open the requested source of frames.
 
-    Raises InputError if there is no such source, or if a part of its description does not go with it.
+    Raises
+    ------
+    InputError
+        If there is no such source, or if a part of its description does not go with it.
     """
     if given.source == STREAM or given.source.startswith((_BUILTIN, GENICAM)):
         given.refuse(["new"], "only a folder can already contain frames")
@@ -124,17 +157,28 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
         return _builtin(given.source, camera, pattern)
     if given.source.startswith(GENICAM):
         given.refuse(["width", "height", "stride"], "the camera says it")
-        plugged = GenicamCamera(given.source, given.pixel_format, {name: getattr(given, name) for name in SETTINGS})
+        plugged = GenicamCamera(
+            given.source, given.pixel_format, {name: getattr(given, name) for name in SETTINGS}
+        )
         camera, pattern = described(plugged.pattern)
         if plugged.pattern not in (None, pattern):
-            raise InputError(f"{given.source}: the camera says where its filters are; leave `pattern`, `period` and `origin` out")
+            raise InputError(
+                f"{given.source}: the camera says where its filters are; leave `pattern`, "
+                "`period` and `origin` out"
+            )
         opened: Opened = lambda stopped, _, note: plugged.frames(stopped, note)  # noqa: E731
         source = _source(given, plugged.layout, plugged.bits, opened, camera, pattern)
-        sensor, notes = replace(source.sensor, metadata=plugged.metadata), (plugged.about, *source.notes)
+        sensor, notes = (
+            replace(source.sensor, metadata=plugged.metadata),
+            (plugged.about, *source.notes),
+        )
         return replace(source, sensor=sensor, notes=notes, lost=plugged.lost, close=plugged.close)
     given.refuse(SETTINGS, "only a connected camera, genicam:ID, can be set")
     if given.source != STREAM and not Path(given.source).is_dir():
-        raise InputError(f"{given.source}: is not a folder; SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS")
+        raise InputError(
+            f"{given.source}: is not a folder; SOURCE is such a folder, -, genicam:ID or "
+            "builtin:WIDTHxHEIGHT@FPS"
+        )
     camera, pattern = described(None)
     layout, bits = layout_of(given)
     opened, waits = _unplugged(given, layout)
@@ -145,7 +189,9 @@ def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]
     """Standard input or a folder; and whether it waits."""
     if given.source != STREAM:
         folder = Path(given.source)
-        return lambda stopped, refused, _: watch_folder(folder, layout, refused, only_new=given.new, stopped=stopped), True
+        return lambda stopped, refused, _: watch_folder(
+            folder, layout, refused, only_new=given.new, stopped=stopped
+        ), True
     length = recording()
     if length is not None and not given.unchecked:
         layout.check_recording(length, ". If they are right, add `unchecked`")
@@ -153,7 +199,12 @@ def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]
 
 
 def _source(
-    given: SourceOptions, layout: FrameLayout, bits: int, opened: Opened, camera: Camera | None, pattern: CfaPattern
+    given: SourceOptions,
+    layout: FrameLayout,
+    bits: int,
+    opened: Opened,
+    camera: Camera | None,
+    pattern: CfaPattern,
 ) -> FrameSource:
     """A source that does not wait, of the sensor that is described."""
     sensor, notes = _described(given, layout, bits, camera, pattern)
@@ -161,29 +212,48 @@ def _source(
 
 
 def recording() -> int | None:
-    """Bytes of the recording on standard input; None for a pipe, which may come from a sensor that does not wait."""
+    """Bytes of the recording on standard input; None for a pipe, which may come from a sensor that
+    does not wait.
+    """
     if sys.stdin is None or sys.stdin.isatty():
-        raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
+        raise InputError(
+            "-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o "
+            "- | panchroma ..."
+        )
     status = os.fstat(sys.stdin.fileno())
     return status.st_size if stat.S_ISREG(status.st_mode) else None
 
 
 def standard_input() -> FileIO:
-    """Standard input without a buffer: a buffered reader that is interrupted in a read would keep the interpreter from ending."""
+    """Standard input without a buffer: a buffered reader that is interrupted in a read would keep
+    the interpreter from ending.
+    """
     descriptor = sys.stdin.fileno()
     with suppress(OSError, AttributeError):  # no pipe; the user has too many; not Linux
-        # Room for a part of a frame that takes the writer a while: each time it is full costs two changes of process.
+        # Room for a part of a frame that takes the writer a while: each time it is full costs two
+        # changes of process.
         fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
     return open(descriptor, "rb", buffering=0, closefd=False)
 
 
 def layout_of(given: SourceOptions) -> tuple[FrameLayout, int]:
-    """The layout of the frames that is described, and the bits of a sample. Raises InputError that names what is missing."""
+    """The layout of the frames that is described, and the bits of a sample.
+
+    Raises
+    ------
+    InputError
+        That names what is missing.
+    """
     width, height, pixel_format = given.width, given.height, given.pixel_format
     if width is None or height is None or pixel_format is None:
-        missing = [f"`{name}`" for name in ("width", "height", "pixel_format") if getattr(given, name) is None]
+        missing = [
+            f"`{name}`"
+            for name in ("width", "height", "pixel_format")
+            if getattr(given, name) is None
+        ]
         raise InputError(
-            f"{given.source}: frames have no header; describe them with {', '.join(missing)} (and `stride`). "
+            f"{given.source}: frames have no header; describe them with {', '.join(missing)} "
+            "(and `stride`). "
             "rpicam-raw prints these values when it starts"
         )
     name, bits = format_named(pixel_format)
@@ -191,18 +261,26 @@ def layout_of(given: SourceOptions) -> tuple[FrameLayout, int]:
 
 
 def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None:
-    """Raise InputError unless frames have the size of those that the camera file was made with: its maps are for these alone."""
+    """Raise InputError unless frames have the size of those that the camera file was made with: its
+    maps are for these alone.
+    """
     if camera is None:
         return
     shape, known = (layout.height, layout.width), camera.calibration
     size = camera.size or (known.shading.size if known.shading else None)
-    least = tuple(max(places, default=0) + 1 for places in zip(*known.defects, strict=True)) if known.defects else (0, 0)
+    least = (
+        tuple(max(places, default=0) + 1 for places in zip(*known.defects, strict=True))
+        if known.defects
+        else (0, 0)
+    )
     if size in (None, shape) and least[0] <= shape[0] and least[1] <= shape[1]:
         return
     (rows, columns), words = (size, "") if size else (least, " or more")
     raise InputError(
-        f"{source}: the frames have {layout.width} x {layout.height} pixels, those of the camera file {columns} x {rows}{words}; "
-        "give the right `width`, `height` and `stride`, or, if this is a window of the sensor or another mode of it, measure a "
+        f"{source}: the frames have {layout.width} x {layout.height} pixels, those of the camera "
+        f"file {columns} x {rows}{words}; "
+        "give the right `width`, `height` and `stride`, or, if this is a window of the sensor or "
+        "another mode of it, measure a "
         'camera file for it, or take a copy of this one without "size", "shading" and "defects"'
     )
 
@@ -219,22 +297,37 @@ def _described(
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     bits, gamma = given.sensor_bits or bits, usual_gamma(pattern)
-    calibration = SensorCalibration.of_bits(bits, headroom=False, channels=pattern.channels, gamma=gamma)
+    calibration = SensorCalibration.of_bits(
+        bits, headroom=False, channels=pattern.channels, gamma=gamma
+    )
     if given.black is not None:
         most = calibration.white_level // 2
         if not 0 <= given.black <= most:
-            raise InputError(f"`black` is {given.black}, expected a code from 0 to {most}, half of the range")
-        calibration = replace(calibration, black_level=(float(given.black),) * len(calibration.black_level))
+            raise InputError(
+                f"`black` is {given.black}, expected a code from 0 to {most}, half of the range"
+            )
+        calibration = replace(
+            calibration, black_level=(float(given.black),) * len(calibration.black_level)
+        )
     black, white = calibration.black_level[0], calibration.white_level
-    assumed = f"black level {black:.0f} and white level {white} are" if given.black is None else f"white level {white} is"
-    return Sensor(layout, pattern, calibration), (f"no `camera`: {assumed} assumed, and the white balance is estimated",)
+    assumed = (
+        f"black level {black:.0f} and white level {white} are"
+        if given.black is None
+        else f"white level {white} is"
+    )
+    return Sensor(layout, pattern, calibration), (
+        f"no `camera`: {assumed} assumed, and the white balance is estimated",
+    )
 
 
 def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
     found = re.fullmatch(r"builtin:(\d{1,5})x(\d{1,5})@(\d{1,4}(?:\.\d{1,3})?)", source)
     rate = float(found[3]) if found else 0.0
     if not found or not rate:
-        raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
+        raise InputError(
+            f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example "
+            "builtin:1200x800@10"
+        )
     try:
         calibration = built_in_sensor(pattern, camera)
     except InputError as error:
@@ -248,11 +341,14 @@ def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSo
 def _moving_frames(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
     """Yield endless frames of 16-bit words, `rate` per second: see `moving_scene`.
 
-    The first turn is simulated as fast as the machine can; later turns repeat its frames at the full rate.
+    The first turn is simulated as fast as the machine can; later turns repeat its frames at the
+    full rate.
     """
     layout = sensor.layout
     frames = min(max(_MEMORY // layout.frame_bytes, _LEAST_FRAMES), _MOST_FRAMES)
-    simulated = moving_scene(sensor.pattern, sensor.calibration, (layout.height, layout.width), frames)
+    simulated = moving_scene(
+        sensor.pattern, sensor.calibration, (layout.height, layout.width), frames
+    )
     turn: list[bytes] = []
     due = time.monotonic()
     for number in count():

@@ -1,4 +1,6 @@
-"""The viewfinder: from raw frames to the latest picture for all viewers, figures about it, and the frame that a shot saves."""
+"""The viewfinder: from raw frames to the latest picture for all viewers, figures about it, and the
+frame that a shot saves.
+"""
 
 import threading
 from collections import deque
@@ -39,14 +41,24 @@ _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and co
 class View:
     """A picture of the viewfinder.
 
-    picture: uint8 sRGB (h, w, 3).
-    jpeg: the same as a JPEG file.
-    number: counts the pictures, from 1.
-    latency: seconds from the arrival of the frame until the picture was ready.
-    clipped: part of its samples at the white level, 0 to 1.
-    mosaic: the frame that it shows.
-    taken: when that was, with time zone.
-    is_checked: see `RawFrame`.
+    Attributes
+    ----------
+    picture : ByteArray
+        uint8 sRGB (h, w, 3).
+    jpeg : bytes
+        The same as a JPEG file.
+    number : int
+        Counts the pictures, from 1.
+    latency : float
+        Seconds from the arrival of the frame until the picture was ready.
+    clipped : float
+        Part of its samples at the white level, 0 to 1.
+    mosaic : Mosaic
+        The frame that it shows.
+    taken : datetime
+        When that was, with time zone.
+    is_checked : bool
+        See `RawFrame`.
     """
 
     picture: ByteArray
@@ -60,12 +72,18 @@ class View:
 
 
 class Viewfinder:
-    """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow viewer.
+    """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow
+    viewer.
 
-    dropped: returns the number of frames that came too fast to be shown.
-    shots: the folder in which `shoot` saves; None = shots cannot be saved.
-    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes, `folder` is where `shoot` saves, `closed`
-    says that there are no more pictures.
+    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes, `folder`
+    is where `shoot` saves, `closed` says that there are no more pictures.
+
+    Parameters
+    ----------
+    dropped : Callable[[], int]
+        Returns the number of frames that came too fast to be shown.
+    shots : ShotFolder | None, optional
+        The folder in which `shoot` saves; None = shots cannot be saved.
     """
 
     def __init__(self, dropped: Callable[[], int], shots: ShotFolder | None = None) -> None:
@@ -80,19 +98,34 @@ class Viewfinder:
         self._shooting = threading.Lock()
         self.doubtful = DoubtfulShots()
 
-    def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float, *, is_checked: bool = False) -> None:
+    def show(
+        self,
+        picture: ByteArray,
+        mosaic: Mosaic,
+        taken: datetime,
+        arrived: float,
+        *,
+        is_checked: bool = False,
+    ) -> None:
         """Make a picture the latest view.
 
-        picture: preview of the mosaic, uint8 sRGB (h, w, 3).
-        mosaic: the frame that it shows; `shoot` saves it.
-        taken, arrived, is_checked: see `RawFrame`.
+        Parameters
+        ----------
+        picture : ByteArray
+            Preview of the mosaic, uint8 sRGB (h, w, 3).
+        mosaic : Mosaic
+            The frame that it shows; `shoot` saves it.
+        taken, arrived, is_checked : datetime, float, bool, optional
+            See `RawFrame`.
         """
         jpeg = _jpeg(picture)
         clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
-            self._view = View(picture, jpeg, number, now - arrived, clipped, mosaic, taken, is_checked)
+            self._view = View(
+                picture, jpeg, number, now - arrived, clipped, mosaic, taken, is_checked
+            )
             if is_checked:
                 self.doubtful.clear()
             self._shown.append(now)
@@ -101,12 +134,19 @@ class Viewfinder:
             self._changed.notify_all()
 
     def after(self, number: int, seconds: float | None = None) -> View | None:
-        """Wait for a view with a higher number than `number` and return it; None if none comes, or if the viewfinder is closed.
+        """Wait for a view with a higher number than `number` and return it; None if none comes, or
+        if the viewfinder is closed.
 
-        seconds: to wait at most; None = without end.
+        Parameters
+        ----------
+        seconds : float | None, optional
+            To wait at most; None = without end.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self.closed or (self._view is not None and self._view.number > number), seconds)
+            self._changed.wait_for(
+                lambda: self.closed or (self._view is not None and self._view.number > number),
+                seconds,
+            )
             newer = self._view is not None and self._view.number > number
             return self._view if newer and not self.closed else None
 
@@ -115,13 +155,19 @@ class Viewfinder:
         with self._changed:
             view, times = self._view, [*self._shown]
         rows, columns = view.mosaic.shape if view else (0, 0)
-        # Judged by the camera's own interval: exposures may be longer than any fixed span, and so is the wait for the first one.
-        intervals = [later - earlier for earlier, later in pairwise(times if len(times) > 1 else [self._begun, *times])]
+        # Judged by the camera's own interval: exposures may be longer than any fixed span, and so
+        # is the wait for the first one.
+        intervals = [
+            later - earlier
+            for earlier, later in pairwise(times if len(times) > 1 else [self._begun, *times])
+        ]
         silent = not times or monotonic() - times[-1] > max(_SPAN, _MISSED * max(intervals))
         return {
             "frames": view.number if view else 0,
             "silent": silent,
-            "fps": 0.0 if silent or len(times) < 2 else 1 / max(sum(intervals) / len(intervals), _TICK),
+            "fps": 0.0
+            if silent or len(times) < 2
+            else 1 / max(sum(intervals) / len(intervals), _TICK),
             "latency_ms": 1e3 * view.latency if view else 0.0,
             "dropped": self._dropped(),
             "clipped": view.clipped if view else 0.0,
@@ -131,9 +177,15 @@ class Viewfinder:
         }
 
     def shoot(self) -> Saved:
-        """Save the frame that is shown; its preview is the picture that is shown. Calls wait for each other.
+        """Save the frame that is shown; its preview is the picture that is shown. Calls wait for
+        each other.
 
-        Raises InputError if there is no frame or no folder, OutputError if the file cannot be written.
+        Raises
+        ------
+        InputError
+            If there is no frame or no folder.
+        OutputError
+            If the file cannot be written.
         """
         if self._shots is None:
             raise InputError("no folder for shots: start with -o DIR")
@@ -143,7 +195,8 @@ class Viewfinder:
                 raise InputError("there is no frame: the camera has not begun, or has ended")
             started = perf_counter()
             path = self._shots.save(view.mosaic, view.picture, view.taken)
-            shot = Saved(path, 0.0, perf_counter() - started, view.is_checked)  # the preview was there already
+            # the preview was there already
+            shot = Saved(path, 0.0, perf_counter() - started, view.is_checked)
             self.doubtful.add(shot)
             return shot
 
@@ -159,49 +212,85 @@ class Viewfinder:
 class LiveView:
     """The viewfinder of a source of frames: the attribute `finder`.
 
-    source: where frames come from.
-    folder: existing folder in which shots are saved; None = shots cannot be saved.
-    latest: see `ShotFolder`.
-    scale: sensor pixels per picture pixel, each way; None = such that the picture fits a page.
     Raises InputError and OutputError as `Preview` and `ShotFolder` do.
+
+    Parameters
+    ----------
+    source : FrameSource
+        Where frames come from.
+    folder : Path | None
+        Existing folder in which shots are saved; None = shots cannot be saved.
+    latest : Path | None
+        See `ShotFolder`.
+    scale : int | None
+        Sensor pixels per picture pixel, each way; None = such that the picture fits a page.
     """
 
-    def __init__(self, source: FrameSource, folder: Path | None, latest: Path | None, *, scale: int | None) -> None:
+    def __init__(
+        self, source: FrameSource, folder: Path | None, latest: Path | None, *, scale: int | None
+    ) -> None:
         self._source, sensor = source, source.sensor
         shots = ShotFolder(folder, latest) if folder else None
         scale = fitting_scale(sensor.layout.width, sensor.pattern) if scale is None else scale
         self._preview = preview_maker(sensor, scale=scale)
         self._queue: FrameQueue | None = None
-        self.finder = Viewfinder(lambda: sum(source.lost()) + (0 if self._queue is None else self._queue.dropped), shots)
+        self.finder = Viewfinder(
+            lambda: sum(source.lost()) + (0 if self._queue is None else self._queue.dropped), shots
+        )
 
     def show(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> None:
-        """Show frames until they end; see `FrameSource.frames`. Raises InputError when a camera ends, or its stream breaks off."""
+        """Show frames until they end; see `FrameSource.frames`.
+
+        Raises
+        ------
+        InputError
+            When a camera ends, or its stream breaks off.
+        """
         self._queue = FrameQueue(self._source.frames(stopped, refused, note), 1, stopped=stopped)
         show_frames(self._queue, self._source.sensor, self._preview, self.finder, refused)
         if stopped():
             return
         if not self._source.waits:
-            raise InputError(f"the camera has ended after {self.finder.status()['frames']} pictures; start it again")
+            raise InputError(
+                f"the camera has ended after {self.finder.status()['frames']} pictures; start it "
+                "again"
+            )
         note("the recording has ended")
 
 
 def fitting_scale(width: int, pattern: CfaPattern) -> int:
-    """The smallest scale of the pattern at which the picture is no wider than _WIDEST, or its largest scale."""
+    """The smallest scale of the pattern at which the picture is no wider than _WIDEST, or its
+    largest scale.
+    """
     scales = Geometry.scales(pattern)
     return next((scale for scale in scales if width <= _WIDEST * scale), scales[-1])
 
 
-def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, finder: Viewfinder, refused: Refused) -> None:
+def show_frames(
+    frames: Iterable[RawFrame],
+    sensor: Sensor,
+    preview: PreviewMaker,
+    finder: Viewfinder,
+    refused: Refused,
+) -> None:
     """Show frames until they end, in their order.
 
-    frames: for example a `FrameQueue`.
-    sensor: the sensor they come from.
-    preview: makes the picture that is shown.
-    refused: called with the reason for each frame that does not fit the sensor.
     Raises the error that ends `frames`.
+
+    Parameters
+    ----------
+    frames : Iterable[RawFrame]
+        For example a `FrameQueue`.
+    sensor : Sensor
+        The sensor they come from.
+    preview : PreviewMaker
+        Makes the picture that is shown.
+    refused : Refused
+        Called with the reason for each frame that does not fit the sensor.
     """
     balance, shown = SteadyWhite(), None
-    with ThreadPoolExecutor(1, "show") as pool:  # encodes, on one core, while the next preview is made
+    # encodes, on one core, while the next preview is made
+    with ThreadPoolExecutor(1, "show") as pool:
         for frame in frames:
             try:
                 mosaic = balance(sensor.mosaic(frame))
@@ -211,10 +300,19 @@ def show_frames(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMake
                 continue
             if shown is not None:
                 shown.result()
-            shown = pool.submit(finder.show, picture, mosaic, frame.taken, frame.arrived, is_checked=frame.is_checked)
+            shown = pool.submit(
+                finder.show,
+                picture,
+                mosaic,
+                frame.taken,
+                frame.arrived,
+                is_checked=frame.is_checked,
+            )
         if shown is not None:
             shown.result()
 
 
 def _jpeg(picture: ByteArray) -> bytes:
-    return bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=_QUALITY, subsampling="420"))
+    return bytes(
+        imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=_QUALITY, subsampling="420")
+    )

@@ -1,1 +1,3 @@
-"""The verbs of the command line: each module parses its options, calls one function of a room, and writes what comes back."""
+"""The verbs of the command line: each module parses its options, calls one function of a room, and
+writes what comes back.
+"""

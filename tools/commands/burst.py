@@ -1,10 +1,12 @@
-"""Merge a series of one scene, hand-held or from a sensor that moves by known steps, into one picture.
+"""Merge a series of one scene, hand-held or from a sensor that moves by known steps, into one
+picture.
 
-The frames are those of one `capture --burst` or `simulate --burst`, in a folder, or any shots of one camera that are named. The
-first of those that are as sharp as any is the reference, whose view and capture data the picture has. Frames are aligned, and
-merged where they agree with the reference; what has moved is the reference's alone. A frame that does not fit, or is a copy of
-another one, is left out, and named. The picture is called STEM.EXT for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first
-file.
+The frames are those of one `capture --burst` or `simulate --burst`, in a folder, or any shots of
+one camera that are named. The first of those that are as sharp as any is the reference, whose view
+and capture data the picture has. Frames are aligned, and merged where they agree with the
+reference; what has moved is the reference's alone. A frame that does not fit, or is a copy of
+another one, is left out, and named. The picture is called STEM.EXT for frames STEM-1.dng,
+STEM-2.dng ..., otherwise as the first file.
 """
 
 import argparse
@@ -35,8 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     reference = "the frame that the picture shows (default: the first of the sharpest)"
     parser.add_argument("--reference", metavar="SHOT", help=reference)
     shifts = (
-        "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down: X,Y for each shot, "
-        "with blanks between them; nothing is aligned then, and the reference is the first shot by default"
+        "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and "
+        "rows down: X,Y for each shot, "
+        "with blanks between them; nothing is aligned then, and the reference is the first shot "
+        "by default"
     )
     parser.add_argument("--shifts", metavar='"X,Y X,Y ..."', type=_shifts, default=(), help=shifts)
     add_picture(parser, "best", "unlearned")

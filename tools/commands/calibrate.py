@@ -1,8 +1,9 @@
 """Calibrate a camera from a few shots: gamma, noise, black level, defects, colour and shading.
 
-A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic. It can also be a folder with DNGs in it or below: what is
-named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat frame, the others are shots. --dark and --flat take
-one file or folder each, and are repeated for more. A shot that cannot be used is skipped, with the reason. All is kept in one
+A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic. It can also be a folder with
+DNGs in it or below: what is named dark* or flat*, or lies in a subfolder of such a name, is a dark
+or a flat frame, the others are shots. --dark and --flat take one file or folder each, and are
+repeated for more. A shot that cannot be used is skipped, with the reason. All is kept in one
 camera.json.
 """
 
@@ -52,11 +53,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flat = f"an evenly lit frame: shading; two of each exposure: gain, read noise{more}"
     parser.add_argument("--flat", metavar="F", **repeated, help=flat)
     light = (
-        "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of the chart under it, or a folder "
-        "of them; repeat it for more, two lights in all; pictures under any light between the two then have the right colours"
+        "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of "
+        "the chart under it, or a folder "
+        "of them; repeat it for more, two lights in all; pictures under any light between the "
+        "two then have the right colours"
     )
     parser.add_argument("--chart-light", metavar="LIGHT=F", type=_light, **repeated, help=light)
-    corners = "outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white"
+    corners = (
+        "outer corners of the chart in the only shot, in pixels: at dark skin, bluish "
+        "green, black, white"
+    )
     place = numbers(2, "12,34.5")
     parser.add_argument("--corners", metavar="X,Y", nargs=4, type=place, help=corners)
     colours = "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)"
@@ -73,7 +79,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
+    """Calibrate the camera.
+
+    Returns
+    -------
+    int
+        0, or 1 if a frame was skipped or no camera file was written.
+    """
     from ..calibration.conclude import conclude
     from ..calibration.files import KINDS, check_output, check_same, read_known, sort_files
     from ..calibration.measure import measure_frames
@@ -107,7 +119,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     if (files["shots"] or lights) and not seen.shots and not (old and "gamma" in old.measured):
         unknown = "gamma is not known, for no chart could be used"
-        advice = "mend what is said above, or leave these shots out to keep only what the other frames show"
+        advice = (
+            "mend what is said above, or leave these shots out to keep only what the other "
+            "frames show"
+        )
         return _refused(output, f"{unknown}, and no camera file was written; {advice}", console)
     if old is not None:
         check_same(output, old, seen.base)
@@ -131,14 +146,17 @@ def color_checker_xyz() -> DoubleArray:
 
 
 def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
-    """The shots of the chart under each of two lights; empty if there is one, which needs no name."""
+    """The shots of the chart under each of two lights; empty if there is one, which needs no
+    name.
+    """
     shots: dict[str, list[str]] = {}
     for light, path in arguments.chart_light:
         illuminant_xy(light)
         shots.setdefault(light, []).append(path)
     if len(shots) not in (0, 2):
         raise InputError(
-            "--chart-light names two lights, with shots of the chart under each: --chart-light A=F --chart-light D65=F; "
+            "--chart-light names two lights, with shots of the chart under each: --chart-light "
+            "A=F --chart-light D65=F; "
             "charts under one light need none"
         )
     if shots:
@@ -153,7 +171,9 @@ def _refused(output: Path, error: str, console: Console, **facts: Any) -> int:
     return FAILED
 
 
-def _write(output: Path, result: "Result", old: Camera | None, console: Console, overwrite: bool) -> int:
+def _write(
+    output: Path, result: "Result", old: Camera | None, console: Console, overwrite: bool
+) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
     from ..calibration.files import write_camera
     from ..calibration.samples import figures
@@ -169,7 +189,10 @@ def _write(output: Path, result: "Result", old: Camera | None, console: Console,
         same = ", ".join(part for part in old.measured if part not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
-    known = f"{calibration.sensor or 'unnamed sensor'}, gamma {figures(calibration.gamma)}, measured: {parts}"
+    known = (
+        f"{calibration.sensor or 'unnamed sensor'}, gamma {figures(calibration.gamma)}, "
+        f"measured: {parts}"
+    )
     console.say(f"{output}: {known}, id {calibration.id}; {verdict}")
     facts = {"verdict": verdict, "warnings": [*result.contradictions, *result.warnings]}
     console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)

@@ -1,13 +1,20 @@
-"""Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside; or one burst of frames.
+"""Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside.
+or one burst of frames.
 
-SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, genicam:ID, a GigE Vision or USB3
-Vision camera (genicam: lists them), or builtin:WIDTHxHEIGHT@FPS, a simulated sensor that looks at a moving scene. For example:
-rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --size 4056x3040 --pixel-format SRGGB12_CSI2P
+SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames,
+genicam:ID, a GigE Vision or USB3
+Vision camera (genicam: lists them), or builtin:WIDTHxHEIGHT@FPS, a simulated sensor that looks at a
+moving scene. For example:
+rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --size 4056x3040
+--pixel-format SRGGB12_CSI2P
 --stride 6112. The first frames are compared with these options.
 
-If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
---burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng, -2.dng ..., and ends; if fewer come,
-or one cannot be written, none is saved. A stream that loses bytes on its way ends the command with exit code 1. SIGINT and SIGTERM
+If frames come faster than they can be written, whole frames are dropped and counted; those of a
+folder or a recording wait.
+--burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng,
+-2.dng ..., and ends; if fewer come,
+or one cannot be written, none is saved. A stream that loses bytes on its way ends the command with
+exit code 1. SIGINT and SIGTERM
 end it after the current file (exit codes 130 and 0).
 """
 
@@ -82,7 +89,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             refused(error)  # the stream broke off, or the disk is full: saved shots stay good
             console.note(*doubtful.remarks(error))
         incomplete, _ = source.lost()  # before they are counted among all: more may come
-        # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
+        # Frames that still wait at the end are lost too, unless --frames shots were all that was
+        # wanted.
         lost = recorder.dropped + (recorder.waiting if stopping() else 0)
     if arguments.burst and stopping():
         lost = arguments.burst - saved
@@ -92,7 +100,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _check_limits(frames: int, source: FrameSource) -> None:
-    """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most of the free memory.
+    """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most
+    of the free memory.
 
     All files of a burst are open until the last is written: the system has a limit for these, too.
     """
@@ -101,12 +110,14 @@ def _check_limits(frames: int, source: FrameSource) -> None:
     free = allowed_memory(None)
     if needed > free:
         raise InputError(
-            f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need {format_bytes(needed)} of memory, "
+            f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need "
+            f"{format_bytes(needed)} of memory, "
             f"{format_bytes(free)} can be used; take fewer"
         )
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limit != resource.RLIM_INFINITY and frames + _OTHER_FILES > limit:
         raise InputError(
-            f"--burst is {frames}, and a program may open {limit} files here; take fewer, or allow more: "
+            f"--burst is {frames}, and a program may open {limit} files here; take fewer, or "
+            "allow more: "
             f"ulimit -n {frames + _OTHER_FILES}"
         )

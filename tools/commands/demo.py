@@ -1,9 +1,12 @@
-"""Run the whole chain on a built-in scene: simulate a shot, save it as DNG, read it, render it, compare it with a Bayer camera.
+"""Run the whole chain on a built-in scene: simulate a shot, save it as DNG, read it, render it,
+compare it with a Bayer camera.
 
-Needs no input and no network. The folder then holds the shot, its preview, the render (preset best), the truth, and two pictures
-that explain: overview.png shows how the camera works, comparison.png how its picture compares.
+Needs no input and no network. The folder then holds the shot, its preview, the render (preset
+best), the truth, and two pictures that explain: overview.png shows how the camera works,
+comparison.png how its picture compares.
 
-With --burst it simulates a hand-held series instead, merges it, and compares the picture with that of one frame.
+With --burst it simulates a hand-held series instead, merges it, and compares the picture with that
+of one frame.
 """
 
 import argparse
@@ -120,7 +123,10 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     burst, hand = SimulatedBurst(len(names), *_MOTION), np.random.default_rng(_SEED)
     frames = list(burst_frames(scene.rgb, burst, hand, _PIXEL))
     paths = [folder / name for name in names]
-    mosaics = [_photographed(scene, *shot, seed) for seed, shot in enumerate(zip(frames, paths, strict=True))]
+    mosaics = [
+        _photographed(scene, *shot, seed)
+        for seed, shot in enumerate(zip(frames, paths, strict=True))
+    ]
     with console.progress("demo") as progress:
         one = renderings(mosaics[0], ("best",), progress)[0].rgb
         merged = merged_picture(mosaics, progress)

@@ -1,6 +1,8 @@
-"""Check the installation (versions, missing packages, kernels, memory, writing) and say how to repair what is wrong.
+"""Check the installation (versions, missing packages, kernels, memory, writing) and say how to
+repair what is wrong.
 
-With --compile, compile the renderer for this processor first, so that no render has to: for container images and clusters.
+With --compile, compile the renderer for this processor first, so that no render has to: for
+container images and clusters.
 """
 
 import argparse
@@ -41,15 +43,19 @@ EXAMPLE = "panchroma doctor --compile"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma doctor`."""
     compiled = (
-        "first compile all of the renderer that is not compiled yet; what is compiled serves this version of Panchroma on "
-        "processors of this model, wherever it finds the same cache folder (the line 'kernel cache' names it)"
+        "first compile all of the renderer that is not compiled yet; what is compiled serves "
+        "this version of Panchroma on "
+        "processors of this model, wherever it finds the same cache folder (the line 'kernel "
+        "cache' names it)"
     )
     parser.add_argument("--compile", action="store_true", help=compiled)
     add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when something optional is missing."""
+    """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when
+    something optional is missing.
+    """
     findings = [_compiled(console)] if arguments.compile else []
     findings += [finding for check in CHECKS for finding in check()]
     width = max(len(finding.name) for finding in findings) + 2
@@ -66,16 +72,23 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if wrong else 0
 
 
-# --- the checks: each reports what it finds, and how to repair what is wrong ------------------------------------------------------
+# --- the checks: each reports what it finds, and how to repair what is wrong
+# ------------------------------------------------------
 
 
 class Finding(NamedTuple):
-    """What one check found.
+    """Result of one check.
 
-    name: what was checked.
-    state: GOOD, MISSING (something optional is not installed) or BAD.
-    found: for people.
-    remedy: what to do about it, "" = nothing.
+    Attributes
+    ----------
+    name : str
+        What was checked.
+    state : str
+        GOOD, MISSING (something optional is not installed) or BAD.
+    found : str
+        For people.
+    remedy : str
+        What to do about it, "" = nothing.
     """
 
     name: str
@@ -125,7 +138,10 @@ _EXTRAS = {
     "": ("pip install -e .", "nothing works without it"),
     "offline": (ALL, "render, demo, evaluate, calibrate"),
     "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, pages, progress bars"),
-    "rivals": ("pip install -e '.[rivals]'", "evaluate: the rivals with bm3d (non-commercial use only)"),
+    "rivals": (
+        "pip install -e '.[rivals]'",
+        "evaluate: the rivals with bm3d (non-commercial use only)",
+    ),
 }
 _MODULES = {"onnxruntime": "panchroma.shared.runtime", "Pillow": "PIL"}
 _REQUIREMENT = re.compile(r'([\w.-]+) *>= *([\d.]+)(?:.*extra *== *["\']([\w-]+)["\'])?')
@@ -196,7 +212,10 @@ def _preview() -> Iterator[Finding]:
         from ..batch.previews import Previews
         from ..simulation.sensor import simulate_additive
 
-        wall, sensor = np.full((24, 24, 3), 0.3, np.float32), (CfaPattern.bayer(6), SensorCalibration())
+        wall, sensor = (
+            np.full((24, 24, 3), 0.3, np.float32),
+            (CfaPattern.bayer(6), SensorCalibration()),
+        )
         mosaic = simulate_additive(wall, *sensor, 0.0, np.random.default_rng(0))
         picture = Previews(threads=1)(mosaic)
         right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
@@ -231,12 +250,17 @@ def _kernels() -> Iterator[Finding]:
 def _machine() -> Iterator[Finding]:
     yield Finding("processors", GOOD, f"{processors()} of {os.cpu_count() or 1} may be used")
     free = available_memory()
-    remedy = "close other programs, or let the job or the container have more: a render of 12 megapixels needs about 0.6 GB"
+    remedy = (
+        "close other programs, or let the job or the container have more: a render of 12 "
+        "megapixels needs about 0.6 GB"
+    )
     yield _judged("memory", free >= _LEAST_MEMORY, f"{free / 2**30:.1f} GB free", remedy)
 
 
 def _writing() -> Iterator[Finding]:
-    """Write a file as every result is written: a temporary file, fsync, rename, fsync of the folder."""
+    """Write a file as every result is written: a temporary file, fsync, rename, fsync of the
+    folder.
+    """
     place = os.environ.get("TMPDIR", "the folder for temporary files")
     try:
         place = tempfile.gettempdir()

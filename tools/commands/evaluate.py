@@ -1,8 +1,10 @@
-"""Is this camera better, where, and by how much? Photograph scenes with it and with a Bayer camera, and compare the renderings.
+"""Is this camera better, where, and by how much? Photograph scenes with it and with a Bayer camera,
+and compare the renderings.
 
-Writes evaluation.html (one page that works offline), evaluation.json and evaluation.csv. Results are kept in DIR/results as they
-are made: an interrupted run continues where it stopped. --resume adds to a finished one: of another method or noise level only its
-own results are measured. --overwrite measures all of them again.
+Writes evaluation.html (one page that works offline), evaluation.json and evaluation.csv. Results
+are kept in DIR/results as they are made: an interrupted run continues where it stopped. --resume
+adds to a finished one: of another method or noise level only its own results are measured.
+--overwrite measures all of them again.
 """
 
 import argparse
@@ -32,7 +34,10 @@ if TYPE_CHECKING:
 _SEED = 0  # of the noise
 
 USAGE = "SCENE ... -o DIR"
-EXAMPLE = "panchroma evaluate photographs -o results --sigma 0,0.01 --methods best,paper,dlmmse --crop 600"
+EXAMPLE = (
+    "panchroma evaluate photographs -o results --sigma 0,0.01 --methods best,paper,dlmmse "
+    "--crop 600"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,15 +50,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(light, "linear")
     what = parser.add_argument_group("what is compared: one or several, with commas")
     patterns = (
-        "patterns of filters, compared under the same light: K=4 (the paper's in 4 x 4 pixels), a name "
-        f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; "
+        "patterns of filters, compared under the same light: K=4 (the paper's in 4 x 4 pixels), "
+        "a name "
+        f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as "
+        "WBWG/BWGW/WGWR/GWRW, or a file; "
         "C, M and Y are made of red, green and blue (default: K=6)"
     )
     usual = ["K=6"]
     what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
     methods = "methods to compare (default: all installed; an unknown name lists them)"
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
-    rivals = "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it is fed; repeat it for more"
+    rivals = (
+        "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it "
+        "is fed; repeat it for more"
+    )
     what.add_argument("--rival", metavar="FILE.onnx", action="append", default=[], help=rivals)
     crop = "use only the middle of each scene, for a quick look"
     what.add_argument("--crop", metavar="PIXELS", type=count, help=crop)
@@ -118,7 +128,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Requested":
-    """The requested study, with the scenes that can be read; a line for each scene that cannot; and remarks on what is left out."""
+    """The requested study, with the scenes that can be read; a line for each scene that cannot; and
+    remarks on what is left out.
+    """
     from ..evaluation.methods import choose, default_names, missing_packages
     from ..evaluation.scene_sets import Reading
     from ..evaluation.study import Study

@@ -25,7 +25,9 @@ _size = value(_width_and_height, "a width and a height, such as 4056x3040")
 
 
 class _Source(argparse.Action):
-    """Stores SOURCE; for `genicam:` alone the cameras are listed, and nothing else is asked for, as with --help."""
+    """Stores SOURCE; for `genicam:` alone the cameras are listed, and nothing else is asked for, as
+    with --help.
+    """
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
         if values == GENICAM:
@@ -38,7 +40,8 @@ class _Source(argparse.Action):
 def add_source(parser: argparse.ArgumentParser) -> None:
     """Add SOURCE and the options that describe its frames and its sensor."""
     sources = (
-        "- (standard input), a folder that is watched for frames, genicam:ID (a connected camera; genicam: lists them), or "
+        "- (standard input), a folder that is watched for frames, genicam:ID (a connected "
+        "camera; genicam: lists them), or "
         "builtin:WIDTHxHEIGHT@FPS"
     )
     parser.add_argument("source", metavar="SOURCE", help=sources, action=_Source)
@@ -46,12 +49,14 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     frames = add_layout(parser, title)
     add(frames, "sensor-bits")
     black = (
-        "black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
+        "black level of the sensor, code (default: the camera's, or a sixteenth of the range); "
+        "its data sheet says it, "
         "`calibrate --dark` measures it"
     )
     frames.add_argument("--black", metavar="N", type=int, help=black)
     unchecked = (
-        "do not compare the first frames with these options, as with a covered lens; without it, frames that prove one of "
+        "do not compare the first frames with these options, as with a covered lens; without it, "
+        "frames that prove one of "
         "them wrong are refused"
     )
     frames.add_argument("--unchecked", action="store_true", help=unchecked)
@@ -59,7 +64,10 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     frames.add_argument("--new", action="store_true", help=new)
     title = "the camera (`panchroma identify` finds pattern and origin in one raw frame)"
     add(parser.add_argument_group(title), "camera", "pattern", "origin")
-    title = "settings of a genicam: camera (it says size and stride itself, and the pattern unless its format is Mono)"
+    title = (
+        "settings of a genicam: camera (it says size and stride itself, and the pattern "
+        "unless its format is Mono)"
+    )
     settings = parser.add_argument_group(title)
     exposure = "such as 1/100 or 0.01 (default: as it is set)"
     settings.add_argument("--exposure-time", metavar="SECONDS", type=factor, help=exposure)
@@ -74,7 +82,10 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
     frames = parser.add_argument_group(title)
     size = "width and height of a frame, such as 4056x3040"
     frames.add_argument("--size", metavar="WxH", type=_size, default=(None, None), help=size)
-    formats = f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: SRGGB10_CSI2P, pRCC, Y12P, Mono12p ..."
+    formats = (
+        f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: "
+        "SRGGB10_CSI2P, pRCC, Y12P, Mono12p ..."
+    )
     frames.add_argument("--pixel-format", metavar="NAME", help=formats)
     stride = "bytes from one line to the next (default: no padding)"
     frames.add_argument("--stride", metavar="BYTES", type=int, default=0, help=stride)
@@ -88,7 +99,13 @@ def options_of(arguments: argparse.Namespace, names: Iterable[str], source: str)
 
 
 def source_of(arguments: argparse.Namespace) -> FrameSource:
-    """The source that these options describe. Raises InputError if there is none."""
+    """The source that these options describe.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
     names = (field.name for field in fields(SourceOptions)[1:])
     options = options_of(arguments, names, arguments.source)
     with starting_service():

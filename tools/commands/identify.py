@@ -1,8 +1,10 @@
-"""Find out which pattern of colour filters a sensor has, from one raw frame of a scene with light and colours.
+"""Find out which pattern of colour filters a sensor has, from one raw frame of a scene with light
+and colours.
 
-FILE is a shot, a DNG or camera RAW of any maker, a grey TIFF, PNG or NPY with the samples, or, with --size and --pixel-format, a
-raw frame or stream (- is standard input), of which the first frame counts. Sites with one filter read the same in every scene, and
-panchromatic ones (W) are the brightest. Which of two colours is red and which is blue only a picture of something known tells.
+FILE is a shot, a DNG or camera RAW of any maker, a grey TIFF, PNG or NPY with the samples, or, with
+--size and --pixel-format, a raw frame or stream (- is standard input), of which the first frame
+counts. Sites with one filter read the same in every scene, and panchromatic ones (W) are the
+brightest. Which of two colours is red and which is blue only a picture of something known tells.
 """
 
 import argparse
@@ -36,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files = "a raw frame: shot, DNG, camera RAW, grey TIFF or PNG, raw stream"
     parser.add_argument("files", metavar="FILE", nargs="+", help=files)
     add_layout(parser, "files without a header (rpicam-raw prints all this when it starts)")
-    picture = "folder for NAME-tile.png: how bright each site of the tile is, and its letter; created if missing"
+    picture = (
+        "folder for NAME-tile.png: how bright each site of the tile is, and its letter; "
+        "created if missing"
+    )
     add(parser, "output", required=False, help=picture)
     add(parser, "overwrite", "json")
 
@@ -60,7 +65,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise InputError(f"{error}{likely()}") from None
         errors = []
         if facts["name"] is None:
-            own = "the tile has no name that Panchroma knows; it may be right for a sensor with a tile of its own"
+            own = (
+                "the tile has no name that Panchroma knows; it may be right for a sensor with "
+                "a tile of its own"
+            )
             errors.append(f"{job.source}: {own}{likely()}")
         rows = _rows(facts, hint)
         if job.outputs:
@@ -93,7 +101,10 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
     clear, is_open = len(facts["panchromatic"]), facts["open"]
     panchromatic = "no site"
     if clear:
-        panchromatic = f"{clear} of {facts['period'] ** 2} sites; the next are {100 * facts['gap']:.0f} % of the range darker"
+        panchromatic = (
+            f"{clear} of {facts['period'] ** 2} sites; the next are "
+            f"{100 * facts['gap']:.0f} % of the range darker"
+        )
     elif is_open:
         reason = "the brightest sites do not read the same, or not the sum of the others"
         panchromatic = f"not known: {reason}"
@@ -113,17 +124,25 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
         rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
     unknown = ""
     if is_open:
-        unknown = "the colours (?), and perhaps the period, and whether the brightest sites are clear"
+        unknown = (
+            "the colours (?), and perhaps the period, and whether the brightest sites are clear"
+        )
         unknown += ": take a picture with more colour or light"
     elif facts["name"] == "Bayer":
-        unknown = "which colour is red, which is blue, and whether the two sites that read the same are green, clear or yellow"
+        unknown = (
+            "which colour is red, which is blue, and whether the two sites that read the "
+            "same are green, clear or yellow"
+        )
     elif facts["exchangeable"]:
-        unknown = "which of the colours with equally many sites is which: a picture of something red shows it"
+        unknown = (
+            "which of the colours with equally many sites is which: a picture of "
+            "something red shows it"
+        )
     return [*rows, *([("not known", unknown)] if unknown else []), *_next_rows(facts)]
 
 
 def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
-    """What to do with the answer."""
+    """Advice on the next step with the answer."""
     if facts["dense"]:
         others = f"{facts['name']} sensors are developed by other raw developers"
         return [("go on", f"{others}; Panchroma needs panchromatic pixels")]

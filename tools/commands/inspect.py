@@ -1,6 +1,7 @@
 """Show what is in shots (pattern, levels, calibration, capture data) and in camera files.
 
-Reading compares a shot's samples with their digest, and checks every field of a camera file. --verify does this for whole archives.
+Reading compares a shot's samples with their digest, and checks every field of a camera file.
+--verify does this for whole archives.
 """
 
 import argparse
@@ -74,7 +75,9 @@ def _shot(source: str, max_pixels: int) -> tuple[dict[str, Any], Rows]:
 
 
 def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
-    """Check each file against its own digest, and name those that are damaged or cannot be read; returns the exit code."""
+    """Check each file against its own digest, and name those that are damaged or cannot be read.
+    returns the exit code.
+    """
     wrong: dict[str, str] = {}  # file -> what is wrong with it
 
     def work(job: Job, listener: StageProgress) -> Outcome:
@@ -104,7 +107,9 @@ def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
 
 
 def _is_readable(file: str) -> bool:
-    """Whether there is such a file, and it can be opened: otherwise nothing is known about damage."""
+    """True if there is such a file, and it can be opened: otherwise nothing is known about
+    damage.
+    """
     status = file_status(file)
     return status is not None and stat.S_ISREG(status.st_mode) and os.access(file, os.R_OK)
 
@@ -127,7 +132,9 @@ def _camera(source: str) -> tuple[dict[str, Any], Rows]:
     for part, how in camera.measured.items():
         values = (value if isinstance(value, list) else [value] for value in how.values())
         texts = (" ".join(map(str, value)) for value in values)
-        rows[f"{part}:"] = ", ".join(f"{name} {text}" for name, text in zip(how, texts, strict=True))
+        rows[f"{part}:"] = ", ".join(
+            f"{name} {text}" for name, text in zip(how, texts, strict=True)
+        )
     return {"camera": camera.to_json(), "calibration_id": calibration.id}, list(rows.items())
 
 
@@ -159,7 +166,9 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
 
 
 def _light(mosaic: Mosaic) -> float:
-    """Light that the sensor collects, relative to a Bayer sensor, whose pixels see a third of what panchromatic ones do."""
+    """Light that the sensor collects, relative to a Bayer sensor, whose pixels see a third of what
+    panchromatic ones do.
+    """
     pattern, full_scale = mosaic.pattern, mosaic.calibration.full_scale
     if pattern.channels == "RGB":
         return pattern.light_efficiency
@@ -173,18 +182,24 @@ def _rows(facts: dict[str, Any]) -> Rows:
     pattern, calibration = facts["pattern"], facts["calibration"]
     light = "unknown: no pixel is panchromatic"
     if facts["mean_luminance"] is not None:
-        light = f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"
+        light = (
+            f"mean {facts['mean_luminance']:.3f} scene units, "
+            f"{100 * facts['saturated']:.2f} % saturated"
+        )
     name = f"{pattern['name']}, " if pattern["name"] else ""
     camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
     head = {
-        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
-        "pattern": f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
+        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples "
+        "match their digest",
+        "pattern": f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times "
+        "the light of a Bayer sensor",
     }
     rows = {
         "network": facts["learned"] or "none for this pattern: rendered without learned colour",
         "luminance": light,
         **_calibration(calibration),
-        "sensor": f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}",
+        "sensor": f"{calibration['sensor'] or 'unnamed'}, calibration "
+        f"{facts['calibration_id']}{camera}",
         "preview": f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB",
         **_capture(facts["metadata"]),
     }

@@ -19,10 +19,13 @@ from ..simulation.pattern_text import read_pattern
 T = TypeVar("T")
 
 
-def value(convert: Callable[[str], T], expected: str, fits: Callable[[T], bool] = lambda _: True) -> Callable[[str], T]:
+def value(
+    convert: Callable[[str], T], expected: str, fits: Callable[[T], bool] = lambda _: True
+) -> Callable[[str], T]:
     """Return the type of an option: `convert` of its text, or a usage error with what was expected.
 
-    It is an error if `convert` raises ValueError or ZeroDivisionError, or if its result does not fit.
+    It is an error if `convert` raises ValueError or ZeroDivisionError, or if its result does not
+    fit.
     """
 
     def typed(text: str) -> T:
@@ -36,8 +39,12 @@ def value(convert: Callable[[str], T], expected: str, fits: Callable[[T], bool] 
     return typed
 
 
-def numbers(number: int | None = None, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
-    """Return the type of an option that takes numbers with commas between them, `number` of them or any number."""
+def numbers(
+    number: int | None = None, example: str = "1,-0.5"
+) -> Callable[[str], tuple[float, ...]]:
+    """Return the type of an option that takes numbers with commas between them, `number` of them or
+    any number.
+    """
 
     def convert(text: str) -> tuple[float, ...]:
         return tuple(map(_fraction, text.split(",")))
@@ -71,7 +78,9 @@ _size = value(parse_bytes, "a size such as 800M or 4G")
 
 
 def text(argument: str) -> str:
-    """The text of an argument, which is UTF-8 even where the locale has another encoding, or none (LC_ALL=C)."""
+    """The text of an argument, which is UTF-8 even where the locale has another encoding, or none
+    (LC_ALL=C).
+    """
     return os.fsencode(argument).decode("utf-8", "replace")
 
 
@@ -89,7 +98,8 @@ def _switch(names: str, about: str) -> Option:
 
 _PATTERN = (
     "the filters of the sensor: K=4 (the paper's Bayer block in 4 x 4 pixels), a name "
-    f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
+    f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is "
+    "panchromatic (WBWG/BWGW/WGWR/GWRW), "
     "or a file with them, one row on each line (default: K=6, or the camera's)"
 )
 _CAMERA = "camera.json: the calibration of the sensor"
@@ -125,14 +135,22 @@ _SHARED = {
 
 
 def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> None:
-    """Add shared options, in this order. changed: settings of `add_argument` that differ from the shared ones."""
+    """Add shared options, in this order.
+
+    Parameters
+    ----------
+    changed : Any
+        Settings of `add_argument` that differ from the shared ones.
+    """
     for option in options:
         names, settings = _SHARED[option]
         group.add_argument(*names, **settings | changed)
 
 
 def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
-    """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads them."""
+    """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads
+    them.
+    """
     for protocol in PROTOCOLS:
         settings: dict[str, Any] = {
             "metavar": protocol.metavar,
@@ -149,27 +167,47 @@ def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
 
 
 def pixel_limit() -> int:
-    """Largest number of pixels of a file that is read: the environment variable PANCHROMA_MAX_PIXELS, or the usual limit."""
+    """Largest number of pixels of a file that is read: the environment variable
+    PANCHROMA_MAX_PIXELS, or the usual limit.
+    """
     stated = os.environ.get("PANCHROMA_MAX_PIXELS", str(MAX_PIXELS))
     if not stated.isascii() or not stated.isdigit():
-        raise InputError(f"the environment variable PANCHROMA_MAX_PIXELS is {stated!r}, expected a number of pixels")
+        raise InputError(
+            f"the environment variable PANCHROMA_MAX_PIXELS is {stated!r}, expected a number of "
+            "pixels"
+        )
     return int(stated)
 
 
 def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
-    """The kind of noise, and its level or levels, None without. Raises InputError for --sigma together with --light."""
+    """The kind of noise, and its level or levels, None without.
+
+    Raises
+    ------
+    InputError
+        For --sigma together with --light.
+    """
     return chosen_protocol(
         {protocol.option: getattr(arguments, protocol.option) for protocol in PROTOCOLS},
     )
 
 
-def camera_of(arguments: argparse.Namespace, stated: CfaPattern | None = None) -> tuple[Camera | None, CfaPattern]:
-    """The camera in the --camera file (None without that option) and the pattern of --pattern, at --origin.
+def camera_of(
+    arguments: argparse.Namespace, stated: CfaPattern | None = None
+) -> tuple[Camera | None, CfaPattern]:
+    """The camera in the --camera file (None without that option) and the pattern of --pattern, at
+    --origin.
 
-    stated: the pattern that a connected camera says it has. Without it and without --pattern the pattern is that of the camera
-        file, or K=6.
+    Parameters
+    ----------
+    stated : CfaPattern | None, optional
+        The pattern that a connected camera says it has. Without it and without --pattern the
+        pattern is that of the camera file, or K=6.
 
-    Raises InputError that names the file when the camera was measured with another pattern.
+    Raises
+    ------
+    InputError
+        That names the file when the camera was measured with another pattern.
     """
     camera = read_camera(arguments.camera) if arguments.camera else None
     if arguments.pattern is not None:

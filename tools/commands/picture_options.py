@@ -1,4 +1,6 @@
-"""The options that say what rendered pictures are to be like, and the fields of an order that they set."""
+"""The options that say what rendered pictures are to be like, and the fields of an order that they
+set.
+"""
 
 import argparse
 import secrets
@@ -13,14 +15,20 @@ from .options import add, pixel_limit
 
 
 def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
-    """Add the options of a picture, from --format to --preset, the first of which is the default."""
+    """Add the options of a picture, from --format to --preset, the first of which is the
+    default.
+    """
     formats = "; ".join(
         f"{each.name}: {each.about}" if each.about else f"{each.aliases[0]} is {each.name}"
         for each in FORMATS.values()
         if each.about or each.aliases
     )
     group = parser.add_argument_group("the picture")
-    kinds: dict[str, Any] = {"choices": tuple(FORMATS), "default": "tif", "help": f"{formats} (default: tif)"}
+    kinds: dict[str, Any] = {
+        "choices": tuple(FORMATS),
+        "default": "tif",
+        "help": f"{formats} (default: tif)",
+    }
     group.add_argument("-f", "--format", metavar="FORMAT", type=_format, **kinds)
     bits = "bits per sample (default: the usual ones of the format)"
     group.add_argument("--bits", type=int, choices=(8, 16, 32), help=bits)
@@ -29,14 +37,23 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     spaces = tuple(dict.fromkeys(space for each in FORMATS.values() for space in each.spaces))
     space = "colour space; camera: scene units (default: the usual one of the format)"
     group.add_argument("--space", choices=spaces, help=space)
-    exposure = "brighten the picture by this many stops; negative ones darken it, and what is clipped stays white (default: 0)"
+    exposure = (
+        "brighten the picture by this many stops; negative ones darken it, and what is "
+        "clipped stays white (default: 0)"
+    )
     group.add_argument("--exposure", metavar="STOPS", type=float, default=0.0, help=exposure)
-    balance = "white balance: camera (as shot, the default), auto (estimated from the picture), or multipliers such as 2.1,1,1.6"
+    balance = (
+        "white balance: camera (as shot, the default), auto (estimated from the picture), "
+        "or multipliers such as 2.1,1,1.6"
+    )
     parse = WhiteBalance.parse
     group.add_argument("--wb", metavar="BALANCE", type=parse, default="camera", help=balance)
     add(group, "recalibrate")
     published = "; paper: the published method, literally" if "paper" in presets else ""
-    preset = f"best (the default); unlearned: without the networks that correct luminance and colour{published}"
+    preset = (
+        "best (the default); unlearned: without the networks that correct luminance and "
+        f"colour{published}"
+    )
     group.add_argument("--preset", choices=presets, default=presets[0], help=preset)
 
 
@@ -54,7 +71,13 @@ def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
+    """The fields of an `Order` that these options set; creates the output folder.
+
+    Raises
+    ------
+    InputError
+        And OutputError.
+    """
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     kind.check_exposure(arguments.exposure)
     arguments.wb.check(kind)

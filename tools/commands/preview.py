@@ -1,7 +1,9 @@
-"""Make the camera's own preview of shots, as JPEG: fast, and with no package that a camera does not have.
+"""Make the camera's own preview of shots, as JPEG: fast, and with no package that a camera does not
+have.
 
-The picture is not rotated; its Exif orientation says which way is up. --export writes the graph that makes the previews of all
-cameras with the pattern of a shot, for another ONNX runtime; device/preview/contract.py describes its inputs and outputs.
+The picture is not rotated; its Exif orientation says which way is up. --export writes the graph
+that makes the previews of all cameras with the pattern of a shot, for another ONNX runtime;
+device/preview/contract.py describes its inputs and outputs.
 """
 
 import argparse

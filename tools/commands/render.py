@@ -1,8 +1,10 @@
-"""Render shots at full quality: one, or all in and below folders, by as many processes as processors and memory allow.
+"""Render shots at full quality: one, or all in and below folders, by as many processes as
+processors and memory allow.
 
-With --bits 32 --space camera the result is float32 in scene units, unclipped: it can be subtracted from a truth of `simulate`. All
-other results are for looking at: white-balanced, with an ICC profile and the capture data. DIR/.panchroma-journal.jsonl records
-what each picture was made from; with --resume an interrupted run continues, and pictures of changed shots are brought up to date.
+With --bits 32 --space camera the result is float32 in scene units, unclipped: it can be subtracted
+from a truth of `simulate`. All other results are for looking at: white-balanced, with an ICC
+profile and the capture data. DIR/.panchroma-journal.jsonl records what each picture was made from;
+with --resume an interrupted run continues, and pictures of changed shots are brought up to date.
 """
 
 import argparse

@@ -1,13 +1,18 @@
-"""Photograph scenes with a simulated sparse-colour camera: each becomes a shot, a DNG; --truth saves the scene beside it.
+"""Photograph scenes with a simulated sparse-colour camera: each becomes a shot, a DNG; --truth
+saves the scene beside it.
 
-A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear DNG (three samples per pixel, of
-render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or drawn:
-builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none.
+A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear
+DNG (three samples per pixel, of render or a raw developer), a 16- or 32-bit linear picture (TIFF,
+PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or drawn: builtin:WIDTHxHEIGHT;
+chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light;
+dark:WIDTHxHEIGHT, none.
 
-With --pattern a scene may have other channels than red, green and blue: an EXR by their names, a TIFF (samples or pages) or NPY in
-the order of the pattern's letters. Filters C, M and Y are made from red, green and blue.
+With --pattern a scene may have other channels than red, green and blue: an EXR by their names, a
+TIFF (samples or pages) or NPY in the order of the pattern's letters. Filters C, M and Y are made
+from red, green and blue.
 
---burst N makes a hand-held series of each scene, STEM-1.dng, STEM-2.dng ...; the first frame is the reference, which has not moved.
+--burst N makes a hand-held series of each scene, STEM-1.dng, STEM-2.dng ...; the first frame is the
+reference, which has not moved.
 """
 
 import argparse
@@ -47,17 +52,26 @@ EXAMPLE = "panchroma simulate IMG_0001.CR2 -o shots --sigma 0.01 --truth"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma simulate`."""
-    scenes = "camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with pictures in it or below"
+    scenes = (
+        "camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with "
+        "pictures in it or below"
+    )
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
     add(parser, "output", help="folder for STEM.dng (subfolders are kept), created if missing")
     sensor = parser.add_argument_group("the camera")
     add(sensor, "camera", "pattern", "origin", "sensor-bits")
-    samples = "dng (the default), or raw: STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)"
+    samples = (
+        "dng (the default), or raw: STEM.raw, the samples alone, as 16-bit words, to try "
+        "`capture` with (pixel format u16)"
+    )
     sensor.add_argument("-f", "--format", choices=("dng", RAW), default="dng", help=samples)
     light = parser.add_argument_group("light and noise (default: none)")
     add_noise(light)
     add(light, "seed")
-    shading = "a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one"
+    shading = (
+        "a lens whose corners are STOPS darker, with PERCENT less of the first channel "
+        "and as much more of the last one"
+    )
     stops = numbers(example="2,15")
     light.add_argument("--shading", metavar="STOPS,PERCENT", type=stops, help=shading)
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
@@ -66,7 +80,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     motion = "largest displacement of the others (default: 0)"
     burst.add_argument("--motion", metavar="PIXELS", type=amount, default=0.0, help=motion)
     bracket = (
-        "exposure of each frame in stops, such as 0,-2,2, or --bracket=-2,0 if it begins with a minus; the files state it as "
+        "exposure of each frame in stops, such as 0,-2,2, or --bracket=-2,0 if it begins with a "
+        "minus; the files state it as "
         "exposure time (default: all are exposed alike)"
     )
     stops = numbers(example="0,-2,2")
@@ -75,9 +90,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reduce", metavar="N", type=count, default=1, help=reduced)
     add(parser, "linear")
     truth = (
-        "also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render, "
+        "also write what the shot sees, under its light and exposure, as STEM.truth.tif, "
+        "float32, scene units of a render, "
         f"and as STEM{TRUTH_PICTURE}, sRGB, to look at; "
-        "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of the others"
+        "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and "
+        "the motion of the others"
     )
     parser.add_argument("--truth", action="store_true", help=truth)
     add(parser, "overwrite", "json")
@@ -157,23 +174,30 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) -> tuple[str, ...]:
-    """Write the truth of a shot as a measurement and as a picture; returns a remark if its channels have no colours to show."""
+    """Write the truth of a shot as a measurement and as a picture; returns a remark if its channels
+    have no colours to show.
+    """
     mosaic = exposed.mosaic
     for path, kind in zip(paths, (_MEASURED, _SHOWN), strict=True):
         development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
         try:
             development.check()
         except InputError:
-            unknown = f"the colours of the channels {mosaic.calibration.channels} are unknown, or those of no light"
+            unknown = (
+                f"the colours of the channels {mosaic.calibration.channels} are unknown, "
+                "or those of no light"
+            )
             return (f"no {TRUTH_PICTURE}: {unknown}",)
         write_picture(path, [exposed.truth], development, overwrite=overwrite)
     return ()
 
 
 def noise_of(seed: int, name: str | Path) -> np.random.Generator:
-    """The source of noise of one shot: the same for the same seed and name below the output folder, another one for any other.
+    """The source of noise of one shot: the same for the same seed and name below the output folder,
+    another one for any other.
 
-    Do not draw all shots of a run from one generator: the noise of a shot would depend on the shots before it.
+    Do not draw all shots of a run from one generator: the noise of a shot would depend on the shots
+    before it.
     """
     return np.random.default_rng([seed, *sha256(os.fsencode(name)).digest()])
 

@@ -1,9 +1,11 @@
-"""Show a camera's live picture on a web page, with frame rate, latency and dropped frames, and a button that saves a shot.
+"""Show a camera's live picture on a web page, with frame rate, latency and dropped frames, and a
+button that saves a shot.
 
-SOURCE is as for `panchroma capture`. By default only this machine can open the page; with --bind 0.0.0.0 everybody on the network
-can, and with -o they can save shots too. The preview in a shot is the picture that is shown; --scale 1 makes it a full one, and
-`panchroma preview` makes one of any shot later. The command ends with exit code 1 when the camera ends or its stream loses bytes,
-and after the current shot at SIGINT and SIGTERM (exit codes 130 and 0).
+SOURCE is as for `panchroma capture`. By default only this machine can open the page; with --bind
+0.0.0.0 everybody on the network can, and with -o they can save shots too. The preview in a shot is
+the picture that is shown; --scale 1 makes it a full one, and `panchroma preview` makes one of any
+shot later. The command ends with exit code 1 when the camera ends or its stream loses bytes, and
+after the current shot at SIGINT and SIGTERM (exit codes 130 and 0).
 """
 
 import argparse
@@ -24,7 +26,9 @@ from .options import add, value
 
 _HOST, _PORT = "127.0.0.1", 8000
 _NAME = re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII)
-_host_name = value(str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name)))
+_host_name = value(
+    str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name))
+)
 
 USAGE = "SOURCE"
 EXAMPLE = "panchroma view builtin:1200x800@10 -o shots"
@@ -47,14 +51,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     folder = "folder for shots, created if missing; without it there is no button"
     add(parser, "output", required=False, help=folder)
     interface = (
-        "network interface that serves the page, and port, 0 for any free one (default: 127.0.0.1:8000, for this machine alone; "
+        "network interface that serves the page, and port, 0 for any free one (default: "
+        "127.0.0.1:8000, for this machine alone; "
         "0.0.0.0 for everybody on the network)"
     )
     usual = f"{_HOST}:{_PORT}"
     address = "ADDRESS:PORT"
     parser.add_argument("--bind", metavar=address, type=_address, default=usual, help=interface)
     name = (
-        "name of this machine that browsers may ask for, beside its addresses and own names, or that of a proxy; repeat it for more"
+        "name of this machine that browsers may ask for, beside its addresses and own names, "
+        "or that of a proxy; repeat it for more"
     )
     repeated: dict[str, Any] = {"action": "append", "default": [], "help": name}
     parser.add_argument("--host", metavar="NAME", type=_host_name, **repeated)

@@ -1,1 +1,3 @@
-"""The experiments of the paper's section 4, with the rivals that users have: what `panchroma evaluate` runs."""
+"""The experiments of the paper's section 4, with the rivals that users have: what `panchroma
+evaluate` runs.
+"""

@@ -1,4 +1,6 @@
-"""Both cameras in front of one scene at one noise level: their shots, and the pictures that methods make of them."""
+"""Both cameras in front of one scene at one noise level: their shots, and the pictures that methods
+make of them.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,20 +20,36 @@ Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 
 
 def with_balance(demosaic: Demosaic, samples: FloatArray, white: FloatArray) -> FloatArray:
-    """The picture, (H, W, 3), of white-balanced samples, with the balance undone. white: what white reads, (3,)."""
+    """The picture, (H, W, 3), of white-balanced samples, with the balance undone.
+
+    Parameters
+    ----------
+    white : FloatArray
+        What white reads, (3,).
+    """
     return demosaic(samples / white[channel_map(samples.shape)]) * white
 
 
 @dataclass(frozen=True, eq=False)
 class CameraPair:
-    """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first needed.
+    """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first
+    needed.
 
-    level: the noise.
-    seed: of the noise.
-    truth: light of the scene, (H, W, 3), scene units.
-    pattern: of the sparse-colour camera.
-    neutral: what white reads in the scene, one value per channel; None = unknown.
-    part: rows and columns of both shots that are rendered; they must begin at multiples of both patterns' periods.
+    Attributes
+    ----------
+    level : Protocol
+        The noise.
+    seed : int
+        Of the noise.
+    truth : FloatArray
+        Light of the scene, (H, W, 3), scene units.
+    pattern : CfaPattern
+        Of the sparse-colour camera.
+    neutral : tuple[float, ...] | None
+        What white reads in the scene, one value per channel; None = unknown.
+    part : tuple[slice, slice]
+        Rows and columns of both shots that are rendered; they must begin at multiples of both
+        patterns' periods.
     """
 
     level: Protocol
@@ -42,9 +60,15 @@ class CameraPair:
     part: tuple[slice, slice] = (slice(None), slice(None))
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
-        """Render the sparse-colour shot. Returns float32 (H, W, 3) in scene units of the scene, whatever exposure and filters were.
+        """Render the sparse-colour shot.
 
-        A picture in other channels than the scene's is unmixed by the inverse of the filters' matrix, or its pseudo-inverse.
+        A picture in other channels than the scene's is unmixed by the inverse of the filters'
+        matrix, or its pseudo-inverse.
+
+        Returns
+        -------
+        FloatArray
+            Float32 (H, W, 3) in scene units of the scene, whatever exposure and filters were.
         """
         picture, gain = render(self.sparse), self.level.light
         picture = picture / np.float32(gain) if gain != 1 else picture
@@ -55,7 +79,7 @@ class CameraPair:
 
     @property
     def white(self) -> FloatArray:
-        """What white reads, largest channel 1; all 1 where it is unknown."""
+        """Readings of white, largest channel 1; all 1 where it is unknown."""
         white = np.array(self.neutral or (1.0, 1.0, 1.0), np.float32)
         white /= white.max()
         return white
@@ -75,7 +99,13 @@ class CameraPair:
 
     @cached_property
     def bayer(self) -> BayerShot:
-        """The shot of the Bayer camera, in scene units under full light. Raises InputError for fewer than two rows or columns."""
+        """The shot of the Bayer camera, in scene units under full light.
+
+        Raises
+        ------
+        InputError
+            For fewer than two rows or columns.
+        """
         shot = self.level.bayer(sample_bayer(self.truth), self._rng)
         check_mosaic(shot.samples[self.part])
         return replace(shot, samples=shot.samples[self.part])

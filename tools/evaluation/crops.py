@@ -1,4 +1,6 @@
-"""Small squares of the scenes, after the paper's Fig. 4: where ours and the best rival differ most, and our worst places."""
+"""Small squares of the scenes, after the paper's Fig. 4: where ours and the best rival differ most,
+and our worst places.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,7 +24,8 @@ from .team import Team
 
 # Nobody sees errors below this: crops that differ by many decibels there still look the same.
 _INVISIBLE = 0.004**2
-_HALO = 96  # pixels around a crop that are rendered with it and cut off: beyond the reach of every method
+# pixels around a crop that are rendered with it and cut off: beyond the reach of every method
+_HALO = 96
 _WORST = 3  # crops of the worst places at each level, by each measure
 _BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene is shown with
 _MOST_STOPS = 6.0
@@ -70,7 +73,7 @@ class Crop:
 
     @property
     def place(self) -> str:
-        """Where it begins in the photograph, for people."""
+        """Place of its first pixel in the photograph, for people."""
         row, column = self.scene.origin
         return f"row {row + self.row}, column {column + self.column}"
 
@@ -114,7 +117,9 @@ class Exhibit:
 
 
 def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
-    """Return exhibits at the lowest and the highest noise level, rendered by the team; empty without a method of ours."""
+    """Return exhibits at the lowest and the highest noise level, rendered by the team; empty
+    without a method of ours.
+    """
     crops = list(choose_crops(figures))
     if not crops:
         return []
@@ -124,7 +129,9 @@ def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
 
 
 def choose_crops(figures: Figures) -> Iterator[Crop]:
-    """Yield crops by noise level and reason: those of a reason are from different scenes, and none of a level overlap."""
+    """Yield crops by noise level and reason: those of a reason are from different scenes, and none
+    of a level overlap.
+    """
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
         scores = {scene: _scores(figures, scene, level) for scene in figures.study.scenes}
@@ -150,7 +157,8 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     stops = _stops(scene.rgb, (truth / np.array(transform.white)).astype(np.float32))
 
     def displayed(rgb: FloatArray) -> ByteArray:
-        # A gain of the light, because a negative exposure leaves white what is burnt out, and it may differ.
+        # A gain of the light, because a negative exposure leaves white what is burnt out, and it
+        # may differ.
         return quantise(transform.apply(rgb * np.float32(2.0**stops)), 8).astype(np.uint8)
 
     pictures = [Rendered("truth", displayed(truth), whole_psnr(truth, truth))]
@@ -186,7 +194,9 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatAr
 
 
 def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, FloatArray]:
-    """Return by reason how well each square of a scene shows it; reasons that need missing results are left out."""
+    """Return by reason how well each square of a scene shows it; reasons that need missing results
+    are left out.
+    """
     study = figures.study
     here = [cell for cell in figures.results if (cell.scene, cell.level) == (scene, level)]
     found = {cell.method: figures.results[cell] for cell in here if cell.tile in (None, study.tile)}
@@ -205,8 +215,12 @@ def _rival(figures: Figures, scene: SceneInfo, level: Protocol) -> str | None:
     return figures.best(Place(scene.group, level, scene.name), RGB, figures.study.rivals)
 
 
-def _crop(figures: Figures, scene: SceneInfo, level: Protocol, why: str, scores: dict[str, FloatArray]) -> Crop:
-    """Return the square with the highest score for a reason, and remove all that overlap it from all scores."""
+def _crop(
+    figures: Figures, scene: SceneInfo, level: Protocol, why: str, scores: dict[str, FloatArray]
+) -> Crop:
+    """Return the square with the highest score for a reason, and remove all that overlap it from
+    all scores.
+    """
     rows, columns = (np.array(window_origins(size)) for size in (scene.rows, scene.columns))
     row, column = np.unravel_index(int(scores[why].argmax()), scores[why].shape)
     overlaps = abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW

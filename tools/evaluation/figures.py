@@ -17,7 +17,8 @@ EVEN = 0.05  # dB: smaller differences count as none
 
 
 class Criterion(NamedTuple):
-    """One way to compare methods: medians state how most of a picture looks, the others how its worst places do.
+    """One way to compare methods: medians state how most of a picture looks, the others how its
+    worst places do.
 
     Parameters
     ----------
@@ -97,9 +98,12 @@ class Figure(NamedTuple):
     scenes
         Number of scenes.
     values
-        By name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of whole pictures (psnr,
-        psnr_PLANE), dB; wrong_hue, the fraction of the pixels that show a wrong hue, 0 to 1; kept_1 to kept_5, the slopes of
-        `colour_kept` from dark to bright, None where there is no colour. Figures of whole pictures are means over the scenes;
+        By name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of
+        whole pictures (psnr,
+        psnr_PLANE), dB; wrong_hue, the fraction of the pixels that show a wrong hue, 0 to 1; kept_1
+        to kept_5, the slopes of
+        `colour_kept` from dark to bright, None where there is no colour. Figures of whole pictures
+        are means over the scenes;
         kept is of all their pixels.
     """
 
@@ -111,7 +115,7 @@ class Figure(NamedTuple):
 
 
 class Lead(NamedTuple):
-    """How much better ours is than the best rival by a criterion, in its unit."""
+    """Advantage of ours over the best rival by a criterion, in its unit."""
 
     place: Place
     criterion: Criterion
@@ -163,7 +167,9 @@ class Figures:
         return max(known, key=lambda name: scores[name], default=None)
 
     def lead(self, place: Place, criterion: Criterion = RGB) -> Lead | None:
-        """Return how much better ours is than the best rival; None if one of them has no such figure."""
+        """Return how much better ours is than the best rival; None if one of them has no such
+        figure.
+        """
         ours, rival = self.study.ours, self.best(place, criterion, self.study.rivals)
         if ours is None or rival is None or self.of(place, ours) is None:
             return None

@@ -1,4 +1,4 @@
-"""Where a picture shows a wrong hue, and where its colour fades: medians over patches hide both."""
+"""Wrong hues and faded colours, which medians over patches hide."""
 
 import numpy as np
 
@@ -21,12 +21,16 @@ _LEAST = 3 * 0.03 / (2 * np.pi**0.5 * _BLUR)
 
 
 def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
-    """Pixels whose colour is more than WRONG from the truth, in CIEDE2000, as a screen would show both; bool (H, W).
+    """Pixels whose colour is more than WRONG from the truth, in CIEDE2000, as a screen would show
+    both; bool (H, W).
 
-    Both are shown alike: the truth's mean is balanced to grey, 99 % of its luminance lies below 0.9 of white, the channels count as
-    primaries of sRGB, and what is beyond black or white is clipped.
+    Both are shown alike: the truth's mean is balanced to grey, 99 % of its luminance lies below 0.9
+    of white, the channels count as primaries of sRGB, and what is beyond black or white is clipped.
 
-    rendered, truth: (H, W, 3), linear, scene units.
+    Parameters
+    ----------
+    rendered, truth : FloatArray
+        (H, W, 3), linear, scene units.
     """
     gain, wrong = _balance(truth), np.empty(truth.shape[:2], bool)
     for rows in strips(len(truth)):  # the formula needs two hundred bytes a pixel
@@ -35,13 +39,18 @@ def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
 
 
 def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
-    """Sums over the pixels of each bin, float64 (2, 5): rendered colour times true colour, and true colour squared.
+    """Sums over the pixels of each bin, float64 (2, 5): rendered colour times true colour, and true
+    colour squared.
 
-    Their ratio, also of the sums of several pictures, is the slope of the rendered colour on the true one: 1 is right, 0 is grey.
-    Colour is what remains of the channels without their mean, in pictures that are white balanced (shades of grey of the truth) and
-    blurred by a Gaussian. Pixels with hardly any colour, and `BORDER` pixels at each side, are left out.
+    Their ratio, also of the sums of several pictures, is the slope of the rendered colour on the
+    true one: 1 is right, 0 is grey. Colour is what remains of the channels without their mean, in
+    pictures that are white balanced (shades of grey of the truth) and blurred by a Gaussian. Pixels
+    with hardly any colour, and `BORDER` pixels at each side, are left out.
 
-    rendered, truth: (H, W, 3), linear, scene units.
+    Parameters
+    ----------
+    rendered, truth : FloatArray
+        (H, W, 3), linear, scene units.
     """
     from scipy.ndimage import gaussian_filter
 

@@ -1,4 +1,6 @@
-"""The kept measurements of one rendering: patch quantiles and histograms (to pool scenes), whole-image figures, a map of errors."""
+"""The kept measurements of one rendering: patch quantiles and histograms (to pool scenes),
+whole-image figures, a map of errors.
+"""
 
 import io
 from collections.abc import Sequence
@@ -55,13 +57,24 @@ class Histogram(NamedTuple):
 class Measures:
     """Figures of one rendering.
 
-    quality: exact quantiles of its patches.
-    psnr: of the whole picture without its border, dB, one for each of PLANES.
-    wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green and blue are not measured.
-    kept: what `colour_kept` returns; 0 where red, green and blue are not measured.
-    patches: histograms of PSNR, one for each of PLANES.
-    errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
-    hues: float32, share of pixels of wrong hue of the same squares; 0 where there is no `wrong_hue`.
+    Attributes
+    ----------
+    quality : Quality
+        Exact quantiles of its patches.
+    psnr : tuple[float, float, float]
+        Of the whole picture without its border, dB, one for each of PLANES.
+    wrong_hue : float | None
+        Share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green
+        and blue are not measured.
+    kept : DoubleArray
+        What `colour_kept` returns; 0 where red, green and blue are not measured.
+    patches : tuple[Histogram, ...]
+        Histograms of PSNR, one for each of PLANES.
+    errors : FloatArray
+        float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at
+        `window_origins`.
+    hues : FloatArray
+        float32, share of pixels of wrong hue of the same squares; 0 where there is no `wrong_hue`.
     """
 
     quality: Quality
@@ -74,9 +87,17 @@ class Measures:
 
     @classmethod
     def of(cls, rendered: FloatArray, truth: FloatArray, channels: str = RGB) -> "Measures":
-        """Measure a rendering against the truth, both (H, W, N), scene units. Raises InputError as `patch_psnr` does.
+        """Measure a rendering against the truth, both (H, W, N), scene units.
 
-        channels: the N letters of the channels.
+        Parameters
+        ----------
+        channels : str, optional
+            The N letters of the channels.
+
+        Raises
+        ------
+        InputError
+            As `patch_psnr` does.
         """
         maps, inner = patch_psnr(rendered, truth), (slice(BORDER, -BORDER),) * 2
         wrong, wrong_share = np.zeros(truth.shape[:2], bool), None
@@ -104,7 +125,13 @@ class Measures:
 
     @classmethod
     def decode(cls, data: bytes) -> "Measures":
-        """Inverse of `encode`. Raises InputError for anything else."""
+        """Inverse of `encode`.
+
+        Raises
+        ------
+        InputError
+            For anything else.
+        """
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
                 names = Histogram._fields
@@ -120,7 +147,8 @@ class Measures:
 
 
 def window_origins(size: int) -> list[int]:
-    """First rows (or columns) of the squares of `Measures.errors` in a frame with `size` of them, every STRIDE pixels.
+    """First rows (or columns) of the squares of `Measures.errors` in a frame with `size` of them,
+    every STRIDE pixels.
 
     If no square fits there is one origin, of a smaller square.
     """

@@ -22,12 +22,15 @@ class Method:
     title
         For people: the camera, a comma, the method.
     function
-        Makes the picture, float32 (H, W, N), scene units: from a Mosaic if the method is for the sparse-colour camera; from a
+        Makes the picture, float32 (H, W, N), scene units: from a Mosaic if the method is for the
+        sparse-colour camera; from a
         `BayerShot` and what white reads, float32 (3,), if it is a rival.
     version
-        Version of the method's code, a JSON value. Kept results are used while it stays: raise it whenever pictures change.
+        Version of the method's code, a JSON value. Kept results are used while it stays: raise it
+        whenever pictures change.
     ours
-        Panchroma's own, for shots of the sparse-colour camera with any pattern; otherwise a rival, for Bayer shots.
+        Panchroma's own, for shots of the sparse-colour camera with any pattern; otherwise a rival,
+        for Bayer shots.
     balanced
         The picture depends on what white reads.
     packages
@@ -66,13 +69,19 @@ class Method:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What results depend on besides scene, noise and pattern, as JSON values."""
+        """Dependencies of results besides scene, noise and pattern, as JSON values."""
         packages = {each: package_version(each) for each in self.packages}
         name = "network" if self.file else self.name
         return {"method": name, "version": self.version, "packages": packages}
 
     def render(self, cameras: CameraPair) -> FloatArray:
-        """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units."""
+        """Render the shot of the camera that this method is for.
+
+        Returns
+        -------
+        FloatArray
+            Float32 (H, W, N), scene units.
+        """
         if self.ours:
             return cameras.render_sparse(self.function)
         return self.function(cameras.bayer, cameras.white)

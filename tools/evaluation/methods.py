@@ -1,4 +1,6 @@
-"""The methods that are compared, by name. A new rival is a file in `rivals` with METHODS, and its name in _RIVALS."""
+"""The methods that are compared, by name. A new rival is a file in `rivals` with METHODS, and its
+name in _RIVALS.
+"""
 
 from dataclasses import asdict
 from functools import cache, partial
@@ -20,7 +22,13 @@ _RIVALS = (bilinear, dlmmse, libraw, bm3d_dlmmse)
 
 
 def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
-    """Render a shot with the off-camera renderer. Returns float32 (H, W, C), scene units of the shot."""
+    """Render a shot with the off-camera renderer.
+
+    Returns
+    -------
+    FloatArray
+        Float32 (H, W, C), scene units of the shot.
+    """
     return render(mosaic, settings).rgb
 
 
@@ -58,7 +66,10 @@ def missing_packages() -> list[str]:
 def choose(names: list[str]) -> list[Method]:
     """Methods by name, or network by its file, each once.
 
-    Raises InputError for an unknown name, one whose package is not installed, and as `network` does.
+    Raises
+    ------
+    InputError
+        For an unknown name, one whose package is not installed, and as `network` does.
     """
     chosen: dict[str, Method] = {}
     for name in names:
@@ -77,14 +88,26 @@ def choose(names: list[str]) -> list[Method]:
 
 
 def find_method(name: str, networks: Networks = ()) -> Method:
-    """Return a method by its name, in any process. Raises InputError as `find_network` does."""
+    """Return a method by its name, in any process.
+
+    Raises
+    ------
+    InputError
+        As `find_network` does.
+    """
     file = dict(networks).get(name)
     return find_network(name, file) if file else methods()[name]
 
 
 @cache
 def find_network(name: str, file: str) -> Method:
-    """Return a network by its name and file. Raises InputError if the file has changed or is gone."""
+    """Return a network by its name and file.
+
+    Raises
+    ------
+    InputError
+        If the file has changed or is gone.
+    """
     method = network(file)
     if method.name != name:
         raise InputError(f"{file}: {CHANGED}")

@@ -1,4 +1,6 @@
-"""Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and chrominance."""
+"""Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and
+chrominance.
+"""
 
 from typing import NamedTuple
 
@@ -11,13 +13,16 @@ from ...shared.errors import InputError
 PSNR_PATCH = 10  # pixels
 BORDER = 15  # pixels left out at each side: the paper's margin against effects of the frame's edge
 QUANTILES = (0.10, 0.25, 0.50, 0.75)
-CAP = 200.0  # dB: PSNR of equal pixels. JSON has no infinity, and float32 rounding alone gives about 150
+# dB: PSNR of equal pixels. JSON has no infinity, and float32 rounding alone gives about 150
+CAP = 200.0
 
 Quantiles = tuple[float, float, float, float]
 
 
 class PatchPsnr(NamedTuple):
-    """PSNR of every overlapping patch, dB, float64 (rows, columns) each, at the place of the patch's first pixel."""
+    """PSNR of every overlapping patch, dB, float64 (rows, columns) each, at the place of the
+    patch's first pixel.
+    """
 
     rgb: DoubleArray
     luminance: DoubleArray
@@ -47,17 +52,29 @@ def quality(rendered: FloatArray, truth: FloatArray) -> Quality:
     return Quality.of(patch_psnr(rendered, truth))
 
 
-def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH, border: int = BORDER) -> PatchPsnr:
-    """PSNR, 10 log10(1 / MSE), at most CAP, of all patch x patch squares at least `border` pixels inside the frame.
+def patch_psnr(
+    rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH, border: int = BORDER
+) -> PatchPsnr:
+    """PSNR, 10 log10(1 / MSE), at most CAP, of all patch x patch squares at least `border` pixels
+    inside the frame.
 
-    Luminance is the mean of the channels, chrominance is what remains of each, MSE is the mean over all pixels and channels of
-    a square.
+    Luminance is the mean of the channels, chrominance is what remains of each, MSE is the mean over
+    all pixels and channels of a square.
 
-    rendered, truth: (H, W, N), linear, scene units, neither scaled nor clipped; 1.0 is the peak.
-    patch, border: pixels.
-    Raises InputError when the shapes differ, a value is not finite, or no patch fits.
+    Parameters
+    ----------
+    rendered, truth : FloatArray
+        (H, W, N), linear, scene units, neither scaled nor clipped; 1.0 is the peak.
+    patch, border : int, optional
+        Pixels.
+
+    Raises
+    ------
+    InputError
+        When the shapes differ, a value is not finite, or no patch fits.
     """
-    # Windows are summed one by one: differences of running sums would leave 1e-12 in a patch without error.
+    # Windows are summed one by one: differences of running sums would leave 1e-12 in a patch
+    # without error.
     planes = []
     for square in _squares(rendered, truth, border, patch):
         columns = sliding_window_view(square, patch, axis=0).sum(axis=-1)
@@ -71,8 +88,11 @@ def psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
     return whole_psnr(rendered, truth, border)[0]
 
 
-def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> tuple[float, float, float]:
-    """PSNR of the whole picture without `border` pixels at each side, dB, at most CAP: RGB, luminance, chrominance.
+def whole_psnr(
+    rendered: FloatArray, truth: FloatArray, border: int = 0
+) -> tuple[float, float, float]:
+    """PSNR of the whole picture without `border` pixels at each side, dB, at most CAP: RGB,
+    luminance, chrominance.
 
     Arguments and errors as in `patch_psnr`.
     """
@@ -81,7 +101,9 @@ def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> tupl
     return rgb, luminance, chrominance
 
 
-def _squares(rendered: FloatArray, truth: FloatArray, border: int, size: int) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
+def _squares(
+    rendered: FloatArray, truth: FloatArray, border: int, size: int
+) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """Squared errors inside the border in RGB, luminance and chrominance, (h, w) each.
 
     size: of the squares of which at least one has to fit.
@@ -93,7 +115,10 @@ def _squares(rendered: FloatArray, truth: FloatArray, border: int, size: int) ->
     (rows, columns), least = truth.shape[:2], size + 2 * border
     if min(rows, columns) < least:
         missing = f"no square of {size} x {size} inside a border of {border}"
-        raise InputError(f"a picture of {columns} x {rows} pixels has {missing}; at least {least} pixels each way are needed")
+        raise InputError(
+            f"a picture of {columns} x {rows} pixels has {missing}; at least {least} pixels each "
+            "way are needed"
+        )
     error: DoubleArray = rendered.astype(np.float64) - truth
     if not np.isfinite(error).all():
         raise InputError("a value is not finite (NaN or infinite): there is no PSNR")

@@ -1,4 +1,6 @@
-"""The page: verdict, two pairs of crops, a table, three plots and the worst places, in one HTML file that needs no network."""
+"""The page: verdict, two pairs of crops, a table, three plots and the worst places, in one HTML
+file that needs no network.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -24,7 +26,9 @@ _COLOURS = (*_FIRST, "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
 _TEMPLATE = Path(__file__).with_name("evaluation.html")
 
 
-def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> bytes:
+def build_page(
+    figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]
+) -> bytes:
     """Return the content of the page's file, UTF-8.
 
     Parameters
@@ -36,7 +40,8 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     program
         Name and version.
     failures
-        A line for each scene or result that is missing, and for each folder of which a part is left out.
+        A line for each scene or result that is missing, and for each folder of which a part is left
+        out.
     """
     study = figures.study
     groups = [_group(figures, name) for name in figures.groups]
@@ -68,7 +73,9 @@ def _group(figures: Figures, name: str) -> dict[str, Any]:
 
 
 def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
-    """Draw the medians of a plane over the noise, a line for each method: ours solid, rivals dashed."""
+    """Draw the medians of a plane over the noise, a line for each method: ours solid, rivals
+    dashed.
+    """
     study, levels = figures.study, figures.study.levels
     places = levels[0].places(levels)
     for name, colour in zip(study.methods, cycle(_COLOURS)):
@@ -84,7 +91,9 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
 
 
 def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
-    """Return the exhibit of a reason in which ours and the best rival differ most, if there is one."""
+    """Return the exhibit of a reason in which ours and the best rival differ most, if there is
+    one.
+    """
     found = [each for each in exhibits if each.crop.why == why]
 
     def difference(exhibit: Exhibit) -> float:
@@ -99,7 +108,10 @@ def _shown(exhibit: Exhibit) -> dict[str, Any]:
     crop, (_, *made) = exhibit.crop, exhibit.pictures
     where = f"{crop.scene.name}, {crop.level.text}, {crop.place}"
     if exhibit.stops:
-        where += f", {'brightened' if exhibit.stops > 0 else 'darkened'} by {abs(exhibit.stops):.1f} stops"
+        where += (
+            f", {'brightened' if exhibit.stops > 0 else 'darkened'} by "
+            f"{abs(exhibit.stops):.1f} stops"
+        )
     pictures = [(part.title, part.psnr, embed_picture(part.pixels)) for part in exhibit.pictures]
     return {
         "title": f"{crop.why[:1].upper()}{crop.why[1:]}",
@@ -110,7 +122,9 @@ def _shown(exhibit: Exhibit) -> dict[str, Any]:
 
 
 def _look(ours: Psnr, rival: Psnr) -> str:
-    """Return what to look at: the plane in which the better picture saves most of the other's mean squared error."""
+    """Return what to look at: the plane in which the better picture saves most of the other's mean
+    squared error.
+    """
     better, worse = max(ours, rival), min(ours, rival)
     planes = zip(better, worse, strict=True)
     saved = [10 ** (-low / 10) - 10 ** (-high / 10) for high, low in planes]

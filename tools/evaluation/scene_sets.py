@@ -18,13 +18,15 @@ from ..io.scene import Scene
 from ..simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 from .metrics import BORDER, PSNR_PATCH
 
-# Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8 bits) is not a measurement of light:
-# it is linearised, but never pooled with what sensors measured.
+# Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8
+# bits) is not a measurement of light: it is linearised, but never pooled with what sensors
+# measured.
 MEASURED = "linear photographs"
 DEVELOPED = "developed pictures"
 BUILTIN = "built-in scenes"
 _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
-CROP = 6  # pixels: every scene is cut to whole periods of the paper's pattern, whatever periods are compared
+# pixels: every scene is cut to whole periods of the paper's pattern, whatever periods are compared
+CROP = 6
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
 _LEAST = (PSNR_PATCH + 2 * BORDER + CROP) // CROP * CROP
 
@@ -33,14 +35,24 @@ _LEAST = (PSNR_PATCH + 2 * BORDER + CROP) // CROP * CROP
 class SceneInfo:
     """A scene that can be read.
 
-    source: file, or `builtin:WxH`.
-    name: unique, for tables.
-    group: one of SETS.
-    digest: of its pixels, after cutting.
-    rows, columns: after cutting.
-    origin: row and column of its first pixel before cutting.
-    neutral: what white reads, one value per channel; None = unknown.
-    notes: remarks for the user on how the file was interpreted.
+    Attributes
+    ----------
+    source : str
+        File, or `builtin:WxH`.
+    name : str
+        Unique, for tables.
+    group : str
+        One of SETS.
+    digest : str
+        Of its pixels, after cutting.
+    rows, columns : int
+        After cutting.
+    origin : tuple[int, int]
+        Row and column of its first pixel before cutting.
+    neutral : tuple[float, ...] | None
+        What white reads, one value per channel; None = unknown.
+    notes : tuple[str, ...]
+        Remarks for the user on how the file was interpreted.
     """
 
     source: str
@@ -61,17 +73,24 @@ class SceneInfo:
 
 @dataclass(frozen=True)
 class Reading:
-    """How sources are read.
+    """Options for reading sources.
 
-    linear: the numbers in the pictures are light, whatever the files say.
-    largest: longest side, pixels; None = whole scenes.
+    Attributes
+    ----------
+    linear : bool
+        The numbers in the pictures are light, whatever the files say.
+    largest : int | None
+        Longest side, pixels; None = whole scenes.
     """
 
     linear: bool = False
     largest: int | None = None
 
     def scene(self, info: SceneInfo) -> Scene:
-        """Load a scene and cut it. Raises InputError, naming the file, if it cannot be read, or has changed since."""
+        """Load a scene and cut it.
+
+        Raises InputError, naming the file, if it cannot be read, or has changed since.
+        """
         for _ in range(2):
             try:
                 scene, _, found = _loaded(info.source, self)
@@ -84,7 +103,10 @@ class Reading:
         raise InputError(f"{info.source}: {changed}")
 
     def info(self, source: str) -> SceneInfo:
-        """Facts about a scene. Raises InputError, without the name of the source, if it cannot be read or is too small."""
+        """Facts about a scene.
+
+        Raises InputError, without the name of the source, if it cannot be read or is too small.
+        """
         _loaded.cache_clear()
         scene, origin, found = _loaded(source, self)
         group = MEASURED if self.linear else _group(source, scene)
@@ -107,7 +129,9 @@ def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int], str]
 
 
 def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
-    """A scene (H, W, N) cut to whole multiples of CROP pixels; with `largest` the middle, at most that many pixels each way."""
+    """A scene (H, W, N) cut to whole multiples of CROP pixels; with `largest` the middle, at most
+    that many pixels each way.
+    """
     rows, columns = (_kept(size, largest) for size in rgb.shape[:2])
     return np.ascontiguousarray(rgb[rows, columns])
 
@@ -126,10 +150,18 @@ def digest(rgb: FloatArray) -> str:
 
 
 def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
-    """The sources, each folder replaced by the scenes in and below it; and a remark on each folder of which a part is left out.
+    """The sources, each folder replaced by the scenes in and below it; and a remark on each folder
+    of which a part is left out.
 
-    output: a folder that is not searched.
-    Raises InputError for a folder that cannot be read, or has no scene.
+    Parameters
+    ----------
+    output : Path
+        A folder that is not searched.
+
+    Raises
+    ------
+    InputError
+        For a folder that cannot be read, or has no scene.
     """
     found = search(sources, ENDINGS, output=output, is_file=is_drawn, set_aside=set_aside)
     for folder, what in found.failures:
@@ -138,7 +170,9 @@ def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
-    """The scenes, each once and under a unique name; and a remark for the user on each one left out."""
+    """The scenes, each once and under a unique name; and a remark for the user on each one left
+    out.
+    """
     kept: dict[str, SceneInfo] = {}
     remarks = []
     taken: set[str] = set()
@@ -156,7 +190,9 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
 
 
 def _neutral(scene: Scene, group: str) -> tuple[float, ...] | None:
-    """What white reads. Linear pictures without this information claim to be balanced and seldom are: there it is estimated."""
+    """Readings of white, estimated for linear pictures without this information: they claim to be
+    balanced and seldom are.
+    """
     if group == MEASURED and (scene.neutral is None or len(set(scene.neutral)) == 1):
         return shades_of_grey(scene.rgb) or scene.neutral
     return scene.neutral

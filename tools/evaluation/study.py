@@ -1,6 +1,8 @@
-"""The work of an evaluation: every scene at every noise level by every method, each result kept as soon as it is made.
+"""The work of an evaluation: every scene at every noise level by every method, each result kept as
+soon as it is made.
 
-Results are files under a digest of all they depend on, so that an interrupted run goes on where it stopped.
+Results are files under a digest of all they depend on, so that an interrupted run goes on where it
+stopped.
 """
 
 import hashlib
@@ -24,11 +26,13 @@ from .tiles import Tile, filters_of
 
 FOLDER = "results"
 MEASURING = 2
-"""Version of the way from the light of a scene to figures: cameras, noise, filters, measures. Raise it whenever figures change.
+"""Version of the way from the light of a scene to figures: cameras, noise, filters, measures. Raise
+it whenever figures change.
 
-A result is kept under versions: this one, those of the protocol and of the method (of ours: of the renderer and its settings, or of
-the preview), and those of the packages that the method needs. Whoever changes code so that figures differ raises the number beside
-it, or the old figures stay; a test compares figures with those that the numbers stand for.
+A result is kept under versions: this one, those of the protocol and of the method (of ours: of the
+renderer and its settings, or of the preview), and those of the packages that the method needs.
+Whoever changes code so that figures differ raises the number beside it, or the old figures stay; a
+test compares figures with those that the numbers stand for.
 """
 _SECONDS = 0.3  # per megapixel, to measure a picture, roughly
 
@@ -99,7 +103,9 @@ class Study:
 
     @property
     def tile(self) -> Tile:
-        """The pattern at which our methods are compared with the rivals: the paper's K = 6, if it is among them."""
+        """The pattern at which our methods are compared with the rivals: the paper's K = 6, if it
+        is among them.
+        """
         return next((tile for tile in self.tiles if tile.period == 6), self.tiles[0])
 
     @property
@@ -130,7 +136,9 @@ class Study:
                         yield name_cell(scene, level, self.method(name), tile, self.seed)
 
     def seconds(self, cell: Cell) -> float:
-        """Rough duration on one core: the share of a result in the work, for the time left. It foretells nothing by itself."""
+        """Rough duration on one core: the share of a result in the work, for the time left. It
+        foretells nothing by itself.
+        """
         return (self.method(cell.method).seconds + _SECONDS) * cell.scene.megapixels
 
     def remarks(self) -> list[str]:
@@ -139,8 +147,16 @@ class Study:
         return [f"{tile.name}: {note}" for tile in notes for note in notes[tile]]
 
 
-def name_cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int) -> Cell:
-    """Return a result with the name of its file: a digest of all it depends on. tile: None for a Bayer camera's method."""
+def name_cell(
+    scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int
+) -> Cell:
+    """Return a result with the name of its file: a digest of all it depends on.
+
+    Parameters
+    ----------
+    tile : Tile | None
+        None for a Bayer camera's method.
+    """
     parts = {
         "measuring": MEASURING,
         "protocol": level.identity,
@@ -156,7 +172,8 @@ def name_cell(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | No
 
 
 def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Cell], int]:
-    """Return the results that are still to be made, equal ones once, and the number of those that are there already.
+    """Return the results that are still to be made, equal ones once, and the number of those that
+    are there already.
 
     Parameters
     ----------
@@ -175,7 +192,10 @@ def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[li
 
 
 def remove_results(study: Study, folder: Path) -> None:
-    """Remove the results of a study, where there are any. Raises OutputError."""
+    """Remove the results of a study, where there are any.
+
+    Raises OutputError.
+    """
     for cell in study.cells():
         path = folder / FOLDER / cell.name
         try:
@@ -199,7 +219,8 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
     Returns
     -------
     list of str
-        A line if it failed, or if a file is no longer what the result is named after; otherwise empty.
+        A line if it failed, or if a file is no longer what the result is named after; otherwise
+        empty.
 
     Raises
     ------
@@ -228,7 +249,13 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
-    """Return all results that are there, in the order of the report. Raises InputError where there is none."""
+    """Return all results that are there, in the order of the report.
+
+    Raises
+    ------
+    InputError
+        Where there is none.
+    """
     kept = {cell: _kept(folder, cell) for cell in study.cells()}
     found = {cell: measures for cell, measures in kept.items() if measures is not None}
     if not found:
@@ -259,5 +286,7 @@ def _checked(study: Study, cell: Cell) -> tuple[Method, FloatArray]:
 
 
 @lru_cache(maxsize=1)  # methods that come one after the other share their shots
-def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: Reading) -> CameraPair:
+def _cameras(
+    scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: Reading
+) -> CameraPair:
     return CameraPair(level, seed, reading.scene(scene).rgb, tile.pattern, scene.neutral)

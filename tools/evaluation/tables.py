@@ -1,4 +1,6 @@
-"""The figures as tables: for people a row per method, JSON with everything, CSV with a row per figure."""
+"""The figures as tables: for people a row per method, JSON with everything, CSV with a row per
+figure.
+"""
 
 import csv
 import io
@@ -44,7 +46,9 @@ class Table:
 
 
 def method_table(figures: Figures, group: str) -> Table:
-    """Return the table of a set: at each noise level a row for each method and pattern, a column for each of CRITERIA."""
+    """Return the table of a set: at each noise level a row for each method and pattern, a column
+    for each of CRITERIA.
+    """
     study, table = figures.study, Table(["", *(each.title for each in CRITERIA)], [], [])
     for level in study.levels:
         found = [each for each in figures.rows if each.place == Place(group, level)]
@@ -80,13 +84,16 @@ def describe(figures: Figures) -> str:
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
     return (
-        f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera under the same light; "
+        f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera "
+        "under the same light; "
         f"{study.protocol.summary}; {', '.join(level.text for level in study.levels)}."
     )
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
-    """Return one flat object per figure, sets (scene None) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
+    """Return one flat object per figure, sets (scene None) before scenes; PSNR quantiles are
+    PLANE_q10 to PLANE_q75.
+    """
     return [_row(each) for each in figures.rows]
 
 
@@ -100,7 +107,9 @@ def _row(figure: Figure) -> dict[str, Any]:
 
 
 def encode_csv(figures: Figures) -> bytes:
-    """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 4 decimals."""
+    """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 4
+    decimals.
+    """
     text, found = io.StringIO(), rows(figures)
     writer = csv.DictWriter(text, list(found[0]), lineterminator="\n")
     writer.writeheader()
@@ -111,7 +120,8 @@ def encode_csv(figures: Figures) -> bytes:
 
 
 def _cell(value: Any) -> Any:
-    """Return the content of a cell of a CSV file: an apostrophe precedes a text that a spreadsheet would take for a formula.
+    """Return the content of a cell of a CSV file: an apostrophe precedes a text that a spreadsheet
+    would take for a formula.
 
     Source: OWASP, CSV injection.
     """
@@ -121,8 +131,11 @@ def _cell(value: Any) -> Any:
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
 
 
-def encode_json(figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()) -> bytes:
-    """Return the content of the JSON file, one object: protocol, scenes, methods, verdict, figures, failures; no NaN.
+def encode_json(
+    figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()
+) -> bytes:
+    """Return the content of the JSON file, one object: protocol, scenes, methods, verdict, figures,
+    failures; no NaN.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""The processes that do an evaluation's work, and what the user sees of it: progress, failures, the memory limit."""
+"""The processes that do an evaluation's work, and what the user sees of it: progress, failures, the
+memory limit.
+"""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -36,9 +38,14 @@ def needed_memory(pixels: int) -> int:
 class Team:
     """Does the work of an evaluation in several processes.
 
-    console: shows progress, notes and failures.
-    jobs: largest number of processes.
-    memory: bytes for all of them together; it reduces their number.
+    Attributes
+    ----------
+    console : Console
+        Shows progress, notes and failures.
+    jobs : int
+        Largest number of processes.
+    memory : int
+        Bytes for all of them together; it reduces their number.
     """
 
     console: Console
@@ -46,16 +53,28 @@ class Team:
     memory: int
 
     def processes(self, pixels: int) -> int:
-        """How many processes fit into the memory when the largest scene has `pixels` pixels; at least 1."""
+        """Number of processes that fit into the memory when the largest scene has `pixels` pixels.
+        at least 1.
+        """
         return max(1, min(self.jobs, self.memory // needed_memory(pixels)))
 
-    def read(self, sources: Sequence[str], output: Path, reading: Reading) -> tuple[list[SceneInfo], list[str], list[str]]:
-        """The scenes that can be read, each once, in the given order; a line for each source that cannot, and one for each that is
-        left out. The user is shown the lines, too.
+    def read(
+        self, sources: Sequence[str], output: Path, reading: Reading
+    ) -> tuple[list[SceneInfo], list[str], list[str]]:
+        """The scenes that can be read, each once, in the given order; a line for each source that
+        cannot, and one for each that is left out. The user is shown the lines, too.
 
-        sources: files, and folders of them.
-        output: a folder that is not searched.
-        Raises InputError as `expand` does, and where no scene can be read.
+        Parameters
+        ----------
+        sources : Sequence[str]
+            Files, and folders of them.
+        output : Path
+            A folder that is not searched.
+
+        Raises
+        ------
+        InputError
+            As `expand` does, and where no scene can be read.
         """
         names, left_out = expand(sources, output)
         scenes, failures = [], []
@@ -78,10 +97,20 @@ class Team:
             raise InputError(f"no scene could be read; {expected}")
         return scenes, failures, left_out
 
-    def measure(self, study: Study, folder: Path, todo: Sequence[Cell], scheduler: str | None = None) -> list[str]:
-        """Make and keep results. Returns a line for each that failed; it is shown to the user too.
+    def measure(
+        self, study: Study, folder: Path, todo: Sequence[Cell], scheduler: str | None = None
+    ) -> list[str]:
+        """Make and keep results.
 
-        scheduler: address of a dask scheduler, whose workers do the work instead of processes here.
+        Parameters
+        ----------
+        scheduler : str | None, optional
+            Address of a dask scheduler, whose workers do the work instead of processes here.
+
+        Returns
+        -------
+        list[str]
+            A line for each that failed; it is shown to the user too.
         """
         pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
         measure = partial(work, replace(study, scenes=()), folder.absolute())
@@ -91,8 +120,16 @@ class Team:
         self.console.error(*failures)
         return failures
 
-    def together(self, title: str, function: Callable[[T], R], items: Sequence[T], pixels: int, **how: Any) -> list[R]:
-        """Results in the order of the items. Raises InputError for the first that fails. Arguments as for `_run`."""
+    def together(
+        self, title: str, function: Callable[[T], R], items: Sequence[T], pixels: int, **how: Any
+    ) -> list[R]:
+        """Results in the order of the items. Arguments as for `_run`.
+
+        Raises
+        ------
+        InputError
+            For the first that fails.
+        """
         results = []
         for result in self._run(title, function, items, pixels, **how):
             if isinstance(result, Exception):

@@ -1,4 +1,6 @@
-"""The filter patterns that are compared, each under a name for people, and the filters that it has before a scene."""
+"""The filter patterns that are compared, each under a name for people, and the filters that it has
+before a scene.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -19,8 +21,12 @@ from ..simulation.filters import Filters, filters_for
 class Tile:
     """A pattern of the sparse-colour camera.
 
-    name: for people, unique in a study.
-    pattern: the pattern.
+    Attributes
+    ----------
+    name : str
+        For people, unique in a study.
+    pattern : CfaPattern
+        The pattern.
     """
 
     name: str
@@ -33,9 +39,13 @@ class Tile:
 
     @classmethod
     def named(cls, pattern: CfaPattern, source: str) -> "Tile":
-        """A pattern that the user gave as letters or as a file, which lends it its name unless it is one of the paper's.
+        """A pattern that the user gave as letters or as a file, which lends it its name unless it
+        is one of the paper's.
 
-        source: what the user wrote.
+        Parameters
+        ----------
+        source : str
+            What the user wrote.
         """
         if pattern == CfaPattern.bayer(pattern.period, ORDER):
             return cls.of_period(pattern.period)
@@ -45,7 +55,11 @@ class Tile:
     @property
     def period(self) -> int | None:
         """K of the paper's pattern; None for any other."""
-        return self.pattern.period if self.pattern == CfaPattern.bayer(self.pattern.period, ORDER) else None
+        return (
+            self.pattern.period
+            if self.pattern == CfaPattern.bayer(self.pattern.period, ORDER)
+            else None
+        )
 
     @property
     def panchromatic_share(self) -> float:
@@ -55,18 +69,31 @@ class Tile:
     @property
     def light(self) -> float:
         """Light collected from a white scene, as a multiple of what a Bayer sensor collects."""
-        colour = 1 / filters_of(self.pattern).unit  # that one colour pixel collects; a panchromatic one collects 3
+        # that one colour pixel collects; a panchromatic one collects 3
+        colour = 1 / filters_of(self.pattern).unit
         return 3 * self.panchromatic_share + colour * (1 - self.panchromatic_share)
 
 
 @lru_cache(maxsize=256)
 def filters_of(pattern: CfaPattern) -> Filters:
-    """The filters of a pattern before any scene in red, green and blue. Raises InputError as `filters_for` does."""
+    """The filters of a pattern before any scene in red, green and blue.
+
+    Raises
+    ------
+    InputError
+        As `filters_for` does.
+    """
     return filters_for(pattern, Scene(np.zeros((1, 1, len(RGB)), np.float32), ""))
 
 
 def distinct_tiles(tiles: Iterable[Tile]) -> tuple[Tile, ...]:
-    """Each pattern once and under a unique name. Raises InputError for filters that cannot be made from red, green and blue."""
+    """Each pattern once and under a unique name.
+
+    Raises
+    ------
+    InputError
+        For filters that cannot be made from red, green and blue.
+    """
     by_name: dict[str, Tile] = {}
     for tile in tiles:
         filters_of(tile.pattern)

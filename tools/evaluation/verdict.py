@@ -1,4 +1,6 @@
-"""The verdict on a set of scenes in three sentences: who is ahead, where ours is weakest, what this does not stand on."""
+"""The verdict on a set of scenes in three sentences: who is ahead, where ours is weakest, what this
+does not stand on.
+"""
 
 from itertools import product
 from typing import NamedTuple
@@ -6,12 +8,16 @@ from typing import NamedTuple
 from .figures import EVEN, HUE, KEPT, RGB, TENTH, WHOLE, Figures, Lead, Place
 from .methods import methods
 
-FEW = 6  # scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6 = 0.03)
+# scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6
+# = 0.03)
+FEW = 6
 _DENOISER = "bm3d+dlmmse-wb"  # the strongest rival in noise, which needs an extra package
 
 
 class Verdict(NamedTuple):
-    """A verdict: its tone, "good", "care" or "bad", and three sentences, or one where there is nothing to compare."""
+    """A verdict: its tone, "good", "care" or "bad", and three sentences, or one where there is
+    nothing to compare.
+    """
 
     tone: str
     sentences: tuple[str, ...]
@@ -66,12 +72,17 @@ def _weakest(figures: Figures, group: str) -> str:
     if rival := figures.lead(place, HUE):
         own, theirs = figures.of(place, study.ours or ""), HUE.text(figures.of(place, rival.rival))
         text += f"; at {level.text} {HUE.text(own)} % of its pixels show a wrong hue"
-        text += f" (best rival {theirs} %), and the darkest tenth keeps {KEPT.text(own)} % of its colour"
+        text += (
+            f" (best rival {theirs} %), and the darkest tenth keeps {KEPT.text(own)} % of "
+            "its colour"
+        )
     return f"{text}."
 
 
 def _caveats(figures: Figures, group: str) -> str:
-    """Return the sentence on the limits of the other two: few scenes, no strong rival, missing results."""
+    """Return the sentence on the limits of the other two: few scenes, no strong rival, missing
+    results.
+    """
     study, count, found = figures.study, len(figures.scenes(group)), []
     if count < FEW:
         chance = f"with fewer than {FEW} even being ahead on all of them may be chance"

@@ -13,12 +13,15 @@ WAITING = 1
 
 
 def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iterator[R]:
-    """Yield `work(piece)` for each piece, in order; `work` runs in threads of its own, `pieces` are taken in this one.
+    """Yield `work(piece)` for each piece, in order; `work` runs in threads of its own, `pieces` are
+    taken in this one.
 
-    It pays where `work` spends its time in NumPy, in a codec or on a file, which let other threads run. At most `threads + WAITING`
-    pieces are held. Raises what `work` and `pieces` raise. When the iteration is left early, pieces that have begun are finished,
-    and the others are dropped.
+    It pays where `work` spends its time in NumPy, in a codec or on a file, which let other threads
+    run. At most `threads + WAITING` pieces are held. Raises what `work` and `pieces` raise. When
+    the iteration is left early, pieces that have begun are finished, and the others are dropped.
 
+    Examples
+    --------
     >>> from panchroma.tools.io.ahead import ahead
     >>> list(ahead(abs, [-1, 2, -3]))
     [1, 2, 3]

@@ -12,14 +12,20 @@ from ...shared.writing import durable_file
 def keep_old(path: Path) -> Path:
     """Copy a file before it is replaced, and return the name of the copy.
 
-    It is the first free one of NAME.bak, NAME.bak2, ...: no earlier copy is ever replaced. Raises OutputError.
+    It is the first free one of NAME.bak, NAME.bak2, ...: no earlier copy is ever replaced.
+
+    Raises OutputError.
     """
-    names = (path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in count(1))
+    names = (
+        path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in count(1)
+    )
     spare = next(name for name in names if not os.path.lexists(name))
     try:
         with path.open("rb") as old, durable_file(spare) as copy:
             shutil.copyfileobj(old, copy)
         shutil.copystat(path, spare)
     except OSError as error:
-        raise OutputError(f"{path}: cannot be kept as {spare.name} ({error.strerror or error})") from error
+        raise OutputError(
+            f"{path}: cannot be kept as {spare.name} ({error.strerror or error})"
+        ) from error
     return spare

@@ -1,8 +1,10 @@
-"""Camera RAWs as scenes: each 2 x 2 quad of a Bayer sensor becomes one pixel with all three colours.
+"""Camera RAWs as scenes: each 2 x 2 quad of a Bayer sensor becomes one pixel with all three
+colours.
 
-This follows L. Shi and B. Funt's re-processing of Gehler's colour-checker data set, with one departure: the red and the blue sample
-of a quad lie half a pixel of the scene apart, to either side of the mean of the greens, and both are interpolated at the middle of
-the quad. Without it every edge has a coloured fringe that no scene has.
+This follows L. Shi and B. Funt's re-processing of Gehler's colour-checker data set, with one
+departure: the red and the blue sample of a quad lie half a pixel of the scene apart, to either side
+of the mean of the greens, and both are interpolated at the middle of the quad. Without it every
+edge has a coloured fringe that no scene has.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -33,34 +35,52 @@ from .limited import Facts, run_limited
 from .scene import Scene, check_size
 
 NEEDED = ("rawpy",)
-"""Packages that unpacking a RAW imports: they are loaded before its time is counted, which is less than they take."""
+"""Packages that unpacking a RAW imports: they are loaded before its time is counted, which is less
+than they take.
+"""
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
-_COLOR_MATRICES = ((TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"]), (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"]))
+_COLOR_MATRICES = (
+    (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"]),
+    (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"]),
+)
 _COLOURS = {tag for pair in _COLOR_MATRICES for tag in pair}
 # Exif's LightSource values; all others are treated as D65.
 _ILLUMINANTS = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
-NO_RAW = "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
+NO_RAW = (
+    "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, "
+    "JPEG, EXR, NPY"
+)
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 
 def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bool = True) -> Scene:
     """Read the scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...) at half its width and height.
 
-    path: the file.
-    max_pixels: larger files are refused.
-    registered: red and blue are interpolated at the middle of each quad; False = as Shi and Funt leave them.
+    The scene is neither rotated nor white-balanced. rgb is (sample - black) / (white - black) of
+    the visible area, with the two greens averaged and an odd last row or column left out. There is
+    one black level per colour; white is the camera's saturation level. Values below black, which
+    noise causes, become 0: light is not negative, and on the evaluation scenes this changes no
+    figure by 0.01 dB. Samples above the white level exceed 1. Clipped samples become white (see
+    `clipped`), and a note says so.
 
-    The scene is neither rotated nor white-balanced. rgb is (sample - black) / (white - black) of the visible area, with the two
-    greens averaged and an odd last row or column left out. There is one black level per colour; white is the camera's saturation
-    level. Values below black, which noise causes, become 0: light is not negative, and on the evaluation scenes this changes no
-    figure by 0.01 dB. Samples above the white level exceed 1. Clipped samples become white (see `clipped`), and a note says so.
+    Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files
+    without sensor samples.
 
-    Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    max_pixels : int, optional
+        Larger files are refused.
+    registered : bool, optional
+        Red and blue are interpolated at the middle of each quad; False = as Shi and Funt leave
+        them.
     """
-    # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
+    # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all
+    # memory for two kilobytes.
     samples, facts = _unpack(unpack_quads, path, max_pixels)
     with guarded(path):
         rgb, gone = _quads(samples, facts)
@@ -68,54 +88,79 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
             rgb, gone = register_quads(rgb, gone, facts)
         directories = raw_directories(path)
         metadata = _metadata(facts, directories)
-        return camera_scene(path.stem, rgb, gone, _neutral(facts), directories.main, metadata, facts["matrix"])
+        return camera_scene(
+            path.stem, rgb, gone, _neutral(facts), directories.main, metadata, facts["matrix"]
+        )
 
 
 def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
-    """Read the samples of the visible area of any RAW with one sample per pixel, whatever its filters: uint16 (H, W).
+    """Read the samples of the visible area of any RAW with one sample per pixel, whatever its
+    filters: uint16 (H, W).
 
-    path: the file.
-    max_pixels: larger files are refused.
     Raises InputError, with the reason, for files without such samples.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    max_pixels : int, optional
+        Larger files are refused.
     """
     return _unpack(unpack_samples, path, max_pixels)[0]
 
 
-def _unpack(function: Callable[[str, int], tuple[CodeArray, Facts]], path: Path, max_pixels: int) -> tuple[CodeArray, Facts]:
+def _unpack(
+    function: Callable[[str, int], tuple[CodeArray, Facts]], path: Path, max_pixels: int
+) -> tuple[CodeArray, Facts]:
     """Call the function in a limited process, and check that it returns uint16 (H, W)."""
     samples, facts = run_limited(path, NEEDED, function, str(path), max_pixels)
     if samples.ndim != 2 or samples.dtype != np.uint16:
-        raise InputError(f"its samples are {samples.dtype} of shape {samples.shape}: the file is damaged; copy it again")
+        raise InputError(
+            f"its samples are {samples.dtype} of shape {samples.shape}: the file is damaged; "
+            "copy it again"
+        )
     return samples, facts
 
 
 def unpack_samples(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
-    """Return the samples of the visible area as LibRaw reads them, uint16 (H, W), and no facts. Call it by `run_limited`."""
+    """Return the samples of the visible area as LibRaw reads them, uint16 (H, W), and no facts.
+    Call it by `run_limited`.
+    """
     with guarded(path), _opened(path, max_pixels) as raw:
         _check_mosaic(raw, "give a file with the samples of the sensor")
         return np.array(raw.raw_image_visible), {}
 
 
 def unpack_quads(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
-    """Return the samples of a Bayer RAW as `unpack_samples` does, and what LibRaw knows of them. Call it by `run_limited`."""
+    """Return the samples of a Bayer RAW as `unpack_samples` does, and what LibRaw knows of them.
+    Call it by `run_limited`.
+    """
     with guarded(path), _opened(path, max_pixels) as raw:
         pattern = bayer_pattern(raw)
         facts: Facts = {
             "pattern": pattern.tolist(),
             "letters": raw.color_desc.decode("ascii", "replace"),
             "blacks": [float(level) for level in raw.black_level_per_channel],
-            # Not camera_white_level_per_channel: some makers set it below samples that are still linear, and relative to
-            # another black.
+            # Not camera_white_level_per_channel: some makers set it below samples that are still
+            # linear, and relative to another black.
             "white": float(raw.white_level),
             "balance": np.array(raw.camera_whitebalance[:3], np.float64).tolist(),
-            "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),  # LibRaw has a table of cameras
+            # LibRaw has a table of cameras
+            "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),
             "flip": int(raw.sizes.flip),
         }
         if (lens := getattr(raw, "lens", None)) is not None:
             facts["lens"] = str(lens.model or "")
         if (other := getattr(raw, "other", None)) is not None:
-            facts |= {"artist": str(other.artist or ""), "f_number": float(other.aperture), "iso": float(other.iso_speed)}
-            facts |= {"focal_length": float(other.focal_length), "exposure_time": float(other.shutter_speed)}
+            facts |= {
+                "artist": str(other.artist or ""),
+                "f_number": float(other.aperture),
+                "iso": float(other.iso_speed),
+            }
+            facts |= {
+                "focal_length": float(other.focal_length),
+                "exposure_time": float(other.shutter_speed),
+            }
             facts["taken"] = other.timestamp.isoformat() if other.timestamp else ""
         return np.array(raw.raw_image_visible), facts
 
@@ -137,21 +182,30 @@ def _opened(path: str, max_pixels: int) -> Iterator[Any]:
 
 
 def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
-    """Return the samples of a RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how far each is clipped.
+    """Return the samples of a RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how
+    far each is clipped.
 
     samples, facts: see `unpack_quads`.
     """
     rows, columns = (size // 2 for size in samples.shape)
     if not rows or not columns:
-        raise InputError(f"the visible area is {samples.shape[1]} x {samples.shape[0]} pixels: no 2 x 2 quad fits")
+        raise InputError(
+            f"the visible area is {samples.shape[1]} x {samples.shape[0]} pixels: no 2 x 2 quad "
+            "fits"
+        )
     blacks, white, letters = facts["blacks"], facts["white"], facts["letters"]
     if not max(blacks) < white:
-        raise InputError(f"black level {max(blacks):g} is not below white level {white:g}: the file's levels are damaged")
+        raise InputError(
+            f"black level {max(blacks):g} is not below white level {white:g}: the file's levels "
+            "are damaged"
+        )
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
     gone, limit = np.zeros_like(rgb), saturation(samples, white)
     for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
         black, channel = blacks[index], _CHANNELS.index(letters[index])
-        light = (samples[row : 2 * rows : 2, column : 2 * columns : 2] - np.float32(black)) / np.float32(white - black)
+        light = (
+            samples[row : 2 * rows : 2, column : 2 * columns : 2] - np.float32(black)
+        ) / np.float32(white - black)
         rgb[..., channel] += light
         # One of two greens may be clipped: then so is their mean.
         share = clipped_share(light, (limit - black) / (white - black), SHOULDER)
@@ -160,12 +214,21 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
     return np.maximum(rgb, 0, out=rgb), gone
 
 
-def register_quads(rgb: FloatArray, gone: FloatArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
-    """Return the light of quads, (H, W, 3), with red and blue at the middle of each quad; and how far each is clipped.
+def register_quads(
+    rgb: FloatArray, gone: FloatArray, facts: Facts
+) -> tuple[FloatArray, FloatArray]:
+    """Return the light of quads, (H, W, 3), with red and blue at the middle of each quad; and how
+    far each is clipped.
 
-    rgb, gone: see `_quads`. facts: see `unpack_quads`.
-    Cubic splines, between 0 and the brightest sample. The samples at row and column 0 of a quad lie a quarter of a pixel above and
-    left of its middle, those at 1 below and right of it.
+    Cubic splines, between 0 and the brightest sample. The samples at row and column 0 of a quad lie
+    a quarter of a pixel above and left of its middle, those at 1 below and right of it.
+
+    Parameters
+    ----------
+    rgb, gone : FloatArray
+        See `_quads`.
+    facts : Facts
+        See `unpack_quads`.
     """
     from scipy.ndimage import shift  # takes longer to load than all of ours
 
@@ -175,13 +238,24 @@ def register_quads(rgb: FloatArray, gone: FloatArray, facts: Facts) -> tuple[Flo
             channel = _CHANNELS.index(letter)
             move = [_QUARTER if step else -_QUARTER for step in place]
             light = rgb[..., channel]
-            np.clip(shift(light, move, order=3, mode="mirror"), 0, light.max(), out=registered[..., channel])
+            np.clip(
+                shift(light, move, order=3, mode="mirror"),
+                0,
+                light.max(),
+                out=registered[..., channel],
+            )
             clipped[..., channel] = shift(gone[..., channel], move, order=1, mode="mirror")
     return registered, clipped
 
 
 def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
-    """Return the colour indices (2, 2) of the first visible quad. Raises InputError that says what the sensor has instead."""
+    """Return the colour indices (2, 2) of the first visible quad.
+
+    Raises
+    ------
+    InputError
+        That says what the sensor has instead.
+    """
     no_quads = "a scene needs 2 x 2 Bayer quads; take another file"
     _check_mosaic(raw, no_quads)
     try:
@@ -193,9 +267,16 @@ def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
     letters = raw.color_desc.decode("ascii", "replace")
     if pattern.shape != (2, 2):
         kind = " (X-Trans)" if pattern.shape == (6, 6) else ""
-        raise InputError(f"the filter pattern repeats every {pattern.shape[1]} x {pattern.shape[0]} pixels{kind}: {no_quads}")
+        raise InputError(
+            f"the filter pattern repeats every {pattern.shape[1]} x {pattern.shape[0]} "
+            f"pixels{kind}: {no_quads}"
+        )
     quad = [letters[index] for index in pattern.ravel().tolist()]
-    if sorted(quad) != ["B", "G", "G", "R"] or (quad[0] == "G") == (quad[1] == "G") or (quad[0] == "G") == (quad[2] == "G"):
+    if (
+        sorted(quad) != ["B", "G", "G", "R"]
+        or (quad[0] == "G") == (quad[1] == "G")
+        or (quad[0] == "G") == (quad[2] == "G")
+    ):
         raise InputError(f"the filters are {''.join(quad)}: {no_quads}")
     return cast(NDArray[np.uint8], pattern)
 
@@ -204,7 +285,9 @@ def _check_mosaic(raw: Any, remedy: str) -> None:
     import rawpy
 
     if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
-        raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {remedy}")
+        raise InputError(
+            f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {remedy}"
+        )
 
 
 def camera_scene(
@@ -218,38 +301,58 @@ def camera_scene(
 ) -> Scene:
     """Return the scene that a camera recorded.
 
-    name: for output files.
-    rgb: camera RGB, (H, W, 3), scene units.
-    gone: how far each sample is clipped (see `with_white_highlights`); None = none is.
-    as_shot: the neutral that the file states; None = it is estimated from the scene, and a note says so.
-    fields, known: see `colour_matrix`.
-    metadata: capture data.
+    Parameters
+    ----------
+    name : str
+        For output files.
+    rgb : FloatArray
+        Camera RGB, (H, W, 3), scene units.
+    gone : FloatArray | None
+        How far each sample is clipped (see `with_white_highlights`); None = none is.
+    as_shot : tuple[float, ...] | None
+        The neutral that the file states; None = it is estimated from the scene, and a note says so.
+    fields, known : StoredFields, Any, optional
+        See `colour_matrix`.
+    metadata : CaptureMetadata
+        Capture data.
     """
     neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
     if neutral is None:
-        notes.append("the file has no white balance, and the scene is too dark or too bright to estimate one")
+        notes.append(
+            "the file has no white balance, and the scene is too dark or too bright to estimate one"
+        )
     elif not as_shot:
         figures = ", ".join(f"{value:.3f}" for value in neutral)
-        notes.append(f"the file has no white balance: neutral {figures} is estimated from the scene")
+        notes.append(
+            f"the file has no white balance: neutral {figures} is estimated from the scene"
+        )
     matrix = colour_matrix(fields, neutral, known)
     if matrix is None:
-        notes.append("the camera's colour matrix is unknown: colours can be balanced, but not matched")
+        notes.append(
+            "the camera's colour matrix is unknown: colours can be balanced, but not matched"
+        )
     if gone is not None:
         rgb, clipped = with_white_highlights(rgb, neutral, gone)
         notes += clipped
-    return Scene(rgb, name, matrix, neutral, metadata, tuple(notes), not as_shot and neutral is not None)
+    return Scene(
+        rgb, name, matrix, neutral, metadata, tuple(notes), not as_shot and neutral is not None
+    )
 
 
 def _neutral(facts: Facts) -> tuple[float, ...] | None:
     """Return the neutral of the camera's white balance; None if the file states none."""
     balance = np.array(facts["balance"], np.float64)
-    # Equal factors mean that the file has no white balance (no sensor is white-balanced by itself), or a photographer's "UniWB".
+    # Equal factors mean that the file has no white balance (no sensor is white-balanced by itself),
+    # or a photographer's "UniWB".
     stated = np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0
     return normalised(1 / balance) if stated else None
 
 
-def colour_matrix(tags: StoredFields, neutral: tuple[float, ...] | None, known: Any = None) -> Matrix | None:
-    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3), for D65; None without one.
+def colour_matrix(
+    tags: StoredFields, neutral: tuple[float, ...] | None, known: Any = None
+) -> Matrix | None:
+    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3),
+    for D65; None without one.
 
     With matrices for two lights it is the one for the light of the neutral, see `between`.
     """
@@ -259,26 +362,42 @@ def colour_matrix(tags: StoredFields, neutral: tuple[float, ...] | None, known: 
     for tag, light in _COLOR_MATRICES:
         if (matrix := _usable(_numbers(tags, tag))) is not None:
             code = (*_numbers(tags, light), 0)[0]
-            usable.append((ILLUMINANTS[_ILLUMINANTS.get(int(code) if 0 <= code < 2**16 else 0, "D65")], matrix))
+            usable.append(
+                (
+                    ILLUMINANTS[_ILLUMINANTS.get(int(code) if 0 <= code < 2**16 else 0, "D65")],
+                    matrix,
+                )
+            )
     if len(usable) == 2 and usable[0][0] != usable[1][0] and (mixed := between(usable, neutral)):
         return mixed
     if not usable and (matrix := _usable(known)) is not None:
         usable.append((D65_XY, matrix))
-    light, matrix = min(usable, key=lambda pair: abs(pair[0][0] - D65_XY[0]), default=(D65_XY, None))
+    light, matrix = min(
+        usable, key=lambda pair: abs(pair[0][0] - D65_XY[0]), default=(D65_XY, None)
+    )
     return None if matrix is None else camera_to_xyz(matrix, neutral, light)
 
 
-def camera_to_xyz(xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illuminant: tuple[float, float] = D65_XY) -> Matrix:
-    """Return the matrix from camera RGB to XYZ (D50 white) under the light of the shot; it takes `neutral` to D50 exactly.
+def camera_to_xyz(
+    xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illuminant: tuple[float, float] = D65_XY
+) -> Matrix:
+    """Return the matrix from camera RGB to XYZ (D50 white) under the light of the shot; it takes
+    `neutral` to D50 exactly.
 
-    xyz_to_camera: (3, 3), DNG's ColorMatrix, made for the light `illuminant`.
-    neutral: (3,), what white reads in camera RGB under the light of the shot; largest entry 1.
-    illuminant: CIE x, y.
+    DNG 1.7.1, chapter 6, maps camera RGB to XYZ by ForwardMatrix diag(1 / neutral). A ColorMatrix M
+    implies a ForwardMatrix: under its illuminant w the camera's neutral is n = M w, so F =
+    Bradford(w -> D50) M^-1 diag(n), and F (1, 1, 1) = D50. Balancing in camera RGB also works far
+    from w, where M^-1 neutral may not even be a real colour. Raises numpy.linalg.LinAlgError for a
+    singular matrix.
 
-    DNG 1.7.1, chapter 6, maps camera RGB to XYZ by ForwardMatrix diag(1 / neutral). A ColorMatrix M implies a ForwardMatrix:
-    under its illuminant w the camera's neutral is n = M w, so F = Bradford(w -> D50) M^-1 diag(n), and F (1, 1, 1) = D50.
-    Balancing in camera RGB also works far from w, where M^-1 neutral may not even be a real colour.
-    Raises numpy.linalg.LinAlgError for a singular matrix.
+    Parameters
+    ----------
+    xyz_to_camera : DoubleArray
+        (3, 3), DNG's ColorMatrix, made for the light `illuminant`.
+    neutral : tuple[float, ...]
+        (3,), what white reads in camera RGB under the light of the shot; largest entry 1.
+    illuminant : tuple[float, float], optional
+        CIE x, y.
     """
     white = xyz(*illuminant)
     forward = adaptation(white) @ np.linalg.inv(xyz_to_camera) @ np.diag(xyz_to_camera @ white)
@@ -292,7 +411,11 @@ def _usable(values: Any) -> DoubleArray | None:
     except (TypeError, ValueError, ArithmeticError):
         return None
     # DNG requires a matrix: programs that do not know the camera write a unit matrix.
-    meant = np.isfinite(matrix).all() and np.linalg.matrix_rank(matrix) == 3 and not np.allclose(matrix, np.eye(3))
+    meant = (
+        np.isfinite(matrix).all()
+        and np.linalg.matrix_rank(matrix) == 3
+        and not np.allclose(matrix, np.eye(3))
+    )
     return matrix if meant else None
 
 
@@ -304,7 +427,8 @@ def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
 def raw_directories(path: Path) -> StoredDirectories:
     """Return the capture data and colour matrices of a camera RAW, as fields.
 
-    Most RAWs are based on TIFF. Others begin with a preview or a box that holds a whole TIFF structure (RAF, RW2, MRW, CR3).
+    Most RAWs are based on TIFF. Others begin with a preview or a box that holds a whole TIFF
+    structure (RAF, RW2, MRW, CR3).
     """
     with path.open("rb") as file:
         found = read_directories(file, WANTED | _COLOURS)
@@ -317,9 +441,12 @@ def raw_directories(path: Path) -> StoredDirectories:
 
 
 def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
-    """Return the capture data: those in the file, or else what LibRaw has read and this rawpy passes on."""
+    """Return the capture data: those in the file, or else what LibRaw has read and this rawpy
+    passes on.
+    """
     found = metadata_from(directories)
-    # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
+    # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns
+    # odd fields into odd numbers.
     if not directories.main and "taken" in facts:
         taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
         values = {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}

@@ -1,11 +1,13 @@
 """Clipped samples of a scene: white, as bright as the channels that are not clipped say.
 
-A camera's channels clip at the same code, and white reads less in some of them. Taken for light, a burnt-out lamp would be magenta
-before any camera that gets less light of the scene. So a clipped sample is raised to what white reads there (`raised_to_white`, as
-in the render), and a pixel where every channel is clipped is white.
+A camera's channels clip at the same code, and white reads less in some of them. Taken for light, a
+burnt-out lamp would be magenta before any camera that gets less light of the scene. So a clipped
+sample is raised to what white reads there (`raised_to_white`, as in the render), and a pixel where
+every channel is clipped is white.
 
-The four samples of a quad lie side by side. At the rim of a highlight some of them are clipped and others are not, which gives
-rings of every colour. So a pixel beside a place where all channels are clipped loses its colour too, and keeps its light.
+The four samples of a quad lie side by side. At the rim of a highlight some of them are clipped and
+others are not, which gives rings of every colour. So a pixel beside a place where all channels are
+clipped loses its colour too, and keeps its light.
 """
 
 import numpy as np
@@ -15,16 +17,22 @@ from ...shared.arrays import FloatArray
 from ...shared.white_balance import clipped_share, raised_to_white
 
 SHOULDER = 0.02
-"""Fraction of the range below the limit in which a sample gradually counts as clipped: noise, and limits that differ a little."""
+"""Fraction of the range below the limit in which a sample gradually counts as clipped: noise, and
+limits that differ a little.
+"""
 
 _CLIPPED = 0.999  # share from which a sample is at the limit, but for rounding
-_BESIDE = 3  # pixels: window in which each channel is clipped somewhere, and by which the loss of colour fades out, twice
+# pixels: window in which each channel is clipped somewhere, and by which the loss of colour fades
+# out, twice
+_BESIDE = 3
 _HIGH = 0.85  # of the white level: no maker states one that is further above saturation
-_SPIKE, _TIMES, _NEAR = 50, 20, 0.01  # samples of one code, as a multiple of their mean number in this range of codes below
+# samples of one code, as a multiple of their mean number in this range of codes below
+_SPIKE, _TIMES, _NEAR = 50, 20, 0.01
 
 
 def saturation(codes: NDArray[np.uint16], white: float) -> float:
-    """The code at which samples are clipped: the white level, or a lower one that so many samples have that it must be the limit.
+    """The code at which samples are clipped: the white level, or a lower one that so many samples
+    have that it must be the limit.
 
     Makers, and tables of cameras, state white levels that some sensors never reach.
     """
@@ -43,10 +51,17 @@ def with_white_highlights(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """A scene whose clipped samples, those at 1.0, are white; and a note if there are any.
 
-    rgb: (H, W, C), scene units; 1.0 is the limit of every channel.
-    neutral: what white reads; None = unknown, clipped samples stay.
-    gone: (H, W, C), how far each sample counts as clipped, 0 to 1; None = by its own reading.
+    Parameters
+    ----------
+    rgb : FloatArray
+        (H, W, C), scene units; 1.0 is the limit of every channel.
+    neutral : tuple[float, ...] | None
+        What white reads; None = unknown, clipped samples stay.
+    gone : FloatArray | None, optional
+        (H, W, C), how far each sample counts as clipped, 0 to 1; None = by its own reading.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> lamp = np.full((13, 13, 3), 0.25, np.float32)
     >>> lamp[5:8, 5:8] = 1
@@ -61,7 +76,9 @@ def with_white_highlights(
         return rgb, ()
     share = f"{100 * float(clipped.mean()):.2g} % of the pixels are clipped in the file"
     if neutral is None:
-        return rgb, (f"{share}; no white balance is known, so they keep the colour of clipped samples",)
+        return rgb, (
+            f"{share}; no white balance is known, so they keep the colour of clipped samples",
+        )
     from scipy.ndimage import maximum_filter, uniform_filter
 
     white, result = np.array(neutral, np.float32), rgb.copy()

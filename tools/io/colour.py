@@ -1,4 +1,6 @@
-"""Published constants and formulas of pictures: the curve of sRGB, the primaries of Display P3, CIE L*a*b*."""
+"""Published constants and formulas of pictures: the curve of sRGB, the primaries of Display P3, CIE
+L*a*b*.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +10,8 @@ from ...shared.colorimetry import D50
 
 P3_PRIMARIES = ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060))  # SMPTE EG 432-1
 
-# IEC 61966-2-1: encoded = (1 + OFFSET) linear^(1 / POWER) - OFFSET; below KNEE (linear) or ENCODED_KNEE a line of slope SLOPE.
+# IEC 61966-2-1: encoded = (1 + OFFSET) linear^(1 / POWER) - OFFSET; below KNEE (linear) or
+# ENCODED_KNEE a line of slope SLOPE.
 SRGB_POWER, SRGB_OFFSET, SRGB_SLOPE = 2.4, 0.055, 12.92
 SRGB_KNEE, SRGB_ENCODED_KNEE = 0.0031308, 0.04045
 
@@ -16,7 +19,9 @@ CIE_EPSILON, CIE_KAPPA = (6 / 29) ** 3, (29 / 3) ** 3  # CIE 15:2018
 
 
 def encode_srgb(linear: FloatArray) -> FloatArray:
-    """Encode linear light of any shape, clipped to 0..1 as sample values of sRGB, 0..1 (IEC 61966-2-1); float32."""
+    """Encode linear light of any shape, clipped to 0..1 as sample values of sRGB, 0..1 (IEC
+    61966-2-1); float32.
+    """
     linear = np.clip(linear, 0.0, 1.0)
     # What is below the knee is replaced: powers of 0 would take ten times as long as others.
     encoded: FloatArray = np.maximum(linear, np.float32(SRGB_KNEE))
@@ -24,11 +29,14 @@ def encode_srgb(linear: FloatArray) -> FloatArray:
     encoded *= np.float32(1 + SRGB_OFFSET)
     encoded -= np.float32(SRGB_OFFSET)
     linear *= np.float32(SRGB_SLOPE)
-    return np.minimum(encoded, linear, out=encoded)  # the straight part is the lower one below the knee alone
+    # the straight part is the lower one below the knee alone
+    return np.minimum(encoded, linear, out=encoded)
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:
-    """Decode sample values of sRGB (IEC 61966-2-1) to linear light. Below 0 the straight part continues, above 1 the power."""
+    """Decode sample values of sRGB (IEC 61966-2-1) to linear light. Below 0 the straight part
+    continues, above 1 the power.
+    """
     scale = 1 + SRGB_OFFSET
     power = (np.maximum(encoded, SRGB_ENCODED_KNEE) / scale + SRGB_OFFSET / scale) ** SRGB_POWER
     return np.where(encoded <= SRGB_ENCODED_KNEE, encoded / SRGB_SLOPE, power)
@@ -38,11 +46,16 @@ def xyz_to_lab(values: DoubleArray) -> DoubleArray:
     """Convert XYZ (..., 3) relative to D50, white Y = 1 to L*a*b* (..., 3) (CIE 15:2018, 8.2.1)."""
     ratio = np.asarray(values) / D50
     f = np.where(ratio > CIE_EPSILON, np.cbrt(np.maximum(ratio, 0)), (CIE_KAPPA * ratio + 16) / 116)
-    return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
+    return np.stack(
+        [116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])],
+        axis=-1,
+    )
 
 
 def lab_to_xyz(lab: DoubleArray) -> DoubleArray:
-    """Convert L*a*b* (..., 3) to XYZ (..., 3) relative to D50, white Y = 1; the inverse of `xyz_to_lab`."""
+    """Convert L*a*b* (..., 3) to XYZ (..., 3) relative to D50, white Y = 1; the inverse of
+    `xyz_to_lab`.
+    """
     lightness, a, b = np.moveaxis(np.asarray(lab, np.float64), -1, 0)
     fy = (lightness + 16) / 116
     f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)

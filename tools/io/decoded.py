@@ -1,4 +1,4 @@
-"""What a decoder makes of a picture file, and what all decoders share: how they fail, which channels samples are, transparency."""
+"""Output of picture decoders, and what decoders share: errors, names of channels, transparency."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,12 +27,20 @@ _COLOR_SPACE, _INTEROPERABILITY_INDEX = 40961, 1  # Exif tags
 class Decoded:
     """A decoded picture, its values as stored in the file.
 
-    pixels: (H, W, C), C = 1 for a grey picture, otherwise one for each channel.
-    peak: the integer that stands for 1.0; None for floating point.
-    encoding: how the file says its values are encoded; None if it does not say.
-    metadata: capture data.
-    notes: remarks for the user, such as what was left out.
-    channels: letters of the channels; a grey picture has them all alike.
+    Attributes
+    ----------
+    pixels : NDArray[Any]
+        (H, W, C), C = 1 for a grey picture, otherwise one for each channel.
+    peak : int | None
+        The integer that stands for 1.0; None for floating point.
+    encoding : Encoding | None
+        How the file says its values are encoded; None if it does not say.
+    metadata : CaptureMetadata
+        Capture data.
+    notes : Sequence[str]
+        Remarks for the user, such as what was left out.
+    channels : str
+        Letters of the channels; a grey picture has them all alike.
     """
 
     pixels: NDArray[Any]
@@ -46,10 +54,17 @@ class Decoded:
 class PictureFormat(NamedTuple):
     """A format of picture files.
 
-    name: for people.
-    start: pattern (`re`) of the first bytes.
-    endings: of the names of its files, the usual one first.
-    decode: (file, limit of pixels, channels of the pattern that will see it) -> picture, called in a `guarded` block.
+    Attributes
+    ----------
+    name : str
+        For people.
+    start : bytes
+        Pattern (`re`) of the first bytes.
+    endings : tuple[str, ...]
+        Of the names of its files, the usual one first.
+    decode : Callable[[Path, int, str], Decoded]
+        (file, limit of pixels, channels of the pattern that will see it) -> picture, called in a
+        `guarded` block.
     """
 
     name: str
@@ -60,7 +75,9 @@ class PictureFormat(NamedTuple):
 
 @contextmanager
 def guarded(path: Path | str) -> Iterator[None]:
-    """Raise only InputError in a `with` block that decodes a file: on damaged files the libraries raise nearly everything."""
+    """Raise only InputError in a `with` block that decodes a file: on damaged files the libraries
+    raise nearly everything.
+    """
     try:
         yield
     except InputError:
@@ -69,40 +86,76 @@ def guarded(path: Path | str) -> Iterator[None]:
         raise InputError("the picture does not fit into memory; cut or reduce it") from None
     except Exception as error:
         said = error.args[0] if error.args else ""
-        lines = (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error)).strip().splitlines()
+        lines = (
+            (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error))
+            .strip()
+            .splitlines()
+        )
         reason = lines[0] if lines else type(error).__name__
-        reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()  # whoever shows the error names the file
-        raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
+        # whoever shows the error names the file
+        reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()
+        raise InputError(
+            f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again"
+        ) from error
 
 
-def channels_of(count: int, wanted: str, notes: list[str], *, alpha: bool = False, colour: bool = False, pages: int = 1) -> str:
-    """Return which channels `count` samples per pixel without names are: `wanted`, or "" for a grey or RGB picture.
+def channels_of(
+    count: int,
+    wanted: str,
+    notes: list[str],
+    *,
+    alpha: bool = False,
+    colour: bool = False,
+    pages: int = 1,
+) -> str:
+    """Return which channels `count` samples per pixel without names are: `wanted`, or "" for a grey
+    or RGB picture.
 
-    notes: gets remarks for the user.
-    alpha: one of them is declared to be transparency.
-    colour: three of them are declared to be red, green and blue.
-    pages: that they come from.
-    Raises InputError when there are more samples than a picture has, and another number than `wanted`.
+    Parameters
+    ----------
+    notes : list[str]
+        Gets remarks for the user.
+    alpha : bool, optional
+        One of them is declared to be transparency.
+    colour : bool, optional
+        Three of them are declared to be red, green and blue.
+    pages : int, optional
+        That they come from.
+
+    Raises
+    ------
+    InputError
+        When there are more samples than a picture has, and another number than `wanted`.
     """
     stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
     if pages == MOST_PAGES:
         stacked += " or more"
     of_rgb = set(scene_channels(wanted)) <= set(RGB)
     if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
-        notes.append(f"its {stacked} have no names: they are taken as linear light of {', '.join(wanted)}, in this order")
+        notes.append(
+            f"its {stacked} have no names: they are taken as linear light of "
+            f"{', '.join(wanted)}, in this order"
+        )
         return wanted
     if pages > 1 and count == len(RGB) and of_rgb:
         notes.append(f"its {stacked} are taken for red, green and blue")
     elif count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
         raise InputError(
-            f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as many channels as the pattern "
+            f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as "
+            "many channels as the pattern "
             "(`pattern`), or red, green and blue"
         )
     return ""
 
 
 def without_alpha(pixels: NDArray[Any], notes: list[str]) -> NDArray[Any]:
-    """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3). notes: gets a remark for the user."""
+    """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3).
+
+    Parameters
+    ----------
+    notes : list[str]
+        Gets a remark for the user.
+    """
     pixels = np.atleast_3d(pixels)
     if pixels.shape[2] in (1, 3):
         return pixels
@@ -111,9 +164,13 @@ def without_alpha(pixels: NDArray[Any], notes: list[str]) -> NDArray[Any]:
 
 
 def profile_encoding(profile: bytes | None, notes: list[str]) -> Encoding | None:
-    """Return the encoding that an embedded ICC profile declares; None without one, and for one that is not read.
+    """Return the encoding that an embedded ICC profile declares; None without one, and for one that
+    is not read.
 
-    notes: gets a remark for the user.
+    Parameters
+    ----------
+    notes : list[str]
+        Gets a remark for the user.
     """
     encoding = read_profile(bytes(profile)) if profile else None
     if profile and not encoding:
@@ -122,13 +179,22 @@ def profile_encoding(profile: bytes | None, notes: list[str]) -> Encoding | None
 
 
 def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
-    """Return the encoding that a block of Exif declares; None without one. notes: gets a remark for the user.
+    """Return the encoding that a block of Exif declares; None without one.
 
-    ColorSpace is 1 for sRGB and 65535 for any other space (CIPA DC-008, 4.6.6). Of those, cameras have Adobe RGB, and mark it by
-    the interoperability index R03 (DCF 2.0, CIPA DC-009); some write 2 for it.
+    ColorSpace is 1 for sRGB and 65535 for any other space (CIPA DC-008, 4.6.6). Of those, cameras
+    have Adobe RGB, and mark it by the interoperability index R03 (DCF 2.0, CIPA DC-009); some write
+    2 for it.
+
+    Parameters
+    ----------
+    notes : list[str]
+        Gets a remark for the user.
     """
     stored = read_directories(exif, {_COLOR_SPACE, _INTEROPERABILITY_INDEX})
-    space, index = stored.exif.get(_COLOR_SPACE), stored.interoperability.get(_INTEROPERABILITY_INDEX)
+    space, index = (
+        stored.exif.get(_COLOR_SPACE),
+        stored.interoperability.get(_INTEROPERABILITY_INDEX),
+    )
     number = space.numbers[:1] if space else ()
     option = index.data[:3] if index else b""
     if number == (1,):
@@ -136,7 +202,10 @@ def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
     if number == (2,) or option == b"R03":
         return ADOBE_RGB
     if number and option != b"R98":
-        notes.append("Exif says that the colours are not those of sRGB, and not which they are; sRGB's are assumed")
+        notes.append(
+            "Exif says that the colours are not those of sRGB, and not which they are; sRGB's "
+            "are assumed"
+        )
     return None
 
 

@@ -1,7 +1,8 @@
 """Decoders: picture files to arrays as stored.
 
-Each checks the declared size before it decodes pixels. Call them in a `guarded` block: then they raise InputError, whatever the
-decoding library raises. The messages do not name the file: the caller does.
+Each checks the declared size before it decodes pixels. Call them in a `guarded` block: then they
+raise InputError, whatever the decoding library raises. The messages do not name the file: the
+caller does.
 """
 
 import zlib
@@ -38,32 +39,52 @@ _NPY_HEADER = 1 << 16
 
 
 def decode_npy(path: Path, max_pixels: int, channels: str) -> Decoded:
-    """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled objects are refused.
+    """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled
+    objects are refused.
 
-    C is 1 (grey), 3 (RGB), 2 or 4 (with transparency), or the number of `channels`, which are then taken in this order.
+    C is 1 (grey), 3 (RGB), 2 or 4 (with transparency), or the number of `channels`, which are then
+    taken in this order.
     """
     with path.open("rb") as file:
         start = file.read(12)
-    # NumPy reads a header of the length that the file declares, in two bytes in version 1, in four in later versions.
+    # NumPy reads a header of the length that the file declares, in two bytes in version 1, in four
+    # in later versions.
     if start[6:7] != b"\1" and int.from_bytes(start[8:12], "little") > _NPY_HEADER:
-        raise InputError("the array's header declares an impossible length: the file is damaged, or made to fill the memory")
+        raise InputError(
+            "the array's header declares an impossible length: the file is damaged, or made to "
+            "fill the memory"
+        )
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim in (2, 3):
-        check_size(stored.shape[1], stored.shape[0], stored[:1, :1].nbytes, data_bytes(path), max_pixels)
+        check_size(
+            stored.shape[1], stored.shape[0], stored[:1, :1].nbytes, data_bytes(path), max_pixels
+        )
     return decode_array(stored, channels)
 
 
 def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
-    """The picture in an array, of the shapes, types and channels that `decode_npy` reads; a copy."""
-    if array.ndim not in (2, 3) or array.dtype.kind not in "uf" or (array.ndim == 3 and not array.shape[2]):
+    """The picture in an array, of the shapes, types and channels that `decode_npy` reads; a
+    copy.
+    """
+    if (
+        array.ndim not in (2, 3)
+        or array.dtype.kind not in "uf"
+        or (array.ndim == 3 and not array.shape[2])
+    ):
         raise InputError(
             f"the array is {array.dtype} of shape {array.shape}; "
-            "expected unsigned integers or floating point, (rows, columns) or (rows, columns, channels)"
+            "expected unsigned integers or floating point, (rows, columns) or (rows, columns, "
+            "channels)"
         )
     notes: list[str] = []
     found = channels_of(array.shape[2] if array.ndim == 3 else 1, channels, notes)
     pixels = np.array(array) if found else without_alpha(np.array(array), notes)
-    return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes, channels=found or RGB)
+    return Decoded(
+        pixels,
+        np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None,
+        notes=notes,
+        channels=found or RGB,
+    )
 
 
 _NPY = PictureFormat("NPY", rb"\x93NUMPY", (".npy",), decode_npy)
@@ -71,11 +92,21 @@ _NPY = PictureFormat("NPY", rb"\x93NUMPY", (".npy",), decode_npy)
 
 _MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes: twice its samples; profile and capture data
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-# The chunks that make up the picture (PNG, third edition, 11.2 and 11.3), and those beside it, one of each.
-_PICTURE, _BESIDE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"), (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf")
-_UNUSED = {b"mDCV": "the mastering display", b"cLLI": "light levels", b"acTL": "further frames", b"gdAT": "a gain map for HDR"}
+# The chunks that make up the picture (PNG, third edition, 11.2 and 11.3), and those beside it, one
+# of each.
+_PICTURE, _BESIDE = (
+    (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"),
+    (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf"),
+)
+_UNUSED = {
+    b"mDCV": "the mastering display",
+    b"cLLI": "light levels",
+    b"acTL": "further frames",
+    b"gdAT": "a gain map for HDR",
+}
 _LONGEST_BESIDE = 4 << 20  # bytes
-_MOST_CHUNKS, _LEAST_CHUNK = 4096, 1024  # more chunks than this have that many bytes on average; encoders write 8 KiB
+# more chunks than this have that many bytes on average; encoders write 8 KiB
+_MOST_CHUNKS, _LEAST_CHUNK = 4096, 1024
 _FRAME = 12  # length, name and check sum of a chunk
 _HEADER = 26  # signature, then IHDR's length, name, width, height, bit depth and colour type
 
@@ -97,7 +128,8 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
 
 
 def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]]:
-    """The PNG with its picture alone; what the chunks beside it hold, by their names; and what is left out of the light.
+    """The PNG with its picture alone; what the chunks beside it hold, by their names; and what is
+    left out of the light.
 
     One that is cut short is kept as it is.
 
@@ -114,18 +146,26 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]
             size = int.from_bytes(start[:4], "big") + _FRAME - len(start)
             chunks += 1
             if chunks > _MOST_CHUNKS + file.tell() // _LEAST_CHUNK:
-                raise InputError(f"{chunks} chunks in {file.tell()} bytes: the file is damaged, or made to waste time")
+                raise InputError(
+                    f"{chunks} chunks in {file.tell()} bytes: the file is damaged, or made to "
+                    "waste time"
+                )
             if name in _PICTURE:
                 length += _FRAME + size
                 if length > most:
-                    raise InputError(f"more than {most} bytes of samples: the file is damaged, or made to fill the memory")
+                    raise InputError(
+                        f"more than {most} bytes of samples: the file is damaged, or made to "
+                        "fill the memory"
+                    )
                 kept += start, file.read(size)
             elif name in _BESIDE and name not in beside and size <= _LONGEST_BESIDE:
                 beside[name] = file.read(size)[:-4]
             else:
                 file.seek(size, 1)
                 # Drafts wrote mDCv and cLLi.
-                what = _UNUSED.get(name[:3] + name[3:].upper()) or (name.decode() if name in _BESIDE else "")
+                what = _UNUSED.get(name[:3] + name[3:].upper()) or (
+                    name.decode() if name in _BESIDE else ""
+                )
                 if what and what not in unused:
                     unused.append(what)
             if name == b"IEND":
@@ -133,8 +173,11 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]
     return b"".join(kept), beside, unused
 
 
-def _encoding(beside: dict[bytes, bytes], unused: list[str], peak: int, notes: list[str]) -> Encoding | None:
-    """Return the encoding that a PNG declares: cICP before iCCP before sRGB before gAMA and cHRM (PNG, third edition, 4.3).
+def _encoding(
+    beside: dict[bytes, bytes], unused: list[str], peak: int, notes: list[str]
+) -> Encoding | None:
+    """Return the encoding that a PNG declares: cICP before iCCP before sRGB before gAMA and cHRM
+    (PNG, third edition, 4.3).
 
     unused: what the file has besides; what is declared and not read is added.
     peak: largest sample.
@@ -143,9 +186,13 @@ def _encoding(beside: dict[bytes, bytes], unused: list[str], peak: int, notes: l
     if b"cICP" in beside:
         if encoding := _coded(beside[b"cICP"], peak):
             return encoding
-        unused.append(f"cICP {' '.join(map(str, beside[b'cICP'][:4]))}, an encoding that this program does not read")
+        unused.append(
+            f"cICP {' '.join(map(str, beside[b'cICP'][:4]))}, an encoding that this program does "
+            "not read"
+        )
     if b"iCCP" in beside:
-        profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]  # behind its name and the method, of which there is one
+        # behind its name and the method, of which there is one
+        profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]
         with suppress(zlib.error):
             profile = zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE)
         if encoding := profile_encoding(profile or compressed or b"none", notes):
@@ -154,7 +201,9 @@ def _encoding(beside: dict[bytes, bytes], unused: list[str], peak: int, notes: l
 
 
 def _coded(code: bytes, peak: int) -> Encoding | None:
-    """The encoding that a chunk cICP names: primaries, transfer, matrix, which is 0 for RGB, and whether the range is full."""
+    """The encoding that a chunk cICP names: primaries, transfer, matrix, which is 0 for RGB, and
+    whether the range is full.
+    """
     if len(code) != 4 or code[2] or code[3] > 1:
         return None
     return coded_encoding(code[0], code[1], narrow=0 if code[3] else (peak + 1) / 256 / peak)
@@ -166,14 +215,21 @@ def _gamma_and_primaries(beside: dict[bytes, bytes], unused: list[str]) -> Encod
     corners = np.frombuffer(beside.get(b"cHRM", b"").ljust(32, b"\0")[:32], ">u4") / 100000
     to_xyz = space_of([*corners[2:], *corners[:2]])  # white is the first
     usable = 0.1 < gamma < 10
-    unused += [name for name, ignored in (("gAMA", not usable), ("cHRM", not to_xyz)) if ignored and name.encode() in beside]
+    unused += [
+        name
+        for name, ignored in (("gAMA", not usable), ("cHRM", not to_xyz))
+        if ignored and name.encode() in beside
+    ]
     if not (usable or to_xyz):
         return None
     is_srgb = to_xyz is None or bool(np.allclose(to_xyz, SRGB.to_xyz, atol=0.002))
-    if usable and is_srgb and abs(gamma - 1 / 2.2) < 0.005:  # sRGB files give this gamma for old readers
+    # sRGB files give this gamma for old readers
+    if usable and is_srgb and abs(gamma - 1 / 2.2) < 0.005:
         return SRGB
     curves = (power_curve(1 / gamma),) * 3 if usable else ()
-    return Encoding(curves, to_xyz or SRGB.to_xyz, f"gamma {gamma:.4g}" if usable else "primaries alone")
+    return Encoding(
+        curves, to_xyz or SRGB.to_xyz, f"gamma {gamma:.4g}" if usable else "primaries alone"
+    )
 
 
 _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
@@ -181,7 +237,11 @@ _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
 
 _LARGEST = 1 << 30  # bytes, read whole
 _PROFILE, _SEVERAL = b"ICC_PROFILE\0", b"MPF\0"  # ICC.1:2022, B.4; CIPA DC-007
-_GAIN_MAPS = (b"http://ns.adobe.com/hdr-gain-map/", b"urn:iso:std:iso:ts:21496:-1", b"urn:com:apple:photo:2020:aux:hdrgainmap")
+_GAIN_MAPS = (
+    b"http://ns.adobe.com/hdr-gain-map/",
+    b"urn:iso:std:iso:ts:21496:-1",
+    b"urn:com:apple:photo:2020:aux:hdrgainmap",
+)
 
 
 def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
@@ -199,10 +259,14 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
         raise InputError("the picture is cut short: its end is missing; copy it again")
     pixels, notes = np.atleast_3d(imagecodecs.jpeg8_decode(jpeg)), list[str]()
     # The parts of a profile begin with their number, and how many there are.
-    profile = b"".join(part[2:] for part in sorted(header.held(_PROFILE), key=lambda part: part[:1]))
+    profile = b"".join(
+        part[2:] for part in sorted(header.held(_PROFILE), key=lambda part: part[:1])
+    )
     encoding = profile_encoding(profile, notes) or exif_encoding(BytesIO(header.exif), notes)
     if any(mark in jpeg for mark in _GAIN_MAPS):
-        remark_on_unused(["a gain map for HDR (this is the plain picture, whose highlights end at white)"], notes)
+        remark_on_unused(
+            ["a gain map for HDR (this is the plain picture, whose highlights end at white)"], notes
+        )
     elif header.held(_SEVERAL):
         remark_on_unused(["further pictures in the file"], notes)
     return Decoded(pixels, 255, encoding, read_metadata(BytesIO(header.exif)), notes)
@@ -212,12 +276,21 @@ _JPEG = PictureFormat("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif
 
 
 def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
-    """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file; its values are linear."""
+    """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file.
+    its values are linear.
+    """
     # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
     pixels, facts = run_limited(path, ("OpenEXR",), unpack_exr, str(path), max_pixels, channels)
     if pixels.dtype.kind != "f" or pixels.ndim != 3:
-        raise InputError(f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save it as half or float")
-    stated, unused, notes = facts["chromaticities"], [str(name) for name in facts["unused"]], list[str]()
+        raise InputError(
+            f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save "
+            "it as half or float"
+        )
+    stated, unused, notes = (
+        facts["chromaticities"],
+        [str(name) for name in facts["unused"]],
+        list[str](),
+    )
     matrix = space_of(stated) if stated else None
     unused += ["its chromaticities, which are those of no colours"] if stated and not matrix else []
     remark_on_unused(unused, notes)
@@ -226,7 +299,8 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
 
 
 def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], Facts]:
-    """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file has them, and what it has besides.
+    """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file
+    has them, and what it has besides.
 
     Call it by `run_limited`.
     """
@@ -235,24 +309,38 @@ def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], F
 
         first = OpenEXR.File(path, header_only=True)
         header, parts = first.header(), len(first.parts)
-        (left, top), (right, bottom) = (np.asarray(corner).tolist() for corner in header["dataWindow"])
+        (left, top), (right, bottom) = (
+            np.asarray(corner).tolist() for corner in header["dataWindow"]
+        )
         names = {channel.name for channel in header["channels"]}
-        choices = [wanted, scene_channels(wanted), RGB]  # the filters' own channels before those they can be made from
+        # the filters' own channels before those they can be made from
+        choices = [wanted, scene_channels(wanted), RGB]
         found = next((each for each in choices if set(each) <= names), "Y")
         if not set(found) <= names or "RY" in names:
             expected = "R, G, B" if wanted == RGB else f"{', '.join(wanted)}, or R, G, B"
-            raise InputError(f"the EXR has the channels {', '.join(sorted(names))[:200]}; expected {expected}, or Y alone")
+            raise InputError(
+                f"the EXR has the channels {', '.join(sorted(names))[:200]}; expected "
+                f"{expected}, or Y alone"
+            )
         check_size(right - left + 1, bottom - top + 1, 4 * len(names), data_bytes(path), max_pixels)
         channels = OpenEXR.File(path, separate_channels=True).channels()
         pixels = np.stack([channels[name].pixels for name in found], axis=-1)
         primaries = header.get("chromaticities")
         unused = [f"channel {name[:40]}" for name in sorted(names - set(found))[:MOST_PAGES]]
         unused += [f"{parts - 1} more parts"] if parts > 1 else []
-        corners = None if primaries is None else np.ravel(np.asarray(primaries, np.float64)).tolist()
-        return pixels, {"channels": RGB if found == "Y" else found, "chromaticities": corners, "unused": unused}
+        corners = (
+            None if primaries is None else np.ravel(np.asarray(primaries, np.float64)).tolist()
+        )
+        return pixels, {
+            "channels": RGB if found == "Y" else found,
+            "chromaticities": corners,
+            "unused": unused,
+        }
 
 
 _EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)
 
 FORMATS = (_PNG, _JPEG, _EXR, _NPY, TIFF)
-"""All formats; whether what begins like a TIFF is a picture depends on more than its first bytes."""
+"""All formats; whether what begins like a TIFF is a picture depends on more than its first
+bytes.
+"""

@@ -1,4 +1,4 @@
-"""How a rendering becomes a picture file: its kind, its colours, its capture data."""
+"""Conversion of a rendering to a picture file: its kind, its colours, its capture data."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -23,14 +23,22 @@ CAMERA = "camera"
 
 @dataclass(frozen=True)
 class Development:
-    """How a rendering becomes a picture file.
+    """Conversion of a rendering to a picture file.
 
-    kind: format, bits and space of the file.
-    shape: (H, W) of the rendering.
-    calibration: of the sensor; it gives the colours.
-    metadata: capture data; its orientation turns pictures upright.
-    exposure: gain in stops; 0 for the space "camera".
-    restored: see `ColourTransform.to_space`.
+    Attributes
+    ----------
+    kind : PictureKind
+        Format, bits and space of the file.
+    shape : tuple[int, int]
+        (H, W) of the rendering.
+    calibration : SensorCalibration
+        Of the sensor; it gives the colours.
+    metadata : CaptureMetadata
+        Capture data; its orientation turns pictures upright.
+    exposure : float
+        Gain in stops; 0 for the space "camera".
+    restored : bool
+        See `ColourTransform.to_space`.
     """
 
     kind: "PictureKind"
@@ -41,7 +49,9 @@ class Development:
     restored: bool = True
 
     def check(self) -> None:
-        """Raise InputError if such a rendering cannot become such a file. Call it before rendering."""
+        """Raise InputError if such a rendering cannot become such a file. Call it before
+        rendering.
+        """
         self.kind.check_exposure(self.exposure)
         if self.kind.space != CAMERA:
             _ = self.shown
@@ -49,15 +59,27 @@ class Development:
 
     @cached_property
     def shown(self) -> ColourTransform:
-        """The colours of the picture, those of sRGB for a measurement. Raises InputError if those of the sensor are unknown."""
+        """The colours of the picture, those of sRGB for a measurement.
+
+        Raises
+        ------
+        InputError
+            If those of the sensor are unknown.
+        """
         return ColourTransform.to_space(
-            self.calibration, "srgb" if self.kind.space == CAMERA else self.kind.space, restored=self.restored
+            self.calibration,
+            "srgb" if self.kind.space == CAMERA else self.kind.space,
+            restored=self.restored,
         )
 
     def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
-        """A rendering or some rows of it as such a picture shows it: white where light is lost (`offline.Rendering.lost`).
+        """A rendering or some rows of it as such a picture shows it: white where light is lost
+        (`offline.Rendering.lost`).
 
-        rgb: (H, W, C), scene units; linear pictures and measurements keep it.
+        Parameters
+        ----------
+        rgb : FloatArray
+            (H, W, C), scene units; linear pictures and measurements keep it.
         """
         return rgb if lost is None or self.kind.space == CAMERA else self.shown.whitened(rgb, lost)
 
@@ -73,7 +95,9 @@ class Development:
 
     @property
     def turn(self) -> int:
-        """The orientation (TIFF 6.0, tag 274) by which the picture is turned upright; 1 = it is not turned."""
+        """The orientation (TIFF 6.0, tag 274) by which the picture is turned upright; 1 = it is not
+        turned.
+        """
         return 1 if self.kind.space == CAMERA else self.metadata.orientation
 
     @property
@@ -101,18 +125,30 @@ def write_picture(
     on_complete: OnComplete | None = None,
     threads: int = 1,
 ) -> None:
-    """Write the bands of a rendering as they arrive, atomically; the file does not depend on how the picture is divided into bands.
+    """Write the bands of a rendering as they arrive, atomically; the file does not depend on how
+    the picture is divided into bands.
 
     The bands are taken in this thread. Others convert, compress and write those that have arrived.
 
-    path: the file.
-    bands: floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom; any size from 1 x 1.
-    overwrite, on_complete: see `durable_file`.
-    threads: number of threads that convert and compress.
+    Pictures in bands that must be rotated or flipped vertically are assembled in an anonymous
+    temporary file in the same folder. Exceptions raised by `bands` pass through, and leave no file.
 
-    Pictures in bands that must be rotated or flipped vertically are assembled in an anonymous temporary file in the same folder.
-    Raises InputError as `Development.check` does, and if a band is no such picture. Exceptions raised by `bands` pass through, and
-    leave no file.
+    Parameters
+    ----------
+    path : Path | str
+        The file.
+    bands : Iterable[FloatArray]
+        floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom;
+        any size from 1 x 1.
+    overwrite, on_complete : bool, OnComplete | None, optional
+        See `durable_file`.
+    threads : int, optional
+        Number of threads that convert and compress.
+
+    Raises
+    ------
+    InputError
+        As `Development.check` does, and if a band is no such picture.
     """
     development.check()
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:

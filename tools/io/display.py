@@ -1,15 +1,23 @@
-"""From camera RGB to the colours of a screen or an editor: white balance, colour matrix, transfer curve.
+"""From camera RGB to the colours of a screen or an editor: white balance, colour matrix, transfer
+curve.
 
-**White** and **colour** are those of `shared.display`. For display each channel is clipped at its reading of display white, or,
+**White** and **colour** are those of `shared.display`. For display each channel is clipped at its
+reading of display white, or,
 with a negative exposure, at its reading of the brighter white that is shown then.
 
-**Burnt out.** What the shot could not measure is white, whatever the exposure: a highlight that is darkened would otherwise end in
-a flat grey, with a hard edge. A picture whose highlights are restored (`offline/stages/highlights.py`) measures white up to where
-that channel saturates in which it reads least; only what comes near that in every channel is burnt out, and what lies between
-colour blocks, so that its light is lost (`ColourTransform.whitened`). In any other picture, such as one by the paper's method,
-luminance stops where panchromatic samples saturate, and colour is wrong there. All of it changes gradually.
+**Burnt out.** What the shot could not measure is white, whatever the exposure: a highlight that is
+darkened would otherwise end in
+a flat grey, with a hard edge. A picture whose highlights are restored
+(`offline/stages/highlights.py`) measures white up to where
+that channel saturates in which it reads least; only what comes near that in every channel is burnt
+out, and what lies between
+colour blocks, so that its light is lost (`ColourTransform.whitened`). In any other picture, such as
+one by the paper's method,
+luminance stops where panchromatic samples saturate, and colour is wrong there. All of it changes
+gradually.
 
-**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has no clip, no curve, and keeps what is burnt
+**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has no clip, no
+curve, and keeps what is burnt
 out. The space "camera" of the commands means unchanged samples; this module is not involved.
 """
 
@@ -28,8 +36,9 @@ from ...shared.errors import InputError
 from .colour import P3_PRIMARIES, encode_srgb
 
 MAX_EXPOSURE = 16.0
-# Fractions of what the shot could measure between which a place of a picture with restored highlights turns white: its colour
-# samples end there by a shoulder of 5 %, and where all of them are saturated light is restored to within a few per cent.
+# Fractions of what the shot could measure between which a place of a picture with restored
+# highlights turns white: its colour samples end there by a shoulder of 5 %, and where all of them
+# are saturated light is restored to within a few per cent.
 _RESTORED = 0.70, 0.93
 
 
@@ -37,10 +46,16 @@ _RESTORED = 0.70, 0.93
 class OutputSpace:
     """An RGB space with D65 white.
 
-    name: key of `SPACES` and of the argument space.
-    title: name for people and ICC profiles.
-    primaries: chromaticities (x, y) of red, green and blue.
-    linear: no transfer curve; otherwise that of sRGB.
+    Attributes
+    ----------
+    name : str
+        Key of `SPACES` and of the argument space.
+    title : str
+        Name for people and ICC profiles.
+    primaries : tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+        Chromaticities (x, y) of red, green and blue.
+    linear : bool
+        No transfer curve; otherwise that of sRGB.
     """
 
     name: str
@@ -50,7 +65,9 @@ class OutputSpace:
 
     @cached_property
     def to_xyz(self) -> DoubleArray:
-        """Matrix from linear RGB to XYZ relative to D50, float64 (3, 3); its columns are those of the ICC profile."""
+        """Matrix from linear RGB to XYZ relative to D50, float64 (3, 3); its columns are those of
+        the ICC profile.
+        """
         return primaries_to_xyz(self.primaries)
 
 
@@ -68,12 +85,19 @@ SPACES = {
 class ColourTransform:
     """The transform from the scene units of one sensor to one output space.
 
-    space: the output space.
-    white: reading of display white in each channel, scene units; the largest is 1.0.
-    matrix: 3 x C, scene units -> linear RGB of the space; maps `white` to (1, 1, 1).
-    brightest: the brightest white that some colour sample measures, in units of display white.
-    weights: of each channel in a panchromatic sample, as a fraction of the light at which that saturates; None = highlights are
-        restored.
+    Attributes
+    ----------
+    space : OutputSpace
+        The output space.
+    white : tuple[float, ...]
+        Reading of display white in each channel, scene units; the largest is 1.0.
+    matrix : Matrix
+        3 x C, scene units -> linear RGB of the space; maps `white` to (1, 1, 1).
+    brightest : float
+        The brightest white that some colour sample measures, in units of display white.
+    weights : tuple[float, ...] | None
+        Of each channel in a panchromatic sample, as a fraction of the light at which that
+        saturates; None = highlights are restored.
     """
 
     space: OutputSpace
@@ -83,25 +107,45 @@ class ColourTransform:
     weights: tuple[float, ...] | None = None
 
     @classmethod
-    def to_space(cls, calibration: SensorCalibration, name: str = "srgb", *, restored: bool = True) -> "ColourTransform":
+    def to_space(
+        cls, calibration: SensorCalibration, name: str = "srgb", *, restored: bool = True
+    ) -> "ColourTransform":
         """The transform for pictures of this sensor.
 
-        name: a key of `SPACES`.
-        restored: the pictures' highlights are restored from the colour samples, or nothing in them is clipped.
-        Raises InputError for an unknown space, and where `display_white` does.
+        Parameters
+        ----------
+        name : str, optional
+            A key of `SPACES`.
+        restored : bool, optional
+            The pictures' highlights are restored from the colour samples, or nothing in them is
+            clipped.
+
+        Raises
+        ------
+        InputError
+            For an unknown space, and where `display_white` does.
         """
         if name not in SPACES:
             raise InputError(f"unknown output space {name!r}; there are {', '.join(SPACES)}")
         white, matrix = display_white(calibration, SPACES[name].to_xyz)
-        weights = None if restored else tuple(weight / calibration.full_scale for weight in calibration.gamma)
+        weights = (
+            None
+            if restored
+            else tuple(weight / calibration.full_scale for weight in calibration.gamma)
+        )
         brightest = calibration.full_scale / float(white.min())
         return cls(SPACES[name], tuple(white.tolist()), as_rows(matrix), brightest, weights)
 
     def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
         """A picture in which what is lost is burnt out, for display; a linear one stays as it is.
 
-        rgb: (H, W, C), scene units.
-        lost: (H, W), how far the shot does not show what the light was, 255 = not at all; None = nowhere.
+        Parameters
+        ----------
+        rgb : FloatArray
+            (H, W, C), scene units.
+        lost : ByteArray | None
+            (H, W), how far the shot does not show what the light was, 255 = not at all; None =
+            nowhere.
         """
         if lost is None or self.space.linear or not lost.any():
             return rgb
@@ -111,29 +155,47 @@ class ColourTransform:
         return result
 
     def saturated(self, rgb: FloatArray) -> ByteArray | None:
-        """Saturation of each pixel, for `whitened`: uint8 (H, W), 255 = quite; None if none is, or highlights are restored.
+        """Saturation of each pixel, for `whitened`: uint8 (H, W), 255 = quite; None if none is, or
+        highlights are restored.
 
-        rgb: (H, W, C), scene units.
+        Parameters
+        ----------
+        rgb : FloatArray
+            (H, W, C), scene units.
         """
         share = None if self.weights is None else self._burnt_out(rgb.transpose(2, 0, 1), 1.0)
         return None if share is None else np.rint(255 * share).astype(np.uint8)
 
     def apply(self, rgb: FloatArray, exposure: float = 0.0) -> FloatArray:
-        """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for display, unclipped when linear.
+        """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for
+        display, unclipped when linear.
 
-        exposure: stops of gain, -16 to 16. Negative values bring back highlights as far as the picture holds them; what is burnt
-            out stays white.
-        Raises InputError for an exposure beyond these limits, and for a picture that `checked_picture` refuses.
+        Parameters
+        ----------
+        exposure : float, optional
+            Stops of gain, -16 to 16. Negative values bring back highlights as far as the picture
+            holds them; what is burnt out stays white.
+
+        Raises
+        ------
+        InputError
+            For an exposure beyond these limits, and for a picture that `checked_picture` refuses.
         """
         result = np.empty((*rgb.shape[:2], 3), np.float32)
         for rows, output, plane in self.planes(rgb, exposure):
             np.add(plane, 0, out=result[rows, :, output])  # there is no -0
         return result
 
-    def planes(self, rgb: FloatArray, exposure: float = 0.0, *, encoded: bool = True) -> Iterator[tuple[slice, int, FloatArray]]:
-        """Yield the result of `apply` in pieces that fit in the processor's cache: (rows, channel, float32 (rows, W)).
+    def planes(
+        self, rgb: FloatArray, exposure: float = 0.0, *, encoded: bool = True
+    ) -> Iterator[tuple[slice, int, FloatArray]]:
+        """Yield the result of `apply` in pieces that fit in the processor's cache: (rows, channel,
+        float32 (rows, W)).
 
-        encoded: apply the transfer curve; without it values beyond 0..1 remain, which the curve clips.
+        Parameters
+        ----------
+        encoded : bool, optional
+            Apply the transfer curve; without it values beyond 0..1 remain, which the curve clips.
         """
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)
@@ -142,32 +204,42 @@ class ColourTransform:
         white = np.array(self.white, np.float32)[:, None, None]
         # Planes: NumPy takes three times as long for channels that lie side by side.
         for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
-            planes = np.array(rgb[rows].transpose(2, 0, 1), order="C")  # a copy, even of one pixel: it is changed in place
+            # a copy, even of one pixel: it is changed in place
+            planes = np.array(rgb[rows].transpose(2, 0, 1), order="C")
             burnt = None if self.space.linear else self._burnt_out(planes, darker)
             if darker != 1:
                 planes *= np.float32(darker)
             if burnt is not None:
                 planes += burnt * white
             if not self.space.linear:
-                # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
-                # What is burnt out is clipped higher: its chromaticity is wrong, and may be negative.
-                np.clip(planes, -white if burnt is None else (2 * burnt - 1) * white, white, out=planes)
+                # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0
+                # would tint noisy shadows. What is burnt out is clipped higher: its chromaticity is
+                # wrong, and may be negative.
+                np.clip(
+                    planes, -white if burnt is None else (2 * burnt - 1) * white, white, out=planes
+                )
             product = np.empty_like(planes[0])
             for output, weights in enumerate(matrix):
                 plane: FloatArray = weights[0] * planes[0]
                 for weight, each in zip(weights[1:], planes[1:], strict=True):
                     plane += np.multiply(weight, each, out=product)
-                yield rows, output, encode_srgb(plane) if encoded and not self.space.linear else plane
+                yield (
+                    rows,
+                    output,
+                    encode_srgb(plane) if encoded and not self.space.linear else plane,
+                )
 
     def _burnt_out(self, planes: FloatArray, darker: float) -> FloatArray | None:
-        """Degree to which pixels of (C, rows, W), scene units, are not what the light was, 0 to 1; None: they are, or white anyway.
+        """Degree to which pixels of (C, rows, W), scene units, are not what the light was, 0 to 1.
+        None: they are, or white anyway.
 
         darker: factor by which the picture is darkened, at most 1.
         """
         if self.weights is None and darker * self.brightest >= 1:
             return None
         first, last = _RESTORED if self.weights is None else SATURATED
-        if self._level(planes.max(axis=(1, 2))) <= np.float32(first):  # the level grows with every channel
+        # the level grows with every channel
+        if self._level(planes.max(axis=(1, 2))) <= np.float32(first):
             return None
         return ((self._level(planes) - np.float32(first)) / np.float32(last - first)).clip(0, 1)
 
@@ -175,22 +247,36 @@ class ColourTransform:
         """Return the light (C, ...), scene units, as a fraction of what the shot could measure."""
         if self.weights is None:
             limits = (np.float32(white * self.brightest) for white in self.white)
-            return np.min([plane / limit for plane, limit in zip(planes, limits, strict=True)], axis=0)
-        return sum(np.float32(weight) * plane for plane, weight in zip(planes, self.weights, strict=True))
+            return np.min(
+                [plane / limit for plane, limit in zip(planes, limits, strict=True)], axis=0
+            )
+        return sum(
+            np.float32(weight) * plane for plane, weight in zip(planes, self.weights, strict=True)
+        )
 
 
 def check_exposure(exposure: float) -> None:
     """Raise InputError unless the exposure, in stops, is within -16 to 16."""
     if not abs(exposure) <= MAX_EXPOSURE:
-        raise InputError(f"exposure is {exposure} stops, expected -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}")
+        raise InputError(
+            f"exposure is {exposure} stops, expected -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}"
+        )
 
 
 def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:
-    """The picture as float32. Raises InputError unless it is (H, W, channels), floating point, not empty and finite."""
+    """The picture as float32.
+
+    Raises
+    ------
+    InputError
+        Unless it is (H, W, channels), floating point, not empty and finite.
+    """
     if rgb.ndim != 3 or rgb.shape[2] != channels or 0 in rgb.shape:
         raise InputError(f"a picture of shape {rgb.shape}, expected (rows, columns, {channels})")
     if not np.issubdtype(rgb.dtype, np.floating):
         raise InputError(f"a picture of {rgb.dtype}, expected floating-point scene units")
     if bad := sum(int(np.count_nonzero(~np.isfinite(rgb[rows]))) for rows in strips(len(rgb))):
-        raise InputError(f"{bad} of {rgb.size} values of the picture are not finite (NaN or infinite)")
+        raise InputError(
+            f"{bad} of {rgb.size} values of the picture are not finite (NaN or infinite)"
+        )
     return rgb.astype(np.float32, copy=False)

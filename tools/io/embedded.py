@@ -1,4 +1,4 @@
-"""What goes into picture files beside the samples: capture data as TIFF and Exif directories."""
+"""Metadata in picture files: capture data as TIFF and Exif directories."""
 
 from ...shared import CaptureMetadata
 from ...shared.dng import metadata_directory
@@ -13,7 +13,9 @@ _SRGB, _UNCALIBRATED = 1, 65535
 
 
 def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
-    """Return the TIFF directory, with its Exif directory, of a picture in sRGB or in another space."""
+    """Return the TIFF directory, with its Exif directory, of a picture in sRGB or in another
+    space.
+    """
     directory = metadata_directory(metadata)
     directory.fields.update(resolution_fields())
     directory.fields[TAG["Software"]] = FieldType.ASCII, software()
@@ -25,7 +27,13 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
 
 
 def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: bool) -> Directory:
-    """Return `picture_directory` with the fields that Exif requires in a JPEG; shape: (rows, columns, ...) of the picture."""
+    """Return `picture_directory` with the fields that Exif requires in a JPEG.
+
+    Parameters
+    ----------
+    shape : tuple[int, ...]
+        (rows, columns, ...) of the picture.
+    """
     directory = picture_directory(metadata, srgb=srgb)
     directory.fields[TAG["YCbCrPositioning"]] = FieldType.SHORT, [1]
     directory.children[TAG["ExifTag"]].fields |= {

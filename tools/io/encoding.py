@@ -1,4 +1,4 @@
-"""How the values of a picture encode light, as its file declares: curves and primaries."""
+"""Encoding of the values of a picture, as its file declares: curves and primaries."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shared.arrays import DoubleArray
-from ...shared.colorimetry import D65_XY, SRGB_PRIMARIES, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
+from ...shared.colorimetry import (
+    D65_XY,
+    SRGB_PRIMARIES,
+    SRGB_TO_XYZ,
+    Matrix,
+    as_rows,
+    primaries_to_xyz,
+)
 from .colour import P3_PRIMARIES, decode_srgb
 
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
@@ -35,13 +42,21 @@ _CODED_PRIMARIES = {
 
 @dataclass(frozen=True)
 class Encoding:
-    """How a picture's values encode light.
+    """Encoding of the values of a picture.
 
-    curves: one per channel, from encoded values to linear light, both 0..1 (more than 1 where white is no peak); () = not declared.
-    to_xyz: (3, 3), linear RGB to XYZ (D50 white).
-    name: for the user.
-    note: a remark for the user; "" = none.
-    profile: an ICC profile of tables, in place of the curves; b"" = none.
+    Attributes
+    ----------
+    curves : tuple[Curve, ...]
+        One per channel, from encoded values to linear light, both 0..1 (more than 1 where white is
+        no peak); () = not declared.
+    to_xyz : Matrix
+        (3, 3), linear RGB to XYZ (D50 white).
+    name : str
+        For the user.
+    note : str
+        A remark for the user; "" = none.
+    profile : bytes
+        An ICC profile of tables, in place of the curves; b"" = none.
     """
 
     curves: tuple[Curve, ...]
@@ -52,7 +67,7 @@ class Encoding:
 
     @property
     def linear(self) -> bool:
-        """Whether the values are linear light already, for all that is declared."""
+        """True if the values are linear light already, for all that is declared."""
         ramp = np.linspace(0, 1, 256)
         return all(float(np.abs(curve(ramp) - ramp).max()) < _LINEAR for curve in self.curves)
 
@@ -70,11 +85,16 @@ def table_curve(table: DoubleArray) -> Curve:
 
 SRGB = Encoding((decode_srgb,) * 3, SRGB_TO_XYZ, "sRGB")
 LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
-ADOBE_RGB = Encoding((power_curve(563 / 256),) * 3, as_rows(primaries_to_xyz(_ADOBE_RGB)), "Adobe RGB")  # (1998), 4.3.4.2
+# (1998), 4.3.4.2
+ADOBE_RGB = Encoding(
+    (power_curve(563 / 256),) * 3, as_rows(primaries_to_xyz(_ADOBE_RGB)), "Adobe RGB"
+)
 
 
 def space_of(corners: Sequence[float]) -> Matrix | None:
-    """Return the matrix to XYZ (D50) of a space: x and y of red, green, blue and white; None if there can be no such space."""
+    """Return the matrix to XYZ (D50) of a space: x and y of red, green, blue and white; None if
+    there can be no such space.
+    """
     with np.errstate(all="ignore"):
         try:
             *primaries, white = ((x, y) for x, y in np.reshape(corners, (4, 2)).tolist())
@@ -85,9 +105,14 @@ def space_of(corners: Sequence[float]) -> Matrix | None:
 
 
 def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Encoding | None:
-    """Return the encoding that code points of H.273 (tables 2 and 3) declare; None for one that is not read.
+    """Return the encoding that code points of H.273 (tables 2 and 3) declare; None for one that is
+    not read.
 
-    narrow: 0 for the full range; in the narrow range what one of 256 steps is of the largest value: black is 16, white 235 of them.
+    Parameters
+    ----------
+    narrow : float, optional
+        0 for the full range; in the narrow range what one of 256 steps is of the largest value:
+        black is 16, white 235 of them.
     """
     curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
     if curve is None or corners is None:
@@ -101,7 +126,9 @@ def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Enc
         full = curve
         curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
     matrix = as_rows(primaries_to_xyz(*corners))
-    return Encoding((curve,) * 3, matrix, f"primaries {primaries} and transfer {transfer} of H.273", note)
+    return Encoding(
+        (curve,) * 3, matrix, f"primaries {primaries} and transfer {transfer} of H.273", note
+    )
 
 
 def _bt709(encoded: DoubleArray) -> DoubleArray:

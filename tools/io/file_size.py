@@ -9,29 +9,47 @@ from pathlib import Path
 from ...shared.errors import InputError
 
 _MOST_HOLES = 4096
-_MANY_PIECES, _LEAST_PIECE = 1 << 14, 1024  # more strips or tiles than this have that many pixels each
+# more strips or tiles than this have that many pixels each
+_MANY_PIECES, _LEAST_PIECE = 1 << 14, 1024
 
 
 def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixels: int) -> None:
-    """Raise InputError unless the strips or tiles of a picture lie in the file, share no bytes, and are not needlessly many.
+    """Raise InputError unless the strips or tiles of a picture lie in the file, share no bytes, and
+    are not needlessly many.
 
-    offsets, lengths: of the strips or tiles, bytes.
-    end: length of the file.
-    pixels: of the picture.
+    Parameters
+    ----------
+    offsets, lengths : Sequence[int]
+        Of the strips or tiles, bytes.
+    end : int
+        Length of the file.
+    pixels : int
+        Of the picture.
     """
     # tifffile fills missing data with zeros: a black stripe in the picture instead of an error.
-    if not offsets or any(not length or offset + length > end for offset, length in zip(offsets, lengths, strict=True)):
-        raise InputError("the picture is cut short: it points beyond the end of the file; copy it again")
+    if not offsets or any(
+        not length or offset + length > end for offset, length in zip(offsets, lengths, strict=True)
+    ):
+        raise InputError(
+            "the picture is cut short: it points beyond the end of the file; copy it again"
+        )
     if sum(lengths) > end:
-        raise InputError("the strips of the picture overlap: the file is damaged, or made to fill the memory")
+        raise InputError(
+            "the strips of the picture overlap: the file is damaged, or made to fill the memory"
+        )
     if len(offsets) > _MANY_PIECES and len(offsets) * _LEAST_PIECE > pixels:
-        raise InputError(f"{pixels} pixels in {len(offsets)} strips: the file is damaged, or made to waste time; save it again")
+        raise InputError(
+            f"{pixels} pixels in {len(offsets)} strips: the file is damaged, or made to waste "
+            "time; save it again"
+        )
 
 
 def data_bytes(path: Path | str) -> int:
-    """Bytes of a file that are not in holes: a sparse file of a few bytes can seem to be as long as a terabyte.
+    """Bytes of a file that are not in holes: a sparse file of a few bytes can seem to be as long as
+    a terabyte.
 
-    On a file system that knows no holes: the length. More holes than any file has by accident count to the end.
+    On a file system that knows no holes: the length. More holes than any file has by accident count
+    to the end.
     """
     with Path(path).open("rb", buffering=0) as file:
         descriptor, end, found, place = file.fileno(), file.seek(0, SEEK_END), 0, 0

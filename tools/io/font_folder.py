@@ -1,4 +1,6 @@
-"""A folder for matplotlib that goes when the program ends: it would write a list of fonts to the user's home."""
+"""A folder for matplotlib that goes when the program ends: it would write a list of fonts to the
+user's home.
+"""
 
 import os
 from contextlib import suppress
@@ -12,7 +14,11 @@ def temporary_font_folder() -> "TemporaryDirectory[str] | None":
 
     It sets a variable of the whole process.
 
-    Returns None, and changes nothing, if the user has chosen a folder (MPLCONFIGDIR), or if there is no room for another.
+    Returns
+    -------
+    TemporaryDirectory[str] | None
+        None, and changes nothing, if the user has chosen a folder (MPLCONFIGDIR), or if there is no
+        room for another.
     """
     if "MPLCONFIGDIR" in os.environ:
         return None

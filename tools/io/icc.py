@@ -1,4 +1,6 @@
-"""ICC profiles: those of the pictures that are written, and those that pictures bring along, read by Little CMS."""
+"""ICC profiles: those of the pictures that are written, and those that pictures bring along, read
+by Little CMS.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -24,15 +26,19 @@ def icc_profile(space: str) -> bytes:
 
 
 def read_profile(profile: bytes) -> Encoding | None:
-    """Return the encoding that a profile describes; None if it is damaged, or of no RGB or grey picture."""
+    """Return the encoding that a profile describes; None if it is damaged, or of no RGB or grey
+    picture.
+    """
     try:
         return _grey(profile) if profile[16:20] == b"GRAY" else _rgb(profile)
-    except (ValueError, RuntimeError):  # what imagecodecs raises for a profile that Little CMS refuses
+    # what imagecodecs raises for a profile that Little CMS refuses
+    except (ValueError, RuntimeError):
         return None
 
 
 def through_tables(pixels: NDArray[Any], peak: int, profile: bytes) -> FloatArray:
-    """Convert codes (H, W, 1 or 3) by a profile of tables to linear light in BT.2020, float32 (H, W, 3).
+    """Convert codes (H, W, 1 or 3) by a profile of tables to linear light in BT.2020, float32 (H,
+    W, 3).
 
     `peak` is the code that stands for 1.0. White is 1; nothing is negative.
     """
@@ -60,24 +66,41 @@ def _rgb(profile: bytes) -> Encoding:
     white = matrix.sum(axis=1)
     if np.abs(white - D50).max() > 0.01 or np.linalg.matrix_rank(matrix) < 3:
         return tables
-    curves = [seen[channel] @ matrix[:, channel] / (matrix[:, channel] @ matrix[:, channel]) for channel in range(3)]
+    curves = [
+        seen[channel] @ matrix[:, channel] / (matrix[:, channel] @ matrix[:, channel])
+        for channel in range(3)
+    ]
     colours = np.random.default_rng(0).integers(0, _CODES, (1, 64, 3))
-    light = np.stack([curve[colours[..., channel]] for channel, curve in enumerate(curves)], axis=-1)
+    light = np.stack(
+        [curve[colours[..., channel]] for channel, curve in enumerate(curves)], axis=-1
+    )
     if np.abs(light @ matrix.T - _xyz(colours / (_CODES - 1), profile)).max() > _ADDS:
         return tables
-    # Colorants add up to D50 except for rounding, which is corrected so that white stays exactly neutral.
-    return Encoding(tuple(map(table_curve, curves)), as_rows((D50 / white)[:, None] * matrix), _NAME)
+    # Colorants add up to D50 except for rounding, which is corrected so that white stays exactly
+    # neutral.
+    return Encoding(
+        tuple(map(table_curve, curves)), as_rows((D50 / white)[:, None] * matrix), _NAME
+    )
 
 
 def _xyz(values: DoubleArray, profile: bytes, kind: str = "rgb") -> DoubleArray:
-    """Convert values 0..1 (H, W, C) to XYZ (H, W, 3), relative to D50. Raises ValueError or RuntimeError."""
+    """Convert values 0..1 (H, W, C) to XYZ (H, W, 3), relative to D50. Raises ValueError or
+    RuntimeError.
+    """
     import imagecodecs
 
     if len(profile) > _LARGEST:
         raise ValueError("not a profile of a picture")
     xyz = imagecodecs.cms_profile("xyz")
-    how: dict[str, Any] = {"colorspace": kind, "outcolorspace": "xyz", "outdtype": "f8", "intent": 1}
-    converted: DoubleArray = imagecodecs.cms_transform(np.asarray(values, np.float64), profile, xyz, **how)
+    how: dict[str, Any] = {
+        "colorspace": kind,
+        "outcolorspace": "xyz",
+        "outdtype": "f8",
+        "intent": 1,
+    }
+    converted: DoubleArray = imagecodecs.cms_transform(
+        np.asarray(values, np.float64), profile, xyz, **how
+    )
     if not np.isfinite(converted).all():
         raise ValueError("not the colours of a picture")
     return converted

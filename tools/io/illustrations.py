@@ -36,27 +36,50 @@ Crop = tuple[int, int]
 
 
 def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Crop) -> "Image":
-    """How the camera works, in six panels: two filter patterns, and a small part of a frame on its way to a picture.
+    """Draw the working principle of the camera in six panels: two filter patterns, and a small part
+    of a frame on its way to a picture.
 
-    mosaic: the shot.
-    luminance, rgb: its render, denoised: (H, W), (H, W, 3), scene units.
-    corner: (row, column) of the first pixel of that part.
+    Parameters
+    ----------
+    mosaic : Mosaic
+        The shot.
+    luminance, rgb : FloatArray
+        Its render, denoised: (H, W), (H, W, 3), scene units.
+    corner : Crop
+        (row, column) of the first pixel of that part.
     """
     rows, columns = (slice(start, start + _SHOWN) for start in corner)
     white = float(np.quantile(luminance[rows, columns], 0.98))  # as bright as paper
-    signal, filled = (np.repeat(plane[rows, columns, None] / white, 3, axis=2) for plane in (mosaic.signal, luminance))
+    signal, filled = (
+        np.repeat(plane[rows, columns, None] / white, 3, axis=2)
+        for plane in (mosaic.signal, luminance)
+    )
     planes = mosaic.pattern.filter_map(mosaic.shape)[rows, columns]
     tints = np.array([_FILTERS[letter] for letter in mosaic.pattern.planes], np.float32) / 255
-    colours = np.where((planes < 3)[..., None], np.sqrt(np.clip(signal * 3, 0, 1)) * tints[planes], 0.1)
+    colours = np.where(
+        (planes < 3)[..., None], np.sqrt(np.clip(signal * 3, 0, 1)) * tints[planes], 0.1
+    )
     gain = np.float32(mosaic.calibration.full_scale / white)
     coloured = ColourTransform.to_space(mosaic.calibration).apply(rgb[rows, columns] * gain)
     light = f"{mosaic.pattern.light_efficiency:.1f} times the light, full-resolution luminance"
     panels = [
         ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(("RG", "GB"))),
         ("The sparse-colour sensor", light, _pattern(mosaic.pattern.letters_from())),
-        ("It measures luminance", "nearly everywhere ...", _enlarged(np.sqrt(np.clip(signal, 0, 1)))),
-        ("... and colour", f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels", _enlarged(colours)),
-        ("Luminance, holes filled", "total variation (Eqs. 1-5), then denoised", _enlarged(np.sqrt(np.clip(filled, 0, 1)))),
+        (
+            "It measures luminance",
+            "nearly everywhere ...",
+            _enlarged(np.sqrt(np.clip(signal, 0, 1))),
+        ),
+        (
+            "... and colour",
+            f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels",
+            _enlarged(colours),
+        ),
+        (
+            "Luminance, holes filled",
+            "total variation (Eqs. 1-5), then denoised",
+            _enlarged(np.sqrt(np.clip(filled, 0, 1))),
+        ),
         ("Colour, propagated", "along the edges of luminance (Eqs. 6-14)", _enlarged(coloured)),
     ]
     return _sheet(panels, across=3)
@@ -65,29 +88,46 @@ def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Cro
 def comparison(pictures: dict[str, FloatArray], crops: dict[str, Crop], size: int = 66) -> "Image":
     """Crops of the same places side by side: a row per crop, a column per picture.
 
-    pictures: name -> display RGB, (H, W, 3), 0 to 1.
-    crops: name -> (row, column) of the first pixel.
-    size: rows and columns of a crop, pixels.
+    Parameters
+    ----------
+    pictures : dict[str, FloatArray]
+        Name -> display RGB, (H, W, 3), 0 to 1.
+    crops : dict[str, Crop]
+        Name -> (row, column) of the first pixel.
+    size : int, optional
+        Rows and columns of a crop, pixels.
     """
     panels = []
     for place, (row, column) in crops.items():
         for name, picture in pictures.items():
-            panels.append((name, place, _enlarged(picture[row : row + size, column : column + size])))
+            panels.append(
+                (name, place, _enlarged(picture[row : row + size, column : column + size]))
+            )
     return _sheet(panels, across=len(pictures))
 
 
 def draw_tile(tile: Sequence[str], cell: int, light: DoubleArray | None = None) -> ByteArray:
     """Return a picture of filters, uint8 (H, W, 3): a square for each, in its colour.
 
-    tile: rows of letters.
-    cell: pixels of a square, with a gap of two.
-    light: mean level of each site in any unit, (rows, columns): squares as grey as that, with a disc in the colour, and a letter.
+    Parameters
+    ----------
+    tile : Sequence[str]
+        Rows of letters.
+    cell : int
+        Pixels of a square, with a gap of two.
+    light : DoubleArray | None, optional
+        Mean level of each site in any unit, (rows, columns): squares as grey as that, with a disc
+        in the colour, and a letter.
     """
     from PIL import Image, ImageDraw, ImageFont
 
     picture = Image.new("RGB", (len(tile[0]) * cell, len(tile) * cell), _PAPER)
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(cell * 0.36)
-    greys = None if light is None else _DARKEST + (light - light.min()) * ((_BRIGHTEST - _DARKEST) / (np.ptp(light) or 1.0))
+    greys = (
+        None
+        if light is None
+        else _DARKEST + (light - light.min()) * ((_BRIGHTEST - _DARKEST) / (np.ptp(light) or 1.0))
+    )
     for row, column in np.ndindex(len(tile), len(tile[0])):
         letter = tile[row][column]
         left, top, colour = column * cell, row * cell, _FILTERS.get(letter, _OTHER)
@@ -101,7 +141,9 @@ def draw_tile(tile: Sequence[str], cell: int, light: DoubleArray | None = None) 
 
 
 def tile_map(tile: Sequence[str], light: DoubleArray) -> bytes:
-    """Return the PNG of a tile, K rows of K letters, and of how bright its sites are (K, K): see `draw_tile`."""
+    """Return the PNG of a tile, K rows of K letters, and of how bright its sites are (K, K): see
+    `draw_tile`.
+    """
     from PIL import Image
 
     file = BytesIO()
@@ -121,7 +163,9 @@ def _pattern(tile: Sequence[str]) -> ByteArray:
 def _enlarged(display: FloatArray) -> ByteArray:
     """Pixels as squares, as large as fits a panel."""
     factor = max(1, _PANEL // max(display.shape[:2]))
-    return np.kron(quantise(display.astype(np.float32), 8), np.ones((factor, factor, 1), np.uint8)).astype(np.uint8)
+    return np.kron(
+        quantise(display.astype(np.float32), 8), np.ones((factor, factor, 1), np.uint8)
+    ).astype(np.uint8)
 
 
 def _sheet(panels: list[tuple[str, str, ByteArray]], across: int) -> "Image":

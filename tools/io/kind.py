@@ -1,8 +1,9 @@
 """The kinds of picture files: format, bits and colour space.
 
-A file is either a picture to look at or a measurement. Pictures (spaces "srgb", "display-p3", "linear-srgb") are turned upright and
-carry the space's ICC profile. Measurements ("camera") are the scene units of the rendering, unclipped if the format allows it, and
-keep the sensor's orientation, so that one can be subtracted from another; the orientation is noted if the format has a field for
+A file is either a picture to look at or a measurement. Pictures (spaces "srgb", "display-p3",
+"linear-srgb") are turned upright and carry the space's ICC profile. Measurements ("camera") are the
+scene units of the rendering, unclipped if the format allows it, and keep the sensor's orientation,
+so that one can be subtracted from another; the orientation is noted if the format has a field for
 it. Capture data are written to every format that has fields for them.
 """
 
@@ -20,12 +21,21 @@ from .formats.jpg import check_quality
 class PictureKind:
     """A kind of picture file.
 
-    format: a key of `FORMATS`.
-    bits: 8 or 16 = integers (in "exr" half floats), 32 = floating point.
-    space: a key of `SPACES`, or "camera".
-    quality: of a format that has one, 1 to 100; None = the usual one.
+    Attributes
+    ----------
+    format : str
+        A key of `FORMATS`.
+    bits : int
+        8 or 16 = integers (in "exr" half floats), 32 = floating point.
+    space : str
+        A key of `SPACES`, or "camera".
+    quality : int | None
+        Of a format that has one, 1 to 100; None = the usual one.
 
-    Raises InputError for a kind that its format does not hold, and names those that it holds.
+    Raises
+    ------
+    InputError
+        For a kind that its format does not hold, and names those that it holds.
     """
 
     format: str
@@ -38,17 +48,33 @@ class PictureKind:
         check_quality(self.quality)
         if self.quality is not None and not kept_as.has_quality:
             lossy = ", ".join(name for name, written in FORMATS.items() if written.has_quality)
-            raise InputError(f"the quality is {self.quality}, but {self.format} is not compressed with loss; use {lossy}")
+            raise InputError(
+                f"the quality is {self.quality}, but {self.format} is not compressed with loss; "
+                f"use {lossy}"
+            )
         if kept_as.missing:
             raise InputError(kept_as.missing)
         if self.space not in kept_as.spaces:
-            raise InputError(f"{self.format} does not hold the space {self.space!r}; it holds {_listed(kept_as)}")
+            raise InputError(
+                f"{self.format} does not hold the space {self.space!r}; it holds {_listed(kept_as)}"
+            )
         if self.bits not in kept_as.spaces[self.space]:
-            raise InputError(f"{self.format} does not hold {self.space} with {self.bits} bits; it holds {_listed(kept_as)}")
+            raise InputError(
+                f"{self.format} does not hold {self.space} with {self.bits} bits; it holds "
+                f"{_listed(kept_as)}"
+            )
 
     @classmethod
-    def of(cls, name: str, bits: int | None = None, space: str | None = None, quality: int | None = None) -> "PictureKind":
-        """Return the kind with None filled in: the first space that has these bits, the first bits of this space."""
+    def of(
+        cls,
+        name: str,
+        bits: int | None = None,
+        space: str | None = None,
+        quality: int | None = None,
+    ) -> "PictureKind":
+        """Return the kind with None filled in: the first space that has these bits, the first bits
+        of this space.
+        """
         kept_as = _known(name)
         for candidate, possible in kept_as.spaces.items():
             if space in (None, candidate) and bits in (None, *possible):
@@ -69,7 +95,9 @@ class PictureKind:
 
     @property
     def has_white_balance(self) -> bool:
-        """Whether pictures are balanced, or (a linear DNG) state how to: all but measurements in scene units."""
+        """True if pictures are balanced, or (a linear DNG) state how to: all but measurements in
+        scene units.
+        """
         return self.space != CAMERA or self.format == "dng"
 
     @property
@@ -77,7 +105,9 @@ class PictureKind:
         """What a kind of the space "camera" is, and what to do instead, for messages."""
         if set(self.kept_as.spaces) == {CAMERA}:
             return f"a {self.format} is the scene as measured; choose another format, such as tif"
-        return '`space="camera"` is the scene as measured; choose another space, such as linear-srgb'
+        return (
+            '`space="camera"` is the scene as measured; choose another space, such as linear-srgb'
+        )
 
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
@@ -89,9 +119,14 @@ class PictureKind:
 
 def _known(name: str) -> Format:
     if name not in FORMATS:
-        raise InputError(f"unknown picture format {name!r}; there are {', '.join(FORMATS)}{meant(name, FORMATS)}")
+        raise InputError(
+            f"unknown picture format {name!r}; there are {', '.join(FORMATS)}{meant(name, FORMATS)}"
+        )
     return FORMATS[name]
 
 
 def _listed(kept_as: Format) -> str:
-    return ", ".join(f"{space} with {' or '.join(map(str, sorted(bits)))} bits" for space, bits in kept_as.spaces.items())
+    return ", ".join(
+        f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
+        for space, bits in kept_as.spaces.items()
+    )

@@ -1,7 +1,9 @@
-"""Call one function in a process with limits of time and memory, for libraries that believe whatever a file declares.
+"""Call one function in a process with limits of time and memory, for libraries that believe
+whatever a file declares.
 
-A call that exceeds its limits, and a library that crashes, end that process and not this one. This limits resources and is no
-sandbox: a file that takes a library over can do whatever the user may do. Only numbers and texts come back, and are checked here.
+A call that exceeds its limits, and a library that crashes, end that process and not this one. This
+limits resources and is no sandbox: a file that takes a library over can do whatever the user may
+do. Only numbers and texts come back, and are checked here.
 """
 
 import json
@@ -35,31 +37,53 @@ _START = "import sys; sys.path[:] = {path!r}; from panchroma.tools.io.limited im
 
 
 def run_limited(
-    file: Path, modules: tuple[str, ...], function: Callable[..., tuple[NDArray[Any], Facts]], *arguments: str | int
+    file: Path,
+    modules: tuple[str, ...],
+    function: Callable[..., tuple[NDArray[Any], Facts]],
+    *arguments: str | int,
 ) -> tuple[NDArray[Any], Facts]:
-    """Call `function`, which reads `file`, in a new process, and return its result: samples (H, W) or (H, W, C), and facts.
+    """Call `function`, which reads `file`, in a new process, and return its result: samples (H, W)
+    or (H, W, C), and facts.
 
-    file: its length decides what the call may use: a quarter of a second of a processor and 200 MB, and more for each byte.
-    modules: imported before the limits apply.
-    function: defined at the top level of a module.
-    Raises InputError with the message of the InputError that `function` raises, and when the process exceeds its limits, ends in
-    another way, or answers anything else. What the facts say is for the caller to check.
+    What the facts say is for the caller to check.
+
+    Parameters
+    ----------
+    file : Path
+        Its length decides what the call may use: a quarter of a second of a processor and 200 MB,
+        and more for each byte.
+    modules : tuple[str, ...]
+        Imported before the limits apply.
+    function : Callable[..., tuple[NDArray[Any], Facts]]
+        Defined at the top level of a module.
+
+    Raises
+    ------
+    InputError
+        With the message of the InputError that `function` raises, and when the process exceeds its
+        limits, ends in another way, or answers anything else.
     """
     size = data_bytes(file)
     seconds, most = _SECONDS + size * _SECONDS_PER_BYTE, _BYTES + size * _BYTES_PER_BYTE
-    request = json.dumps((modules, seconds, most, function.__module__, function.__name__, arguments))
+    request = json.dumps(
+        (modules, seconds, most, function.__module__, function.__name__, arguments)
+    )
     line = [sys.executable, "-c", _START.format(path=sys.path)]
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     # MALLOC_ARENA_MAX: glibc reserves 64 MB for each thread otherwise.
-    with subprocess.Popen(line, stdin=subprocess.PIPE, env={**os.environ, "MALLOC_ARENA_MAX": "1"}, **quiet) as process:  # type: ignore[call-overload]
+    with subprocess.Popen(
+        line, stdin=subprocess.PIPE, env={**os.environ, "MALLOC_ARENA_MAX": "1"}, **quiet
+    ) as process:  # type: ignore[call-overload]
         try:
             with suppress(BrokenPipeError), process.stdin as sending:
                 sending.write(request.encode())
             refused, samples, facts = _received(process.stdout, most)
         except (ValueError, TypeError, LookupError, RecursionError):
             raise InputError(
-                f"reading it takes more than {seconds:.2g} s or {most >> 20} MB, or ends the process that reads it, which no "
-                f"picture of {size} bytes does: the file is damaged, or made to fill the memory; copy it again"
+                f"reading it takes more than {seconds:.2g} s or {most >> 20} MB, or ends the "
+                "process that reads it, which no "
+                f"picture of {size} bytes does: the file is damaged, or made to fill the memory; "
+                "copy it again"
             ) from None
         finally:
             process.kill()
@@ -69,14 +93,24 @@ def run_limited(
 
 
 def _received(stream: IO[bytes], most: int) -> tuple[str, NDArray[Any], Facts]:
-    """Return the message of an error, "" without one, the samples and the facts in an answer of `serve`.
+    """Return the message of an error, "" without one, the samples and the facts in an answer of
+    `serve`.
 
     most: bytes of samples.
     Raises ValueError, TypeError, LookupError or RecursionError for any other answer.
     """
     answer = json.loads(stream.readline(_LONGEST_FACTS))
-    refused, kind, shape, facts = str(answer["refused"]), answer["dtype"], tuple(answer["shape"]), dict(answer["facts"])
-    if kind not in _SAMPLES or len(shape) not in (2, 3) or not all(type(side) is int and side >= 0 for side in shape):
+    refused, kind, shape, facts = (
+        str(answer["refused"]),
+        answer["dtype"],
+        tuple(answer["shape"]),
+        dict(answer["facts"]),
+    )
+    if (
+        kind not in _SAMPLES
+        or len(shape) not in (2, 3)
+        or not all(type(side) is int and side >= 0 for side in shape)
+    ):
         raise ValueError("no samples of a picture")
     if prod(shape) * np.dtype(kind).itemsize > most:
         raise ValueError("more samples than the process may hold")
@@ -108,10 +142,13 @@ def serve() -> None:
 
 
 def _limit(seconds: float, most: int) -> None:
-    """End this process after `seconds` of its processors' time; let its memory grow by `most` bytes."""
+    """End this process after `seconds` of its processors' time; let its memory grow by `most`
+    bytes.
+    """
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_PROF, seconds)
-    with suppress(OSError, ValueError):  # a system that does not know its data, or a lower limit that is set already
+    # a system that does not know its data, or a lower limit that is set already
+    with suppress(OSError, ValueError):
         now = int(Path("/proc/self/statm").read_text("ascii").split()[5]) * resource.getpagesize()
         ceiling = now + most + (os.cpu_count() or 1) * _BYTES_PER_THREAD
         resource.setrlimit(resource.RLIMIT_DATA, (ceiling, ceiling))

@@ -1,6 +1,7 @@
 """DNGs as scenes: linear ones, and the corrections that any of them asks for, which are not made.
 
-A linear DNG has three samples per pixel, as `panchroma render -f dng`, Adobe's DNG Converter and Lightroom write them.
+A linear DNG has three samples per pixel, as `panchroma render -f dng`, Adobe's DNG Converter and
+Lightroom write them.
 """
 
 import zlib
@@ -26,8 +27,16 @@ from .scene import Scene, check_size
 from .tiff import tag_numbers
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
-_LEVELS = (_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA, TAG["BlackLevelRepeatDim"], TAG["BlackLevel"])
-_READ = {*TIFF.TAG_LOAD, *_LEVELS, TAG["WhiteLevel"], TAG["AsShotNeutral"]}  # nothing else is, such as an original RAW inside
+_LEVELS = (
+    _LINEARIZATION_TABLE,
+    _BLACK_DELTA_H,
+    _BLACK_DELTA_V,
+    _ACTIVE_AREA,
+    TAG["BlackLevelRepeatDim"],
+    TAG["BlackLevel"],
+)
+# nothing else is, such as an original RAW inside
+_READ = {*TIFF.TAG_LOAD, *_LEVELS, TAG["WhiteLevel"], TAG["AsShotNeutral"]}
 _DEFLATE = (8, 32946)
 # Corrections that a DNG asks for (DNG 1.7.1, chapter 7), such as a gain map against dark corners.
 _LISTS = (51008, 51009, 51022)  # OpcodeList1 to 3
@@ -44,17 +53,26 @@ _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the p
 
 
 def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
-    """Read the scene in a DNG whose main picture has three linear samples per pixel; None if it has a mosaic.
+    """Read the scene in a DNG whose main picture has three linear samples per pixel; None if it has
+    a mosaic.
 
-    path: the file.
-    max_pixels: larger files are refused.
+    rgb is (sample - black) / (white - black) of the active area, after the linearization table. It
+    is neither rotated nor white-balanced, and not brightened by BaselineExposure. Values below
+    black become 0, values above white exceed 1. Integers at the white level are clipped, and become
+    white (see `clipped`). Matrix, neutral and orientation are the file's. Lossless compressions are
+    read (DNG 1.7.1, chapter 4), integers and floating point.
 
-    rgb is (sample - black) / (white - black) of the active area, after the linearization table. It is neither rotated nor
-    white-balanced, and not brightened by BaselineExposure. Values below black become 0, values above white exceed 1. Integers at
-    the white level are clipped, and become white (see `clipped`). Matrix, neutral and orientation are the file's. Lossless
-    compressions are read (DNG 1.7.1, chapter 4), integers and floating point.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    max_pixels : int, optional
+        Larger files are refused.
 
-    Raises InputError for lossy compression, for impossible levels, and for a damaged file.
+    Raises
+    ------
+    InputError
+        For lossy compression, for impossible levels, and for a damaged file.
     """
     with path.open("rb") as stream:
         check_directories(stream, _READ)
@@ -65,20 +83,45 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             _check(page, path.stat().st_size, data_bytes(path), max_pixels)
             if page.compression in _DEFLATE:
                 _check_inflated(page, stream)
-            integers = page.compression in tuple(Compression) and page.dtype is not None and page.dtype.kind == "u"
-            samples = _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES) if integers else page.asarray(maxworkers=1)
+            integers = (
+                page.compression in tuple(Compression)
+                and page.dtype is not None
+                and page.dtype.kind == "u"
+            )
+            samples = (
+                _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES)
+                if integers
+                else page.asarray(maxworkers=1)
+            )
             rgb = _levelled(samples, page)
             stated = tag_numbers(file.pages.first, TAG["AsShotNeutral"])
-    as_shot = normalised(stated) if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0 else None
-    gone, directories = clipped_share(rgb, 1.0, SHOULDER) if integers else None, raw_directories(path)
+    as_shot = (
+        normalised(stated)
+        if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
+        else None
+    )
+    gone, directories = (
+        clipped_share(rgb, 1.0, SHOULDER) if integers else None,
+        raw_directories(path),
+    )
     return camera_scene(path.stem, rgb, gone, as_shot, directories.main, metadata_from(directories))
 
 
 def _main_picture(file: TiffFile) -> TiffPage | None:
-    """Return the directory of the linear samples, in the first directory or below it; None if the main picture is another."""
+    """Return the directory of the linear samples, in the first directory or below it; None if the
+    main picture is another.
+    """
     first = file.pages.first
-    pages = [page for page in (first, *(first.pages or ())) if isinstance(page, TiffPage) and page.subfiletype == 0]
-    linear = [page for page in pages if page.photometric == Photometric.LINEAR_RAW and page.samplesperpixel == PICTURE_PLANES]
+    pages = [
+        page
+        for page in (first, *(first.pages or ()))
+        if isinstance(page, TiffPage) and page.subfiletype == 0
+    ]
+    linear = [
+        page
+        for page in pages
+        if page.photometric == Photometric.LINEAR_RAW and page.samplesperpixel == PICTURE_PLANES
+    ]
     return max(linear, key=lambda page: page.imagewidth * page.imagelength, default=None)
 
 
@@ -100,29 +143,56 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
     """
     if page.compression not in (*Compression, *_DEFLATE):
         kind = getattr(page.compression, "name", page.compression)
-        raise InputError(f"the linear DNG is compressed by {kind}, which is lossy or rare; export it without lossy compression")
+        raise InputError(
+            f"the linear DNG is compressed by {kind}, which is lossy or rare; export it without "
+            "lossy compression"
+        )
     kind, bits = page.dtype, page.bitspersample
-    if kind is None or kind.kind not in "uf" or kind.itemsize > 4 or (kind.kind == "u" and kind.itemsize > 2):
-        raise InputError(f"the samples of the linear DNG are {bits} bits {kind}; expected integers up to 16 bits or floating point")
+    if (
+        kind is None
+        or kind.kind not in "uf"
+        or kind.itemsize > 4
+        or (kind.kind == "u" and kind.itemsize > 2)
+    ):
+        raise InputError(
+            f"the samples of the linear DNG are {bits} bits {kind}; expected integers up to 16 "
+            "bits or floating point"
+        )
     if page.planarconfig != 1:
-        raise InputError("the linear DNG has its colours in separate planes; DNG wants them interleaved: export it again")
+        raise InputError(
+            "the linear DNG has its colours in separate planes; DNG wants them interleaved: "
+            "export it again"
+        )
     check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
-    sides = ((page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)) if page.is_tiled else ()
+    sides = (
+        ((page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength))
+        if page.is_tiled
+        else ()
+    )
     check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
     if any(tile > max(side, _LARGE_TILE) for tile, side in sides):
-        raise InputError("the linear DNG is damaged: its tiles are larger than its picture; copy it again")
+        raise InputError(
+            "the linear DNG is damaged: its tiles are larger than its picture; copy it again"
+        )
 
 
 def _check_inflated(page: TiffPage, stream: Any) -> None:
-    """Raise InputError if a strip or tile inflates to more than it should hold: tifffile has no limit."""
+    """Raise InputError if a strip or tile inflates to more than it should hold: tifffile has no
+    limit.
+    """
     rows, columns = (
-        (page.tilelength, page.tilewidth) if page.is_tiled else (min(page.rowsperstrip, page.imagelength), page.imagewidth)
+        (page.tilelength, page.tilewidth)
+        if page.is_tiled
+        else (min(page.rowsperstrip, page.imagelength), page.imagewidth)
     )
     most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
     for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         stream.seek(offset)
         if len(zlib.decompressobj().decompress(stream.read(count), most + 1)) > most:
-            raise InputError("the linear DNG's strips hold more than they say: it is damaged, or made to fill the memory")
+            raise InputError(
+                "the linear DNG's strips hold more than they say: it is damaged, or made to fill "
+                "the memory"
+            )
 
 
 def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
@@ -135,7 +205,9 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     if (area := tag_numbers(page, _ACTIVE_AREA)).size == 4:
         top, left, bottom, right = area.astype(int).tolist()
         if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
-            raise InputError("the active area is outside the picture: the file is damaged; copy it again")
+            raise InputError(
+                "the active area is outside the picture: the file is damaged; copy it again"
+            )
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
@@ -143,18 +215,28 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     white = np.resize(stated, 3) if stated.size else np.full(3, default)
     lowest = black.reshape(-1, 3).max(axis=0)
     if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
-        raise InputError(f"black level {lowest.max():g} is not below white level {white.min():g}: the file's levels are damaged")
+        raise InputError(
+            f"black level {lowest.max():g} is not below white level {white.min():g}: the file's "
+            "levels are damaged"
+        )
     rgb = (rgb - black.astype(np.float32)) * (1 / (white - lowest)).astype(np.float32)
     return np.maximum(rgb, 0, out=rgb)
 
 
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
-    rows, columns = (tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1])[:2]
+    rows, columns = (tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1])[
+        :2
+    ]
     stated = tag_numbers(page, TAG["BlackLevel"])
     if stated.size not in (0, 1, rows * columns * 3):
-        raise InputError(f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; copy it again")
-    black: DoubleArray = np.zeros((1, 1, 3)) + (stated.reshape(rows, columns, 3) if stated.size > 1 else stated.sum())
+        raise InputError(
+            f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; "
+            "copy it again"
+        )
+    black: DoubleArray = np.zeros((1, 1, 3)) + (
+        stated.reshape(rows, columns, 3) if stated.size > 1 else stated.sum()
+    )
     if rows * columns > 1 and stated.size > 1:
         black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
     for tag, axis in ((_BLACK_DELTA_H, 1), (_BLACK_DELTA_V, 0)):
@@ -164,23 +246,33 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
 
 
 def remark_on_opcodes(path: Path) -> tuple[str, ...]:
-    """One note for the user on the corrections that a DNG asks for; none if it asks for none. Raises whatever tifffile raises."""
+    """One note for the user on the corrections that a DNG asks for; none if it asks for none.
+    Raises whatever tifffile raises.
+    """
     with path.open("rb") as stream:
         check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS})
     with TiffFile(path, **PLAIN) as file:
         first: Any = file.pages[0]
-        pages = [page for page in (first, *(first.pages or ())) if page.subfiletype == 0]  # previews have none
-        lists = [bytes(page.tags[tag].value) for page in pages for tag in _LISTS if tag in page.tags]
+        # previews have none
+        pages = [page for page in (first, *(first.pages or ())) if page.subfiletype == 0]
+        lists = [
+            bytes(page.tags[tag].value) for page in pages for tag in _LISTS if tag in page.tags
+        ]
     names = dict.fromkeys(name for opcodes in lists for name in _names(opcodes))
     if not names:
         return ()
-    return (f"the file asks for corrections that are not made ({', '.join(names)}): a linear TIFF of a raw developer has them",)
+    return (
+        f"the file asks for corrections that are not made ({', '.join(names)}): a linear TIFF of "
+        "a raw developer has them",
+    )
 
 
 def _names(opcodes: bytes) -> list[str]:
     found, place, count = list[str](), 4, int.from_bytes(opcodes[:4], "big")
     while place + _HEAD <= len(opcodes) and len(found) < min(count, 1024):
-        number, length = (int.from_bytes(opcodes[start : start + 4], "big") for start in (place, place + 12))
+        number, length = (
+            int.from_bytes(opcodes[start : start + 4], "big") for start in (place, place + 12)
+        )
         found.append(_NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode {number}")
         place += _HEAD + length
     return found

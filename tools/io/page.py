@@ -1,4 +1,6 @@
-"""HTML pages in one file that need no network: jinja2's templates, with pictures and plots inside the page."""
+"""HTML pages in one file that need no network: jinja2's templates, with pictures and plots inside
+the page.
+"""
 
 import base64
 import io
@@ -16,7 +18,8 @@ from .font_folder import temporary_font_folder
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SHARED = Path(__file__).with_name("pages")  # page.html, which others extend, and parts.html, whose macros they import
+# page.html, which others extend, and parts.html, whose macros they import
+_SHARED = Path(__file__).with_name("pages")
 _WIDEST = 1200  # pixels of a photograph on a page
 _PLOTS: dict[Any, Any] = {
     "text.parse_math": False,  # a "$" in a name is a "$"
@@ -39,10 +42,12 @@ def render_page(template: Path, **values: Any) -> bytes:
     Parameters
     ----------
     template
-        A template of jinja2 that begins with ``{% extends "page.html" %}`` and fills its blocks ``style`` (CSS beyond that of
+        A template of jinja2 that begins with ``{% extends "page.html" %}`` and fills its blocks
+        ``style`` (CSS beyond that of
         all pages) and ``body``. It may import the macros of ``parts.html``.
     **values
-        Variables of the template; ``title``, the title of the page, is one of them. Every text is escaped.
+        Variables of the template; ``title``, the title of the page, is one of them. Every text is
+        escaped.
 
     Returns
     -------
@@ -59,7 +64,8 @@ def render_page(template: Path, **values: Any) -> bytes:
         lstrip_blocks=True,
     )
     page = environment.get_template(template.name).render(**values)
-    return page.encode("utf-8", "backslashreplace")  # names of files may hold bytes that are no characters
+    # names of files may hold bytes that are no characters
+    return page.encode("utf-8", "backslashreplace")
 
 
 def embed_picture(pixels: ByteArray, *, photograph: bool = False) -> str:
@@ -70,7 +76,8 @@ def embed_picture(pixels: ByteArray, *, photograph: bool = False) -> str:
     pixels
         uint8 RGB (H, W, 3).
     photograph
-        Reduce it to the width of a page if it is larger, and store it as JPEG; otherwise it is PNG, every pixel as it is.
+        Reduce it to the width of a page if it is larger, and store it as JPEG; otherwise it is PNG,
+        every pixel as it is.
     """
     from PIL import Image
 
@@ -89,7 +96,8 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
     Parameters
     ----------
     draw
-        Draws into the axes that it is given, with matplotlib's methods. Its texts consist of printable characters.
+        Draws into the axes that it is given, with matplotlib's methods. Its texts consist of
+        printable characters.
     width, height
         Inches; an inch is 72 CSS pixels where the page does not scale the plot.
     """
@@ -99,7 +107,8 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
 
     file = io.BytesIO()
     with matplotlib.rc_context(_PLOTS), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph")  # the browser has the font that matplotlib lacks
+        # the browser has the font that matplotlib lacks
+        warnings.filterwarnings("ignore", message="Glyph")
         figure = Figure((width, height), layout="constrained")
         draw(figure.subplots())
         figure.savefig(file, format="svg", metadata={"Date": None})
@@ -107,12 +116,17 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
 
 
 def without_folders(line: str, names: Iterable[str]) -> str:
-    """Return a line without the absolute places of the files or folders that it names: a page is shared, these are private.
+    """Return a line without the absolute places of the files or folders that it names: a page is
+    shared, these are private.
 
+    Examples
+    --------
     >>> without_folders("/home/me/photos/x.png: is empty", ["/home/me/photos"])
     'photos/x.png: is empty'
     """
-    places = {place for name in names for place in (str(Path(name).absolute()), os.path.realpath(name))}
+    places = {
+        place for name in names for place in (str(Path(name).absolute()), os.path.realpath(name))
+    }
     for place in places:
         line = line.replace(place, Path(place).name or place)
     return line

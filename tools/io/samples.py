@@ -1,4 +1,6 @@
-"""Display RGB as samples of a picture file: integer codes, turned upright; and bands of samples, divided otherwise."""
+"""Display RGB as samples of a picture file: integer codes, turned upright; and bands of samples,
+divided otherwise.
+"""
 
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -20,7 +22,9 @@ Sample = TypeVar("Sample", bound=np.generic)
 
 
 def quantise(encoded: FloatArray, bits: int) -> ByteArray | CodeArray:
-    """Return the nearest of 2**bits codes for finite values of any shape, clipped to 0..1: uint8 (8 bits) or uint16 (16)."""
+    """Return the nearest of 2**bits codes for finite values of any shape, clipped to 0..1: uint8 (8
+    bits) or uint16 (16).
+    """
     top = np.float32((1 << bits) - 1)
     codes = np.empty(encoded.shape, np.uint8 if bits == 8 else np.uint16)
     for rows in strips(len(encoded)):
@@ -31,7 +35,9 @@ def quantise(encoded: FloatArray, bits: int) -> ByteArray | CodeArray:
 
 
 def upright(picture: NDArray[Sample], orientation: int) -> NDArray[Sample]:
-    """Return a view of the samples (H, W, ...) turned and mirrored by a TIFF orientation, 1 to 8 (TIFF 6.0, tag 274)."""
+    """Return a view of the samples (H, W, ...) turned and mirrored by a TIFF orientation, 1 to 8
+    (TIFF 6.0, tag 274).
+    """
     if orientation not in range(1, 9):
         raise InputError(f"orientation is {orientation}, expected 1 to 8")
     if orientation >= 5:  # the stored rows are columns of the scene
@@ -42,8 +48,12 @@ def upright(picture: NDArray[Sample], orientation: int) -> NDArray[Sample]:
     return picture[::down, ::across]
 
 
-def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: float = 0.0) -> NDArray[Any]:
-    """`quantise(shown.apply(rgb, exposure), bits)`, by a few rows at a time that stay in the processor's cache."""
+def display_codes(
+    rgb: FloatArray, shown: ColourTransform, bits: int, exposure: float = 0.0
+) -> NDArray[Any]:
+    """`quantise(shown.apply(rgb, exposure), bits)`, by a few rows at a time that stay in the
+    processor's cache.
+    """
     codes = np.empty((*rgb.shape[:2], 3), np.uint8 if bits == 8 else np.uint16)
     for rows, channel, plane in shown.planes(rgb, exposure):
         codes[rows, :, channel] = quantise(plane, bits)
@@ -51,7 +61,9 @@ def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: 
 
 
 def joined(bands: Iterable[NDArray[Sample]], rows: int) -> NDArray[Sample]:
-    """The bands (any, ...) of a picture with this number of rows as one array; of each only its copy is kept."""
+    """The bands (any, ...) of a picture with this number of rows as one array; of each only its
+    copy is kept.
+    """
     arriving = iter(bands)
     first = next(arriving)
     whole, top = np.empty((rows, *first.shape[1:]), first.dtype), 0
@@ -75,8 +87,12 @@ def regrouped(bands: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]
         yield np.concatenate(kept)
 
 
-def turned(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: int, folder: Path) -> Iterator[NDArray[Any]]:
-    """Turn a picture of `shape` (H, W) upright: yield bands of the turned picture. An anonymous file in `folder` holds it."""
+def turned(
+    bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: int, folder: Path
+) -> Iterator[NDArray[Any]]:
+    """Turn a picture of `shape` (H, W) upright: yield bands of the turned picture. An anonymous
+    file in `folder` holds it.
+    """
     if orientation in (1, 2):  # rows stay rows, in the same order
         yield from (upright(band, orientation) for band in bands)
         return
@@ -84,7 +100,8 @@ def turned(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: i
         for band in bands:
             _append(spool, np.ascontiguousarray(band), folder)
         for top in range(0, shape[1] if orientation >= 5 else shape[0], _READ):
-            # Mapped again for each band: pages that have been read count as memory of the process as long as they are mapped.
+            # Mapped again for each band: pages that have been read count as memory of the process
+            # as long as they are mapped.
             whole = np.memmap(spool, band.dtype, "r", shape=(*shape, *band.shape[2:]))
             yield np.array(upright(whole, orientation)[top : top + _READ])
 

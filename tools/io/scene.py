@@ -11,30 +11,48 @@ from ...shared.reading import MAX_PIXELS
 
 RGB = "RGB"
 BROADBAND = {"C": "GB", "M": "RB", "Y": "RG"}
-"""What cyan, magenta and yellow filters let through of red, green and blue."""
-MAX_EXPANSION = 200  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
-# Pixels that are believed, of 8 bytes at most: even light and drawn charts are pictures, and compress as well as bombs. So many
-# take less than a second and 300 MB.
+"""Transmission of cyan, magenta and yellow filters for red, green and blue."""
+# decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
+MAX_EXPANSION = 200
+# Pixels that are believed, of 8 bytes at most: even light and drawn charts are pictures, and
+# compress as well as bombs. So many take less than a second and 300 MB.
 _BELIEVED, _BELIEVED_BYTES = 12_000_000, 8
 DARKEST = -1e-3  # of the brightest value: rounding and resampling may go this far below zero
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The light of a scene, as a camera that measures all colours at every pixel would record it. Checked when made.
+    """The light of a scene, as a camera that measures all colours at every pixel would record it.
+    Checked when made.
 
-    rgb: float32 (H, W, N), linear light in scene units: 1.0 = the white level of the source. 0 or more, may exceed 1. Most scenes
-        have N = 3, camera RGB. Read-only. Small negative values, from rounding, become 0.
-    name: for the names of output files.
-    camera_to_xyz: (3, N), rgb to CIE XYZ (D50 white) under the light of the shot; it takes neutral to white. None = unknown.
-    neutral: (N,), what a white surface reads under the light of the shot, at most 1; None = unknown.
-    metadata: capture data.
-    notes: remarks for the user on how the file was interpreted.
-    neutral_estimated: the neutral is an estimate from the scene, because the file states none.
-    channels: the N letters of the channels, in the order of rgb.
-    eight_bits: it was read from a picture of 8 bits, which somebody has developed.
+    Attributes
+    ----------
+    rgb : FloatArray
+        float32 (H, W, N), linear light in scene units: 1.0 = the white level of the source. 0 or
+        more, may exceed 1. Most scenes have N = 3, camera RGB. Read-only. Small negative values,
+        from rounding, become 0.
+    name : str
+        For the names of output files.
+    camera_to_xyz : tuple[tuple[float, ...], ...] | None
+        (3, N), rgb to CIE XYZ (D50 white) under the light of the shot; it takes neutral to white.
+        None = unknown.
+    neutral : tuple[float, ...] | None
+        (N,), what a white surface reads under the light of the shot, at most 1; None = unknown.
+    metadata : CaptureMetadata
+        Capture data.
+    notes : tuple[str, ...]
+        Remarks for the user on how the file was interpreted.
+    neutral_estimated : bool
+        The neutral is an estimate from the scene, because the file states none.
+    channels : str
+        The N letters of the channels, in the order of rgb.
+    eight_bits : bool
+        It was read from a picture of 8 bits, which somebody has developed.
 
-    Raises InputError if rgb has another shape, is empty, is not finite, or is clearly negative.
+    Raises
+    ------
+    InputError
+        If rgb has another shape, is empty, is not finite, or is clearly negative.
     """
 
     rgb: FloatArray
@@ -51,14 +69,20 @@ class Scene:
         rgb = np.ascontiguousarray(self.rgb, np.float32)
         if rgb.ndim != 3 or rgb.shape[2] != len(self.channels) or rgb.size == 0:
             wanted = f"(rows, columns, {len(self.channels)})"
-            raise InputError(f"a scene is an array {wanted}; this one has shape {np.shape(self.rgb)}")
+            raise InputError(
+                f"a scene is an array {wanted}; this one has shape {np.shape(self.rgb)}"
+            )
         lowest, highest = float(rgb.min()), float(rgb.max())
         if not (np.isfinite(lowest) and np.isfinite(highest)):  # min and max propagate NaN
             bad = int((~np.isfinite(rgb)).sum())
-            raise InputError(f"{bad} of {rgb.size} values are not finite (NaN or infinite); replace them before simulating")
+            raise InputError(
+                f"{bad} of {rgb.size} values are not finite (NaN or infinite); replace them "
+                "before simulating"
+            )
         if lowest < min(0.0, DARKEST * highest):
             raise InputError(
-                f"the lowest value is {lowest:.4g}, but light is not negative. Subtract the black level correctly, "
+                f"the lowest value is {lowest:.4g}, but light is not negative. Subtract the "
+                "black level correctly, "
                 "or clip the picture at 0 if it has been sharpened"
             )
         if lowest < 0:
@@ -76,6 +100,8 @@ class Scene:
 def scene_channels(channels: str) -> str:
     """The channels of a scene from which filters with these letters are made.
 
+    Examples
+    --------
     >>> scene_channels("CMYN"), scene_channels("VGN")
     ('RGBN', 'VGN')
     """
@@ -84,22 +110,35 @@ def scene_channels(channels: str) -> str:
     return RGB + "".join(letter for letter in channels if letter not in (*RGB, *BROADBAND))
 
 
-def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 0, max_pixels: int = MAX_PIXELS) -> None:
-    """Raise InputError if the declared size of a picture is empty, too large, or that of a decompression bomb.
+def check_size(
+    width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 0, max_pixels: int = MAX_PIXELS
+) -> None:
+    """Raise InputError if the declared size of a picture is empty, too large, or that of a
+    decompression bomb.
 
-    width, height: pixels.
-    pixel_bytes: decoded bytes of a pixel.
-    file_bytes: length of the file; 0 = do not compare it with the decoded size.
-    max_pixels: the limit for width * height.
+    Parameters
+    ----------
+    width, height : int
+        Pixels.
+    pixel_bytes : int, optional
+        Decoded bytes of a pixel.
+    file_bytes : int, optional
+        Length of the file; 0 = do not compare it with the decoded size.
+    max_pixels : int, optional
+        The limit for width * height.
     """
     if width < 1 or height < 1:
         raise InputError(f"the picture is {width} x {height} pixels: it is empty")
     if width * height > max_pixels:
-        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; `max_pixels` raises it")
+        raise InputError(
+            f"{width} x {height} pixels are more than the limit of {max_pixels}; `max_pixels` "
+            "raises it"
+        )
     decoded = width * height * pixel_bytes
     believed = width * height <= _BELIEVED and decoded <= _BELIEVED * _BELIEVED_BYTES
     if file_bytes and not believed and decoded > MAX_EXPANSION * file_bytes:
         raise InputError(
             f"{file_bytes} bytes claim to hold {width} x {height} pixels ({decoded // 2**20} MB): "
-            "the file is damaged, or made to fill the memory; if it is a picture, save it without compression"
+            "the file is damaged, or made to fill the memory; if it is a picture, save it "
+            "without compression"
         )

@@ -27,18 +27,35 @@ from .file_size import check_pieces, data_bytes
 from .scene import RGB, check_size
 
 # Tags of TIFF 6.0 (sections 8 and 20), and of the ICC profile.
-_ICC_PROFILE, _TRANSFER, _WHITE_POINT, _PRIMARIES, _LARGEST, _LARGEST_OF_KIND = 34675, 301, 318, 319, 281, 341
+_ICC_PROFILE, _TRANSFER, _WHITE_POINT, _PRIMARIES, _LARGEST, _LARGEST_OF_KIND = (
+    34675,
+    301,
+    318,
+    319,
+    281,
+    341,
+)
 _GREY_CURVE, _REFERENCES = 291, 532
-_READ = {_ICC_PROFILE, _WHITE_POINT, _PRIMARIES, _LARGEST, _LARGEST_OF_KIND, _GREY_CURVE, _REFERENCES}
+_READ = {
+    _ICC_PROFILE,
+    _WHITE_POINT,
+    _PRIMARIES,
+    _LARGEST,
+    _LARGEST_OF_KIND,
+    _GREY_CURVE,
+    _REFERENCES,
+}
 _RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
-# None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own, which decoders believe.
+# None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own,
+# which decoders believe.
 _COMPRESSIONS = (1, 5, 8, 32946, 32773, 34925, 50000)
 _SMALL = 1 << 22  # pixels of all tiles together that are harmless, however small the picture
 
 
 def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
-    """Decode the first page of a TIFF, integer or floating point: grey, RGB, or a sample for each of `channels`.
+    """Decode the first page of a TIFF, integer or floating point: grey, RGB, or a sample for each
+    of `channels`.
 
     Pages with one sample each, all of one size and kind, are taken together as such samples.
     """
@@ -51,7 +68,8 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         first: Any = file.pages[0]
         if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
             raise InputError(
-                f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}; convert it to RGB or grey"
+                f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}; "
+                "convert it to RGB or grey"
             )
         pages = [first]
         if several and first.samplesperpixel == 1:
@@ -59,15 +77,28 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
             pages = _stack(file)
         samples = first.samplesperpixel
         if not samples or first.imagedepth != 1 or first.tiledepth != 1:
-            raise InputError(f"the TIFF has {samples} samples per pixel and {first.imagedepth} planes in depth; expected a picture")
+            raise InputError(
+                f"the TIFF has {samples} samples per pixel and {first.imagedepth} planes in "
+                "depth; expected a picture"
+            )
         alpha = any(kind in _ALPHA for kind in first.extrasamples)
         colour = first.photometric == tifffile.PHOTOMETRIC.RGB
-        found = channels_of(samples * len(pages), channels, notes, alpha=alpha, colour=colour, pages=len(pages))
-        pixel_bytes = max(samples * len(pages), 3) * max(1, first.bitspersample // 8)  # a grey scene has three planes as well
+        found = channels_of(
+            samples * len(pages), channels, notes, alpha=alpha, colour=colour, pages=len(pages)
+        )
+        # a grey scene has three planes as well
+        pixel_bytes = max(samples * len(pages), 3) * max(1, first.bitspersample // 8)
         check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
-        offsets, lengths = ([each for page in pages for each in getattr(page, name)] for name in ("dataoffsets", "databytecounts"))
+        offsets, lengths = (
+            [each for page in pages for each in getattr(page, name)]
+            for name in ("dataoffsets", "databytecounts")
+        )
         check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
-        pixels = _page_pixels(first) if len(pages) == 1 else np.concatenate([_page_pixels(page) for page in pages], axis=-1)
+        pixels = (
+            _page_pixels(first)
+            if len(pages) == 1
+            else np.concatenate([_page_pixels(page) for page in pages], axis=-1)
+        )
         if not found:
             pixels = without_alpha(pixels, notes)
         if several and len(pages) == 1:
@@ -81,16 +112,21 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
 
 
 def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
-    """Return the integer that stands for 1.0; None for floating point. notes: gets a remark for the user.
+    """Return the integer that stands for 1.0; None for floating point. notes: gets a remark for the
+    user.
 
-    A largest sample of 2^n - 1 says that the samples have n bits. Any other is a figure of the picture (TIFF 6.0, MaxSampleValue).
+    A largest sample of 2^n - 1 says that the samples have n bits. Any other is a figure of the
+    picture (TIFF 6.0, MaxSampleValue).
     """
     if pixels.dtype.kind != "u":
         return None
     peak = (1 << page.bitspersample) - 1
     if _TRANSFER in page.tags:  # a table for all samples
         return peak
-    stated = max((*tag_numbers(page, _LARGEST).tolist(), *tag_numbers(page, _LARGEST_OF_KIND).tolist()), default=peak)
+    stated = max(
+        (*tag_numbers(page, _LARGEST).tolist(), *tag_numbers(page, _LARGEST_OF_KIND).tolist()),
+        default=peak,
+    )
     largest = int(stated) if 255 <= stated < peak else peak
     if largest == peak or largest & (largest + 1) or pixels.max(initial=0) > largest:
         return peak
@@ -99,7 +135,8 @@ def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
 
 
 def _declared(page: Any, notes: list[str]) -> Encoding | None:
-    """Return the encoding in the fields of the TIFF itself: TransferFunction, PrimaryChromaticities and WhitePoint.
+    """Return the encoding in the fields of the TIFF itself: TransferFunction, PrimaryChromaticities
+    and WhitePoint.
 
     notes: gets a remark for the user.
     """
@@ -107,7 +144,10 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
     references, top = tag_numbers(page, _REFERENCES), (1 << page.bitspersample) - 1
     if references.size and references.tolist() != [0, top] * 3:
         unused.append("ReferenceBlackWhite")
-    corners = (*tag_numbers(page, _PRIMARIES), *(tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY))
+    corners = (
+        *tag_numbers(page, _PRIMARIES),
+        *(tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY),
+    )
     to_xyz = space_of(corners)
     if to_xyz is None:
         names = {_PRIMARIES: "PrimaryChromaticities", _WHITE_POINT: "WhitePoint"}
@@ -121,11 +161,17 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
         else:
             unused.append("TransferFunction")
     remark_on_unused(unused, notes)
-    return Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF") if curves or to_xyz else None
+    return (
+        Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF")
+        if curves or to_xyz
+        else None
+    )
 
 
 def tag_numbers(page: Any, tag: int) -> DoubleArray:
-    """Return the numbers of a field of a page of tifffile, fractions as quotients; empty if there is none."""
+    """Return the numbers of a field of a page of tifffile, fractions as quotients; empty if there
+    is none.
+    """
     field = page.tags.get(tag)
     if field is None:
         return np.zeros(0)
@@ -137,12 +183,18 @@ def tag_numbers(page: Any, tag: int) -> DoubleArray:
 
 
 def _stack(file: Any) -> list[Any]:
-    """The pages of a TIFF, `MOST_PAGES` at most, if all have the same size and kind; otherwise the first alone."""
+    """The pages of a TIFF, `MOST_PAGES` at most, if all have the same size and kind; otherwise the
+    first alone.
+    """
     pages: list[Any] = []
-    with suppress(IndexError):  # len(file.pages) would follow the directories, however many there are
+    # len(file.pages) would follow the directories, however many there are
+    with suppress(IndexError):
         while len(pages) < MOST_PAGES:
             pages.append(file.pages[len(pages)])
-    kinds = {(page.shape, page.samplesperpixel, page.bitspersample, page.dtype, page.photometric) for page in pages}
+    kinds = {
+        (page.shape, page.samplesperpixel, page.bitspersample, page.dtype, page.photometric)
+        for page in pages
+    }
     return pages if len(kinds) == 1 else pages[:1]
 
 
@@ -150,11 +202,20 @@ def _page_pixels(page: Any) -> NDArray[Any]:
     """The samples of a page, (H, W, C)."""
     if page.compression not in _COMPRESSIONS:
         name = getattr(page.compression, "name", page.compression)
-        raise InputError(f"the TIFF is compressed with {name}; save it with LZW or ZIP (Deflate) compression, or with none")
+        raise InputError(
+            f"the TIFF is compressed with {name}; save it with LZW or ZIP (Deflate) compression, "
+            "or with none"
+        )
     if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
-        covered, pixels = page.tilewidth * page.tilelength * len(page.dataoffsets), page.imagewidth * page.imagelength
+        covered, pixels = (
+            page.tilewidth * page.tilelength * len(page.dataoffsets),
+            page.imagewidth * page.imagelength,
+        )
         if covered > max(_SMALL, 4 * page.samplesperpixel * pixels):
-            raise InputError(f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory")
+            raise InputError(
+                f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made "
+                "to fill the memory"
+            )
     samples: NDArray[Any] = page.asarray(maxworkers=1)
     return np.moveaxis(samples, 0, -1) if page.axes.startswith("S") else np.atleast_3d(samples)
 

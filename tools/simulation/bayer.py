@@ -8,7 +8,8 @@ from ...shared.errors import InputError
 
 ORDER = "RGGB"
 """Filters of the first two rows."""
-_SITES = [("RGB".index(letter), place // 2, place % 2) for place, letter in enumerate(ORDER)]  # channel, row, column
+# channel, row, column
+_SITES = [("RGB".index(letter), place // 2, place % 2) for place, letter in enumerate(ORDER)]
 
 
 def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
@@ -22,11 +23,15 @@ def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
 def check_mosaic(mosaic: FloatArray) -> None:
     """Raise InputError unless a mosaic has two axes of at least two samples."""
     if mosaic.ndim != 2 or min(mosaic.shape) < 2:
-        raise InputError(f"a Bayer mosaic has at least 2 rows and 2 columns; this one has shape {mosaic.shape}")
+        raise InputError(
+            f"a Bayer mosaic has at least 2 rows and 2 columns; this one has shape {mosaic.shape}"
+        )
 
 
 def sample_bayer(rgb: FloatArray) -> FloatArray:
-    """Samples of a noiseless Bayer sensor, float32 (H, W), from a scene (H, W, 3), both in scene units."""
+    """Samples of a noiseless Bayer sensor, float32 (H, W), from a scene (H, W, 3), both in scene
+    units.
+    """
     mosaic: FloatArray = np.empty(rgb.shape[:2], np.float32)
     for channel, row, column in _SITES:
         mosaic[row::2, column::2] = rgb[row::2, column::2, channel]

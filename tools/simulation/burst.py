@@ -1,7 +1,8 @@
-"""A burst: frames of one scene that a hand-held camera takes one after the other, each as light on its sensor.
+"""A burst: frames of one scene that a hand-held camera takes one after the other, each as light on
+its sensor.
 
-A camera that has moved sees the scene by splines of the fifth order. They change waves of up to 0.7 of the highest frequency by
-less than 3 % of a scene between 0 and 2.
+A camera that has moved sees the scene by splines of the fifth order. They change waves of up to 0.7
+of the highest frequency by less than 3 % of a scene between 0 and 2.
 """
 
 import json
@@ -33,7 +34,6 @@ class Motion(NamedTuple):
         Down and across, pixels.
     angle : float
         Radians; positive turns the picture counter-clockwise.
-
     """
 
     shift: tuple[float, float] = (0.0, 0.0)
@@ -54,13 +54,24 @@ STILL = Motion()
 
 @dataclass(frozen=True)
 class SimulatedBurst:
-    """How a burst is taken.
+    """Parameters of a simulated burst.
 
-    frames: their number, 1 to MOST_FRAMES. The first is the reference, which has not moved.
-    pixels: of the sensor, by which the others are at most displaced.
-    degrees: by which they are at most rotated.
-    stops: exposure of each frame, 0 = the scene's own; () = all of them are.
-    Raises InputError for figures that are negative, not finite or too large, and for another number of stops than frames.
+    Attributes
+    ----------
+    frames : int
+        Their number, 1 to MOST_FRAMES. The first is the reference, which has not moved.
+    pixels : float
+        Of the sensor, by which the others are at most displaced.
+    degrees : float
+        By which they are at most rotated.
+    stops : tuple[float, ...]
+        Exposure of each frame, 0 = the scene's own; () = all of them are.
+
+    Raises
+    ------
+    InputError
+        For figures that are negative, not finite or too large, and for another number of stops than
+        frames.
     """
 
     frames: int
@@ -74,11 +85,18 @@ class SimulatedBurst:
         if not 0 <= self.pixels <= MOST_PIXELS:
             raise InputError(f"`motion` is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
         if not 0 <= self.degrees <= MOST_DEGREES:
-            raise InputError(f"the rotation is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}")
+            raise InputError(
+                f"the rotation is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}"
+            )
         if self.stops and len(self.stops) != self.frames:
-            raise InputError(f"`bracket` has {len(self.stops)} figures for {self.frames} frames, expected one for each")
+            raise InputError(
+                f"`bracket` has {len(self.stops)} figures for {self.frames} frames, expected one "
+                "for each"
+            )
         if not all(abs(stop) <= MOST_STOPS for stop in self.stops):
-            raise InputError(f"`bracket` is {self.stops} stops, expected -{MOST_STOPS:g} to {MOST_STOPS:g}")
+            raise InputError(
+                f"`bracket` is {self.stops} stops, expected -{MOST_STOPS:g} to {MOST_STOPS:g}"
+            )
 
     @property
     def largest(self) -> Motion:
@@ -90,9 +108,14 @@ class SimulatedBurst:
 class SimulatedFrame:
     """One frame of a burst.
 
-    rgb: the light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
-    motion: where it sees what the reference sees, pixels of the sensor.
-    stops: its exposure; None = it is no part of a bracket.
+    Attributes
+    ----------
+    rgb : FloatArray
+        The light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
+    motion : Motion
+        Where it sees what the reference sees, pixels of the sensor.
+    stops : float | None
+        Its exposure; None = it is no part of a bracket.
     """
 
     rgb: FloatArray
@@ -105,15 +128,20 @@ class SimulatedFrame:
         return 1.0 if self.stops is None else 2.0**self.stops
 
     def metadata(self, scene: CaptureMetadata) -> CaptureMetadata:
-        """Capture data of the frame: those of the scene, with an exposure time that tells the frames of a bracket apart."""
+        """Capture data of the frame: those of the scene, with an exposure time that tells the
+        frames of a bracket apart.
+        """
         if self.stops is None:
             return scene
         return replace(scene, exposure_time=(scene.exposure_time or _TIME) * self.exposure)
 
 
 def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
-    """The means of `pixel` x `pixel` pixels, float32 (H // pixel, W // pixel, C): a sensor of larger pixels.
+    """The means of `pixel` x `pixel` pixels, float32 (H // pixel, W // pixel, C): a sensor of
+    larger pixels.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> reduced(np.arange(15, dtype=np.float32).reshape(3, 5, 1), 2)[..., 0].tolist()
     [[3.0, 5.0]]
@@ -128,8 +156,11 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
 
 
 def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
-    """How a burst's frames have moved: a random walk from the first frame on, which stays within the burst's limits.
+    """Motions of a burst's frames: a random walk from the first frame on, which stays within the
+    burst's limits.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> first, second = tremor(SimulatedBurst(2, pixels=3), np.random.default_rng(1))
     >>> first.none, 0 < math.hypot(*second.shift) <= 3
@@ -144,36 +175,62 @@ def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
     return [Motion((down, across), -math.radians(degrees)) for down, across, degrees in walk]
 
 
-def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generator, pixel: int = 1) -> Iterator[SimulatedFrame]:
-    """Yield the frames of a burst, the reference first. They see true scene everywhere, so they are smaller than it.
+def burst_frames(
+    rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generator, pixel: int = 1
+) -> Iterator[SimulatedFrame]:
+    """Yield the frames of a burst, the reference first. They see true scene everywhere, so they are
+    smaller than it.
 
-    rgb: the scene, float32 (H, W, C), scene units.
-    rng: source of the motions.
-    pixel: pixels of the scene, each way, that are one of the sensor: the scene moves at its full size, and is averaged then.
-    Raises InputError if nothing is left between the margins that the motion needs, or not one such pixel fits into the scene.
+    Parameters
+    ----------
+    rgb : FloatArray
+        The scene, float32 (H, W, C), scene units.
+    rng : np.random.Generator
+        Source of the motions.
+    pixel : int, optional
+        Pixels of the scene, each way, that are one of the sensor: the scene moves at its full size,
+        and is averaged then.
 
+    Raises
+    ------
+    InputError
+        If nothing is left between the margins that the motion needs, or not one such pixel fits
+        into the scene.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> light = np.full((200, 300, 3), 0.5, np.float32)
-    >>> [frame.rgb.shape for frame in burst_frames(light, SimulatedBurst(2, pixels=3), np.random.default_rng(1), pixel=2)]
+    >>> [frame.rgb.shape for frame in burst_frames(light, SimulatedBurst(2, pixels=3),
+    np.random.default_rng(1), pixel=2)]
     [(82, 132, 3), (82, 132, 3)]
     """
-    whole = [count // pixel * pixel for count in rgb.shape[:2]]  # the centre of the scene is that of the frames
+    # the centre of the scene is that of the frames
+    whole = [count // pixel * pixel for count in rgb.shape[:2]]
     if not all(whole):
-        raise InputError(f"the scene has {rgb.shape[1]} x {rgb.shape[0]} pixels: `reduce={pixel}` leaves nothing of it")
+        raise InputError(
+            f"the scene has {rgb.shape[1]} x {rgb.shape[0]} pixels: `reduce={pixel}` leaves "
+            "nothing of it"
+        )
     scene = rgb[: whole[0], : whole[1]]
     margin = -(-reach(burst.largest.times(pixel), scene.shape) // pixel)
     rows, columns = (count // pixel - 2 * margin for count in whole)
     if min(rows, columns) < 1:
         raise InputError(
-            f"a burst with this motion loses {margin} pixels on each side of a scene of {whole[1] // pixel} x {whole[0] // pixel}: "
+            f"a burst with this motion loses {margin} pixels on each side of a scene of "
+            f"{whole[1] // pixel} x {whole[0] // pixel}: "
             "nothing is left; take a larger picture, or less motion"
         )
     for number, motion in enumerate(tremor(burst, rng)):
         light = scene
         if not motion.none:
             light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
-        light = light[margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel]
-        yield SimulatedFrame(reduced(light, pixel), motion, burst.stops[number] if burst.stops else None)
+        light = light[
+            margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel
+        ]
+        yield SimulatedFrame(
+            reduced(light, pixel), motion, burst.stops[number] if burst.stops else None
+        )
 
 
 def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
@@ -191,7 +248,6 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
     float32 (H, W, C)
         Beyond its borders the outermost pixels go on: it is true `reach` pixels from the border and
         further inside. Interpolation may overshoot at sharp edges, below zero too.
-
     """
     if motion.none:
         return rgb
@@ -203,12 +259,16 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
     offset = centre - back @ (centre + motion.shift)
     result = np.empty_like(rgb)
     for channel in range(rgb.shape[2]):
-        affine_transform(rgb[..., channel], back, offset, output=result[..., channel], order=5, mode="nearest")
+        affine_transform(
+            rgb[..., channel], back, offset, output=result[..., channel], order=5, mode="nearest"
+        )
     return result
 
 
 def reach(motion: Motion, shape: tuple[int, ...]) -> int:
-    """Return how far from the border `displaced` depends on what is beyond it, pixels; 0 for no motion."""
+    """Return how far from the border `displaced` depends on what is beyond it, pixels; 0 for no
+    motion.
+    """
     if motion.none:
         return 0
     half = np.array(shape[:2]) / 2
@@ -220,12 +280,18 @@ def reach(motion: Motion, shape: tuple[int, ...]) -> int:
 def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) -> str:
     """The true motion of a burst as JSON, to measure alignment with.
 
-    frames: by the names of their files.
-    shape: rows and columns of each.
+    Parameters
+    ----------
+    frames : Mapping[str, SimulatedFrame]
+        By the names of their files.
+    shape : tuple[int, int]
+        Rows and columns of each.
     """
     described: dict[str, Any] = {
-        "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y - sin(a) x + down, "
-        "x' = cos(a) x + sin(a) y + across of a frame, from `centre`; a = degrees, counter-clockwise; "
+        "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y - "
+        "sin(a) x + down, "
+        "x' = cos(a) x + sin(a) y + across of a frame, from `centre`; a = degrees, "
+        "counter-clockwise; "
         "pixels, rows down and columns to the right",
         "centre": [(count - 1) / 2 for count in shape],
         "reference": next(iter(frames)),

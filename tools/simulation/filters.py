@@ -1,8 +1,10 @@
-"""The filters of a simulated sensor: how each is made from the channels of a scene, and what they add up to without a filter.
+"""The filters of a simulated sensor: how each is made from the channels of a scene, and what they
+add up to without a filter.
 
-Every filter is scaled so that it reads 1 where the scene is white. A panchromatic pixel collects the light of all channels, so it
-reads the more, the less of them the filters let through: R + G + B = 3 in white beside red, green and blue, but (C + M + Y) / 2 =
-1.5 beside cyan, magenta and yellow, which collect two channels each. The scene units of two cameras thus differ: `Filters.unit`.
+Every filter is scaled so that it reads 1 where the scene is white. A panchromatic pixel collects
+the light of all channels, so it reads the more, the less of them the filters let through: R + G + B
+= 3 in white beside red, green and blue, but (C + M + Y) / 2 = 1.5 beside cyan, magenta and yellow,
+which collect two channels each. The scene units of two cameras thus differ: `Filters.unit`.
 """
 
 from dataclasses import dataclass
@@ -24,11 +26,19 @@ _LEAST = 1e-6  # smaller weights and differences are rounding
 class Filters:
     """The filters of a sensor, each a mixture of the channels of a scene. `filters_for` makes them.
 
-    channels: the letters of the filters, in the order of the pattern.
-    matrix: (C, N), from the scene's channels to the filters' readings; each row adds up to 1.
-    gamma: (C,), positive weights of Eq. 7.
-    notes: remarks for the user.
+    Attributes
+    ----------
+    channels : str
+        The letters of the filters, in the order of the pattern.
+    matrix : Matrix
+        (C, N), from the scene's channels to the filters' readings; each row adds up to 1.
+    gamma : tuple[float, ...]
+        (C,), positive weights of Eq. 7.
+    notes : tuple[str, ...]
+        Remarks for the user.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> scene = Scene(np.float32([[[0.2, 0.4, 0.8]]]), "leaf")
     >>> filters = filters_for(CfaPattern.with_block(("CM", "YC"), period=6), scene)
@@ -43,17 +53,23 @@ class Filters:
 
     @property
     def unit(self) -> float:
-        """Scene units of this sensor that are one of a sensor with red, green and blue filters, under the same light."""
+        """Scene units of this sensor that are one of a sensor with red, green and blue filters,
+        under the same light.
+        """
         return sum(self.gamma) / 3
 
     @property
     def noise(self) -> NoiseModel:
         """The noise of `typical_noise` under the same light: its pixels hold as many electrons."""
         planes = len(self.channels) + 1
-        return NoiseModel((TYPICAL_SHOT * self.unit,) * planes, (TYPICAL_READ * self.unit,) * planes)
+        return NoiseModel(
+            (TYPICAL_SHOT * self.unit,) * planes, (TYPICAL_READ * self.unit,) * planes
+        )
 
     def of(self, light: FloatArray) -> FloatArray:
-        """What the filters read: float32 (H, W, N) scene units -> (H, W, C). The same array if they are the scene's channels."""
+        """Readings through the filters: float32 (H, W, N) scene units -> (H, W, C). The same array
+        if they are the scene's channels.
+        """
         if np.array_equal(self.matrix, np.eye(light.shape[2])):
             return light
         read: FloatArray = np.zeros((*light.shape[:2], len(self.matrix)), np.float32)
@@ -64,9 +80,11 @@ class Filters:
         return read
 
     def colours(self, scene: Scene) -> tuple[Matrix | None, tuple[float, ...] | None]:
-        """The scene's camera_to_xyz and neutral for these filters; the matrix is None if they do not tell three colours apart.
+        """The scene's camera_to_xyz and neutral for these filters; the matrix is None if they do
+        not tell three colours apart.
 
-        If the scene knows no matrix, mixtures of its red, green and blue have that of sRGB primaries, as `ColourTransform` assumes.
+        If the scene knows no matrix, mixtures of its red, green and blue have that of sRGB
+        primaries, as `ColourTransform` assumes.
         """
         matrix, to_xyz, neutral = np.array(self.matrix), scene.camera_to_xyz, scene.neutral
         if np.array_equal(matrix, np.eye(len(scene.channels))):
@@ -74,64 +92,102 @@ class Filters:
         seen = None if neutral is None else tuple((matrix @ neutral).tolist())
         if to_xyz is None and not set(RGB) <= set(scene.channels):
             return None, seen
-        # Eq. 17 gives the filters' readings; the pseudo-inverse takes them back to the scene's channels.
-        known = (nominal_to_xyz(scene.channels, neutral) if to_xyz is None else np.array(to_xyz)) @ np.linalg.pinv(matrix)
+        # Eq. 17 gives the filters' readings; the pseudo-inverse takes them back to the scene's
+        # channels.
+        known = (
+            nominal_to_xyz(scene.channels, neutral) if to_xyz is None else np.array(to_xyz)
+        ) @ np.linalg.pinv(matrix)
         return (as_rows(known) if np.linalg.matrix_rank(known) == 3 else None), seen
 
 
 def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
-    """The filters of a pattern before a scene: the scene's own channels, and C, M and Y made from R, G and B.
+    """The filters of a pattern before a scene: the scene's own channels, and C, M and Y made from
+    R, G and B.
 
-    Raises InputError for letters that are neither, and when no positive weights of the filters add up to what panchromatic pixels
-    see.
+    Raises
+    ------
+    InputError
+        For letters that are neither, and when no positive weights of the filters add up to what
+        panchromatic pixels see.
     """
     channels, there = pattern.channels, scene.channels
     sources = _mixtures(scene) | dict(zip(there, np.eye(len(there)), strict=True))
     if missing := [letter for letter in channels if letter not in sources]:
         raise InputError(
             f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}"
-            + (f" (of which {_listed(others)} can be made)" if (others := [each for each in sources if each not in there]) else "")
+            + (
+                f" (of which {_listed(others)} can be made)"
+                if (others := [each for each in sources if each not in there])
+                else ""
+            )
             + "; use a scene with these channels, or another pattern"
         )
     passed = np.array([sources[each] for each in channels])
     gamma, notes = _weights(channels, passed, there)
     if composed := [letter for letter in channels if letter not in there]:
-        notes = (f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's red, green and blue", *notes)
+        notes = (
+            f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's "
+            "red, green and blue",
+            *notes,
+        )
     return Filters(channels, as_rows(passed / passed.sum(axis=1, keepdims=True)), gamma, notes)
 
 
 def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
-    """For each filter that is no channel of the scene: what it passes of the scene's channels, (N,), by letter."""
+    """For each filter that is no channel of the scene: what it passes of the scene's channels,
+    (N,), by letter.
+    """
     if not set(RGB) <= set(scene.channels):
         return {}
-    others = {letter: through for letter, through in BROADBAND.items() if letter not in scene.channels}
-    return {letter: np.array([float(channel in through) for channel in scene.channels]) for letter, through in others.items()}
+    others = {
+        letter: through for letter, through in BROADBAND.items() if letter not in scene.channels
+    }
+    return {
+        letter: np.array([float(channel in through) for channel in scene.channels])
+        for letter, through in others.items()
+    }
 
 
-def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[tuple[float, ...], tuple[str, ...]]:
-    """gamma, and notes: the least-squares solution of "weighted filters add up to all channels", in the units of the filters.
+def _weights(
+    channels: str, passed: DoubleArray, there: str
+) -> tuple[tuple[float, ...], tuple[str, ...]]:
+    """gamma, and notes: the least-squares solution of "weighted filters add up to all channels", in
+    the units of the filters.
 
     passed: (C, N), what each filter lets through of each channel.
     """
     matrix = passed / passed.sum(axis=1, keepdims=True)
     weights = np.linalg.lstsq(matrix.T, np.ones(len(there)))[0]
     if weights.min() < _LEAST:
-        figures = ", ".join(f"{letter} {weight:.3g}" for letter, weight in zip(channels, weights.round(3) + 0.0, strict=True))
+        figures = ", ".join(
+            f"{letter} {weight:.3g}"
+            for letter, weight in zip(channels, weights.round(3) + 0.0, strict=True)
+        )
         raise InputError(
-            f"panchromatic pixels see {' + '.join(there)}, and Eq. 7 needs positive weights of {_listed(channels)} that "
+            f"panchromatic pixels see {' + '.join(there)}, and Eq. 7 needs positive weights of "
+            f"{_listed(channels)} that "
             f"add up to it; there are none (the nearest: {figures}), choose other filters"
         )
     seen = weights @ matrix
     notes: tuple[str, ...] = ()
     if np.abs(seen - 1).max() > _LEAST:
-        parts = " + ".join(f"{share:.3g} {letter}" for letter, share in zip(there, seen, strict=True) if share > _LEAST)
-        notes = (f"no weights of {_listed(channels)} add up to all light: panchromatic pixels see {parts} of the scene",)
+        parts = " + ".join(
+            f"{share:.3g} {letter}"
+            for letter, share in zip(there, seen, strict=True)
+            if share > _LEAST
+        )
+        notes = (
+            f"no weights of {_listed(channels)} add up to all light: panchromatic pixels see "
+            f"{parts} of the scene",
+        )
     return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist()), notes
 
 
 def _listed(letters: str | list[str]) -> str:
     """The letters as a list in a sentence.
 
+    Examples
+    --------
     >>> _listed("RGB")
     'R, G and B'
     """

@@ -12,7 +12,9 @@ from ...shared.shading import basis
 
 _POINTS = 9, 11  # control points: the maps are then within 0.03 % of a lens of 2 stops and 15 %
 _PLACES = 128  # along an axis, at which they are made, whatever the size of the frame
-_DIGITS = 9  # after the point: beyond them products of matrices depend on the machine, and equal commands make equal files
+# after the point: beyond them products of matrices depend on the machine, and equal commands make
+# equal files
+_DIGITS = 9
 _MOST_STOPS, _MOST_PERCENT = 4.0, 50.0
 
 
@@ -20,9 +22,17 @@ _MOST_STOPS, _MOST_PERCENT = 4.0, 50.0
 class Lens:
     """A simulated lens whose corners are darker, and of another colour: see `lens_shading`.
 
-    stops: by which panchromatic pixels get less light there, 0 to 4.
-    percent: 100 times the colour shading, 0 to 50.
-    Raises InputError for other figures.
+    Attributes
+    ----------
+    stops : float
+        By which panchromatic pixels get less light there, 0 to 4.
+    percent : float
+        100 times the colour shading, 0 to 50.
+
+    Raises
+    ------
+    InputError
+        For other figures.
     """
 
     stops: float = 0.0
@@ -34,7 +44,13 @@ class Lens:
 
     @classmethod
     def of(cls, figures: Sequence[float] | None) -> "Lens":
-        """Return the lens with (stops, percent), or stops alone; None is a lens without faults. Raises InputError for others."""
+        """Return the lens with (stops, percent), or stops alone; None is a lens without faults.
+
+        Raises
+        ------
+        InputError
+            For others.
+        """
         if figures is None:
             return cls()
         if not 1 <= len(figures) <= 2:
@@ -46,11 +62,24 @@ class Lens:
         if (self.stops or self.percent) and known.shading is not None:
             raise InputError(f"{source} has its own shading: leave `shading` out")
 
-    def calibrated(self, calibration: SensorCalibration, shape: tuple[int, int]) -> SensorCalibration:
-        """Return the calibration with the shading of this lens. shape: (rows, columns) of the frame."""
+    def calibrated(
+        self, calibration: SensorCalibration, shape: tuple[int, int]
+    ) -> SensorCalibration:
+        """Return the calibration with the shading of this lens.
+
+        Parameters
+        ----------
+        shape : tuple[int, int]
+            (rows, columns) of the frame.
+        """
         if not (self.stops or self.percent):
             return calibration
-        return replace(calibration, shading=lens_shading(self.stops, self.percent / 100, len(calibration.channels) + 1, shape))
+        return replace(
+            calibration,
+            shading=lens_shading(
+                self.stops, self.percent / 100, len(calibration.channels) + 1, shape
+            ),
+        )
 
 
 NO_LENS = Lens()
@@ -58,7 +87,8 @@ NO_LENS = Lens()
 
 def _error(figures: Sequence[float]) -> InputError:
     return InputError(
-        f"`shading` is {','.join(map('{:g}'.format, figures))}, expected STOPS,PERCENT: 0 to {_MOST_STOPS:g} stops, "
+        f"`shading` is {','.join(map('{:g}'.format, figures))}, expected STOPS,PERCENT: 0 to "
+        f"{_MOST_STOPS:g} stops, "
         f"0 to {_MOST_PERCENT:g} %, such as 2,15"
     )
 
@@ -66,12 +96,21 @@ def _error(figures: Sequence[float]) -> InputError:
 def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int]) -> Shading:
     """The shading of a lens whose optical axis meets the middle of the frame.
 
-    stops: by which the light of panchromatic pixels has fallen off in the corners. It falls with the fourth power of the cosine.
-    colour: share by which the first channel reads less, and the last one more, than panchromatic pixels do in the corners; those
-        between lie between.
-    planes: number of channels, and one.
-    shape: (rows, columns) of the frame.
+    Parameters
+    ----------
+    stops : float
+        By which the light of panchromatic pixels has fallen off in the corners. It falls with the
+        fourth power of the cosine.
+    colour : float
+        Share by which the first channel reads less, and the last one more, than panchromatic pixels
+        do in the corners; those between lie between.
+    planes : int
+        Number of channels, and one.
+    shape : tuple[int, int]
+        (rows, columns) of the frame.
 
+    Examples
+    --------
     >>> from panchroma.tools.simulation.lens import lens_shading
     >>> lens = lens_shading(2, 0.15, 4, (600, 900))
     >>> [round(float(lens.of_plane((600, 900), plane)[0, 0]), 2) for plane in range(4)]

@@ -31,49 +31,74 @@ from .drawn.charts import chart_scene
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
 _DRAWN: dict[str, Callable[..., Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene}
-# Even ones: prefix, and what each reads everywhere, in all channels. Less light makes flat frames that do not clip.
+# Even ones: prefix, and what each reads everywhere, in all channels. Less light makes flat frames
+# that do not clip.
 _EVEN = {"flat:": 1.0, "dark:": 0.0}
 _PIECE = 16 << 20
-# What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
+# What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are
+# known by their names.
 _RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
 _RAWS = (
-    "3fr ari arw bay bmq cap cine cr2 cr3 crw cs1 dc2 dcr dcs dng drf dsc erf fff gpr ia iiq k25 kc2 kdc mdc mef mos mrw nef nrw "
+    "3fr ari arw bay bmq cap cine cr2 cr3 crw cs1 dc2 dcr dcs dng drf dsc erf fff gpr ia iiq k25 "
+    "kc2 kdc mdc mef mos mrw nef nrw "
     "orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw sti x3f"
 )
 _RAW_ENDINGS = tuple(f".{name}" for name in _RAWS.split())
 ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *_RAW_ENDINGS)
-"""Endings of the names of files that may be scenes: what is looked for in folders, but for what `set_aside` says."""
+"""Endings of the names of files that may be scenes: what is looked for in folders, but for what
+`set_aside` says.
+"""
 TRUTH, TRUTH_PICTURE = ".truth.tif", ".truth.png"
-"""Ends of the names of the truth of a simulated shot, and of its picture to look at, behind the stem of the shot."""
+"""Ends of the names of the truth of a simulated shot, and of its picture to look at, behind the
+stem of the shot.
+"""
 
 
 def load_scene(
-    source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS, channels: str = RGB, registered: bool = True
+    source: str,
+    *,
+    linear: bool = False,
+    max_pixels: int = MAX_PIXELS,
+    channels: str = RGB,
+    registered: bool = True,
 ) -> Scene:
     """Return the scene in a file, or a built-in scene.
 
-    source: one of
-        the path of a Bayer camera RAW (see `camera_raw_scene`), or of a linear DNG (see `linear_dng_scene`),
-        the path of a TIFF, PNG, JPEG, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
-            the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
-        "builtin:WxH" (see `builtin_scene`),
-        "chart:WxH" (see `chart_scene`),
-        "flat:WxH", "dark:WxH" (evenly lit white at full scale, no light: to calibrate with).
-    linear: take the values of any picture as linear light.
-    max_pixels: larger scenes are refused.
-    channels: those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY in their order, if it
-        has as many; otherwise, and in all other files, the scene has red, green and blue.
-    registered: of camera RAWs, see `camera_raw_scene`.
+    The content decides which kind a file is, and the name's ending must agree.
 
-    The content decides which kind a file is, and the name's ending must agree. Raises InputError that says what was found and what
-    to do; it does not name the file.
+    Parameters
+    ----------
+    source : str
+        One of the path of a Bayer camera RAW (see `camera_raw_scene`), or of a linear DNG (see
+        `linear_dng_scene`), the path of a TIFF, PNG, JPEG, EXR or NPY picture (see `picture_scene`:
+        8 bits are sRGB, more bits are linear, unless the file says otherwise; Gehler's data set in
+        Shi and Funt's version is recognised), "builtin:WxH" (see `builtin_scene`), "chart:WxH" (see
+        `chart_scene`), "flat:WxH", "dark:WxH" (evenly lit white at full scale, no light: to
+        calibrate with).
+    linear : bool, optional
+        Take the values of any picture as linear light.
+    max_pixels : int, optional
+        Larger scenes are refused.
+    channels : str, optional
+        Those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY
+        in their order, if it has as many; otherwise, and in all other files, the scene has red,
+        green and blue.
+    registered : bool, optional
+        Of camera RAWs, see `camera_raw_scene`.
+
+    Raises
+    ------
+    InputError
+        That says what was found and what to do; it does not name the file.
     """
     if is_drawn(source):
         return _draw(source, max_pixels, channels)
     if meant := _misspelt(source):
         raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
     with text_name(Path(source)) as path:
-        return replace(_in_file(path, linear, max_pixels, channels, registered), name=Path(source).stem)
+        return replace(
+            _in_file(path, linear, max_pixels, channels, registered), name=Path(source).stem
+        )
 
 
 def _in_file(path: Path, linear: bool, max_pixels: int, channels: str, registered: bool) -> Scene:
@@ -91,11 +116,17 @@ def _in_file(path: Path, linear: bool, max_pixels: int, channels: str, registere
 
 
 def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
-    """Read the samples in a shot of Panchroma, in another camera's RAW or DNG, or in a grey TIFF, PNG or NPY: uint16 (H, W).
+    """Read the samples in a shot of Panchroma, in another camera's RAW or DNG, or in a grey TIFF,
+    PNG or NPY: uint16 (H, W).
 
-    path: the file.
-    max_pixels: larger files are refused.
     Raises InputError, which does not name the file, for any other file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    max_pixels : int, optional
+        Larger files are refused.
     """
     with text_name(path) as name:
         try:
@@ -107,16 +138,27 @@ def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
         with guarded(name):
             pixels = found.decode(name, max_pixels, RGB).pixels
     if pixels.shape[2] != 1:
-        raise InputError("is a picture with several colours at each pixel; give the samples of the sensor, one at each pixel")
+        raise InputError(
+            "is a picture with several colours at each pixel; give the samples of the sensor, "
+            "one at each pixel"
+        )
     if pixels.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"its samples are {pixels.dtype}; those of a sensor are whole numbers of 8 or 16 bits")
+        raise InputError(
+            f"its samples are {pixels.dtype}; those of a sensor are whole numbers of 8 or 16 bits"
+        )
     return pixels[..., 0].astype(np.uint16)
 
 
 def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
-    """The format of a picture, by its content, None for a file that may be a camera RAW; and whether that is a DNG.
+    """The format of a picture, by its content, None for a file that may be a camera RAW; and
+    whether that is a DNG.
 
-    Raises ForeignFileError for a shot of Panchroma, and InputError for a file that can be neither.
+    Raises
+    ------
+    ForeignFileError
+        For a shot of Panchroma.
+    InputError
+        For a file that can be neither.
     """
     with opened_file(path, sys.maxsize, "a picture or a camera RAW") as file:
         start = file.read(16)
@@ -126,9 +168,15 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     if found is TIFF:
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
-            raise ForeignFileError("this is a shot, sampled by the sparse-colour sensor already, and no scene; render it")
+            raise ForeignFileError(
+                "this is a shot, sampled by the sparse-colour sensor already, and no scene; "
+                "render it"
+            )
     elif found and suffix not in found.endings:
-        raise InputError(f"is a {found.name} picture by its content; if that is right, rename it {path.stem}{found.endings[0]}")
+        raise InputError(
+            f"is a {found.name} picture by its content; if that is right, rename it "
+            f"{path.stem}{found.endings[0]}"
+        )
     if found and suffix in found.endings and not is_dng:
         return found, False
     if not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
@@ -137,11 +185,19 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
 
 
 def set_aside(paths: Sequence[str]) -> dict[str, str]:
-    """Return which files in one folder are no scenes of their own, and why: pictures beside a camera RAW of their name, results.
+    """Return which files in one folder are no scenes of their own, and why: pictures beside a
+    camera RAW of their name, results.
 
-    paths: files with `ENDINGS`.
+    Parameters
+    ----------
+    paths : Sequence[str]
+        Files with `ENDINGS`.
     """
-    aside = {path: "(the truth of a shot)" for path in paths if path.lower().endswith((TRUTH, TRUTH_PICTURE))}
+    aside = {
+        path: "(the truth of a shot)"
+        for path in paths
+        if path.lower().endswith((TRUTH, TRUTH_PICTURE))
+    }
     alike: dict[str, list[str]] = {}
     for path in paths:
         alike.setdefault(Path(path).stem.lower(), []).append(path)
@@ -151,7 +207,11 @@ def set_aside(paths: Sequence[str]) -> dict[str, str]:
             shots = [path for path in raws if _is_shot(path)]
             aside |= dict.fromkeys(shots, "(a shot of Panchroma, no scene)")
             if len(raws) > len(shots):
-                aside |= {path: "beside a camera RAW of the same name" for path in names if path not in raws}
+                aside |= {
+                    path: "beside a camera RAW of the same name"
+                    for path in names
+                    if path not in raws
+                }
     return aside
 
 
@@ -169,7 +229,9 @@ def is_drawn(source: str) -> bool:
 
 
 def _misspelt(source: str) -> str:
-    """The drawn scene that a user probably meant by a name of no scene and no file: "bultin:600x400", "600x400"; "" if none."""
+    """The drawn scene that a user probably meant by a name of no scene and no file:
+    "bultin:600x400", "600x400"; "" if none.
+    """
     kind, _, size = source.rpartition(":")
     if os.path.lexists(source) or not re.fullmatch(r"\d+x\d+", size):
         return ""
@@ -182,7 +244,9 @@ def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     kind = source[: source.index(":") + 1]
     size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
     if not size:
-        raise InputError(f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
+        raise InputError(
+            f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800"
+        )
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
     if kind in _DRAWN:
@@ -195,7 +259,8 @@ def _draw(source: str, max_pixels: int, channels: str) -> Scene:
 
 @contextmanager
 def text_name(path: Path) -> Iterator[Path]:
-    """In the `with` block, a name of the file that is text: LibRaw and OpenEXR take no other names. It is a link if need be.
+    """In the `with` block, a name of the file that is text: LibRaw and OpenEXR take no other names.
+    It is a link if need be.
 
     Text has no bytes that the locale's encoding does not have (LC_ALL=C), or that are no UTF-8.
     """
@@ -208,14 +273,19 @@ def text_name(path: Path) -> Iterator[Path]:
             link.symlink_to(path.absolute())
             yield link
     except OSError as error:
-        raise InputError(f"its name is no text, and a link to it cannot be made ({error.strerror or error}); rename it") from None
+        raise InputError(
+            f"its name is no text, and a link to it cannot be made ({error.strerror or error}); "
+            "rename it"
+        ) from None
 
 
 def _inspect_tiff(path: Path) -> tuple[bool, bool]:
-    """Return whether a file that begins like a TIFF is a shot of Panchroma, and whether it is a DNG.
+    """Return whether a file that begins like a TIFF is a shot of Panchroma, and whether it is a
+    DNG.
 
-    LibRaw must not get our shots: it treats a 6 x 6 pattern as X-Trans and other periods as four colours, and decodes them wrongly
-    without an error. Their private data may be in the directory of the preview or of the samples.
+    LibRaw must not get our shots: it treats a 6 x 6 pattern as X-Trans and other periods as four
+    colours, and decodes them wrongly without an error. Their private data may be in the directory
+    of the preview or of the samples.
     """
     import tifffile
 
@@ -226,14 +296,19 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
             private = [directory.tags.get(TAG["DNGPrivateData"]) for directory in directories]
-            is_shot = any(tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
+            is_shot = any(
+                tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private
+            )
             return is_shot, TAG["DNGVersion"] in first.tags
-    except Exception:  # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
+    # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
+    except Exception:
         return _mentions(path, MAKER.encode()), False
 
 
 def _mentions(path: Path, word: bytes) -> bool:
-    """Return whether a file contains a word near its beginning or end, where directories and their data are."""
+    """Return whether a file contains a word near its beginning or end, where directories and their
+    data are.
+    """
     with path.open("rb") as file:
         start = file.read(_PIECE)
         file.seek(max(0, path.stat().st_size - _PIECE))

@@ -1,4 +1,6 @@
-"""Noise of a simulated camera: the paper's, additive and Gaussian (sigma), or a sensor's, by the amount of light."""
+"""Noise of a simulated camera: the paper's, additive and Gaussian (sigma), or a sensor's, by the
+amount of light.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +18,7 @@ _BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
 
 @dataclass(frozen=True, eq=False)
 class BayerShot:
-    """What a Bayer sensor measured.
+    """Mosaic of a Bayer sensor.
 
     Attributes
     ----------
@@ -24,7 +26,6 @@ class BayerShot:
         Scene units.
     shot, read : float
         Their noise, variance = shot * signal + read**2, scene units.
-
     """
 
     samples: FloatArray
@@ -50,7 +51,6 @@ class Protocol:
         Samples above white are kept; bits of a sample in an evaluation.
     conditions : str
         What the noise is, and what is equal for a Bayer camera.
-
     """
 
     level: float
@@ -76,7 +76,10 @@ class Protocol:
 
     @classmethod
     def levels(cls, wanted: Iterable[float] | None = None) -> tuple[Self, ...]:
-        """Return the noise at each level once, in order of rising noise; None = the usual ones. Raises InputError."""
+        """Return the noise at each level once, in order of rising noise; None = the usual ones.
+
+        Raises InputError.
+        """
         levels = dict.fromkeys(cls.usual if wanted is None else wanted)
         return tuple(sorted(map(cls, levels), key=lambda each: each.noisiness))
 
@@ -107,15 +110,19 @@ class Protocol:
 
     @property
     def identity(self) -> list[str | float]:
-        """What tells its shots apart from others at the same level: as JSON values."""
+        """Identity of its shots among others at the same level, as JSON values."""
         return [self.name, self.version]
 
     def scaled(self, unit: float) -> "Protocol":
-        """Return the same noise for a sensor with other filters, `unit` of whose scene units are one of R, G and B filters'."""
+        """Return the same noise for a sensor with other filters, `unit` of whose scene units are
+        one of R, G and B filters'.
+        """
         return self
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
-        """Return the shot of a Bayer sensor, in scene units under full light, from samples without noise."""
+        """Return the shot of a Bayer sensor, in scene units under full light, from samples without
+        noise.
+        """
         raise NotImplementedError
 
 
@@ -124,7 +131,11 @@ class PaperProtocol(Protocol):
     """Additive Gaussian noise on every sample; nothing is clipped or quantised (section 4).
 
     `level` is its standard deviation, scene units of a camera with red, green and blue filters.
-    Raises InputError for a negative one.
+
+    Raises
+    ------
+    InputError
+        For a negative one.
     """
 
     name = "paper"
@@ -159,7 +170,9 @@ class PaperProtocol(Protocol):
         return self.level > 0
 
     def scaled(self, unit: float) -> Protocol:
-        """Return the same fraction of what a panchromatic pixel reads in white: see `Protocol.scaled`."""
+        """Return the same fraction of what a panchromatic pixel reads in white: see
+        `Protocol.scaled`.
+        """
         return replace(self, level=self.level * unit)
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
@@ -171,12 +184,19 @@ class PaperProtocol(Protocol):
 
 @dataclass(frozen=True)
 class SensorProtocol(Protocol):
-    """Shot noise and read noise of a small modern sensor, or of the camera's calibration; clipped and quantised.
+    """Shot noise and read noise of a small modern sensor, or of the camera's calibration; clipped
+    and quantised.
 
-    Sparse-colour and Bayer camera have the same pixels and exposure time. A panchromatic pixel reads the sum of
-    the channels and so gets more light; the Bayer camera has the gain that suits its smaller share.
+    Sparse-colour and Bayer camera have the same pixels and exposure time. A panchromatic pixel
+    reads the sum of the channels and so gets more light; the Bayer camera has the gain that suits
+    its smaller share.
 
-    `level` is the amount of light, 1 = a full exposure. Raises InputError for one that is not positive.
+    `level` is the amount of light, 1 = a full exposure.
+
+    Raises
+    ------
+    InputError
+        For one that is not positive.
     """
 
     name = "sensor"
@@ -190,15 +210,19 @@ class SensorProtocol(Protocol):
     headroom = False
     bits = _BITS
     conditions = (
-        f"both cameras expose pixels of the same sensor for the same time: {1 / TYPICAL_SHOT:,.0f} electrons per scene unit at "
-        f"exposure 1, read noise of {TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; the Bayer camera amplifies more, "
+        "both cameras expose pixels of the same sensor for the same time: "
+        f"{1 / TYPICAL_SHOT:,.0f} electrons per scene unit at "
+        f"exposure 1, read noise of {TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; "
+        "the Bayer camera amplifies more, "
         "for its white is a third of the panchromatic pixel's; "
         "in bright light it could expose longer instead, which is not tried here"
     )
 
     def __post_init__(self) -> None:
         if not 0 < self.level < np.inf:
-            raise InputError(f"`light` is {self.level}, expected a positive factor; 1 is a full exposure")
+            raise InputError(
+                f"`light` is {self.level}, expected a positive factor; 1 is a full exposure"
+            )
 
     @property
     def tick(self) -> str:
@@ -216,13 +240,17 @@ class SensorProtocol(Protocol):
         return self.level
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
-        """Return a shot of the same electrons, whose white level is 1 scene unit times `level`: see `Protocol.bayer`."""
+        """Return a shot of the same electrons, whose white level is 1 scene unit times `level`: see
+        `Protocol.bayer`.
+        """
         light = samples * self.level
         counted: Any = rng.poisson(np.maximum(light, 0) / TYPICAL_SHOT) * TYPICAL_SHOT
         noisy = counted + rng.normal(0, 1, light.shape) * TYPICAL_READ
         codes = np.rint(noisy * (_WHITE - _BLACK) + _BLACK).clip(0, _WHITE)
         measured: FloatArray = ((codes - _BLACK) / (_WHITE - _BLACK)).astype(np.float32)
-        return BayerShot(measured / np.float32(self.level), TYPICAL_SHOT / self.level, TYPICAL_READ / self.level)
+        return BayerShot(
+            measured / np.float32(self.level), TYPICAL_SHOT / self.level, TYPICAL_READ / self.level
+        )
 
 
 PROTOCOLS: tuple[type[Protocol], ...] = PaperProtocol, SensorProtocol
@@ -231,7 +259,8 @@ Given = TypeVar("Given")
 
 
 def chosen_protocol(levels: Mapping[str, Given | None]) -> tuple[type[Protocol], Given | None]:
-    """Return the kind of noise that is asked for, and the level or levels given for it; None = the paper's, at its default.
+    """Return the kind of noise that is asked for, and the level or levels given for it; None = the
+    paper's, at its default.
 
     Parameters
     ----------
@@ -242,7 +271,6 @@ def chosen_protocol(levels: Mapping[str, Given | None]) -> tuple[type[Protocol],
     ------
     InputError
         Levels of both kinds are given.
-
     """
     given = [option for option, level in levels.items() if level is not None]
     if len(given) > 1:

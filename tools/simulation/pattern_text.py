@@ -1,4 +1,6 @@
-"""A pattern of colour filters as users write it: letters, the name of a tile, or a file with either."""
+"""A pattern of colour filters as users write it: letters, the name of a tile, or a file with
+either.
+"""
 
 import os
 import re
@@ -17,10 +19,20 @@ _LARGEST_FILE = 1 << 16  # bytes, with its comments
 def read_pattern(text: str) -> CfaPattern:
     """The pattern that a text stands for.
 
-    text: the name of a tile, see `shared.tiles`; or that of a file, if there is one; or letters, as "RGWW/GBWW/WWWW/WWWW".
-        In a file a row ends with its line or a "/"; white space, empty lines, and what follows a # are left out.
-    Raises InputError that names the file, or the argument `pattern`, and says what is wrong with the letters.
+    Parameters
+    ----------
+    text : str
+        The name of a tile, see `shared.tiles`; or that of a file, if there is one; or letters, as
+        "RGWW/GBWW/WWWW/WWWW". In a file a row ends with its line or a "/"; white space, empty
+        lines, and what follows a # are left out.
 
+    Raises
+    ------
+    InputError
+        That names the file, or the argument `pattern`, and says what is wrong with the letters.
+
+    Examples
+    --------
     >>> from panchroma.tools.simulation.pattern_text import read_pattern
     >>> read_pattern("kodak") == read_pattern("WBWG/BWGW/WGWR/GWRW")
     True
@@ -31,11 +43,16 @@ def read_pattern(text: str) -> CfaPattern:
         if not is_file and letters_of(text) is None and not _LETTERS.fullmatch(text):
             raise InputError(f"is not {EXPECTED}, and no file has this name{meant(text, TILES)}")
         if len(letters) > _MOST_LETTERS:
-            raise InputError(f"{len(letters)} letters are more than the largest tile has, {PERIODS[-1]} x {PERIODS[-1]}")
+            raise InputError(
+                f"{len(letters)} letters are more than the largest tile has, {PERIODS[-1]} x "
+                f"{PERIODS[-1]}"
+            )
         return CfaPattern.of_letters(letters)
     except InputError as error:
         said = str(error).removeprefix("pattern: ")
-        raise InputError(f"{text}: {said}" if is_file else f"`pattern` {text[:_MOST_LETTERS]!r}: {said}") from None
+        raise InputError(
+            f"{text}: {said}" if is_file else f"`pattern` {text[:_MOST_LETTERS]!r}: {said}"
+        ) from None
 
 
 def _letters_in(name: str) -> str:

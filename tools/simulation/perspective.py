@@ -17,12 +17,17 @@ def homography(source: DoubleArray, destination: DoubleArray) -> DoubleArray:
     """
     (x, y), (u, v) = source.T, destination.T
     one, nil = np.ones_like(x), np.zeros_like(x)
-    across, down = [x, y, one, nil, nil, nil, -u * x, -u * y], [nil, nil, nil, x, y, one, -v * x, -v * y]
+    across, down = (
+        [x, y, one, nil, nil, nil, -u * x, -u * y],
+        [nil, nil, nil, x, y, one, -v * x, -v * y],
+    )
     equations = np.concatenate([np.stack(across, axis=1), np.stack(down, axis=1)])
     return np.append(np.linalg.solve(equations, destination.T.ravel()), 1.0).reshape(3, 3)
 
 
-def apply_homography(matrix: DoubleArray, x: DoubleArray, y: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+def apply_homography(
+    matrix: DoubleArray, x: DoubleArray, y: DoubleArray
+) -> tuple[DoubleArray, DoubleArray]:
     """Return the points (x, y), arrays of any one shape, after a projective map (3, 3)."""
     u, v, w = (row[0] * x + row[1] * y + row[2] for row in matrix)
     return u / w, v / w

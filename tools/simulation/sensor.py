@@ -11,26 +11,43 @@ from ...shared.metadata import CaptureMetadata
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 
-# A small modern sensor in scene units at gamma = (1, 1, 1): 15,000 electrons at full scale (3 scene units), read noise 3 electrons.
+# A small modern sensor in scene units at gamma = (1, 1, 1): 15,000 electrons at full scale (3 scene
+# units), read noise 3 electrons.
 TYPICAL_SHOT = 3 / 15_000
 TYPICAL_READ = 3 * TYPICAL_SHOT
-MOST_ELECTRONS = 1e18  # NumPy draws no Poisson numbers much beyond it; no pixel holds a billionth as many
+# NumPy draws no Poisson numbers much beyond it; no pixel holds a billionth as many
+MOST_ELECTRONS = 1e18
 
 
 def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration) -> FloatArray:
-    """The samples of a noiseless sensor, float32 (H, W), scene units: one channel at a colour site, Eq. 7 elsewhere,
-    less what shading takes.
+    """The samples of a noiseless sensor, float32 (H, W), scene units: one channel at a colour site,
+    Eq. 7 elsewhere, less what shading takes.
 
-    rgb: the scene, (H, W, C), scene units, channels in the order of the pattern.
-    pattern: the filter pattern, with C channels.
-    calibration: its gamma and its shading are used.
-    Raises InputError when the three have different channels.
+    Parameters
+    ----------
+    rgb : FloatArray
+        The scene, (H, W, C), scene units, channels in the order of the pattern.
+    pattern : CfaPattern
+        The filter pattern, with C channels.
+    calibration : SensorCalibration
+        Its gamma and its shading are used.
+
+    Raises
+    ------
+    InputError
+        When the three have different channels.
     """
     if rgb.ndim != 3 or rgb.shape[2] != len(pattern.channels):
-        raise InputError(f"a scene of shape {rgb.shape} for a pattern with {len(pattern.channels)} channels ({pattern.channels})")
+        raise InputError(
+            f"a scene of shape {rgb.shape} for a pattern with {len(pattern.channels)} channels "
+            f"({pattern.channels})"
+        )
     calibration.check_pattern(pattern)
     with np.errstate(over="ignore"):  # a mosaic refuses infinite samples
-        samples: FloatArray = (rgb @ np.array(calibration.gamma, np.float32)).astype(np.float32, copy=False)  # Eq. 7
+        # Eq. 7
+        samples: FloatArray = (rgb @ np.array(calibration.gamma, np.float32)).astype(
+            np.float32, copy=False
+        )
     for channel, rows, columns in pattern.lattices:
         samples[rows, columns] = rgb[rows, columns, channel]
     return _shaded(samples, pattern, calibration, undone=False)
@@ -44,16 +61,33 @@ def simulate_additive(
     rng: np.random.Generator,
     metadata: CaptureMetadata | None = None,
 ) -> Mosaic:
-    """Photograph a scene by the paper's protocol: additive Gaussian noise on every sample, nothing clipped.
+    """Photograph a scene by the paper's protocol: additive Gaussian noise on every sample, nothing
+    clipped.
 
-    rgb: the scene, (H, W, C), scene units.
-    pattern: the sensor's filter pattern.
-    calibration: the sensor's calibration; its own noise model is not used.
-    sigma: standard deviation of the noise, scene units, 0 or more.
-    rng: source of the noise.
-    metadata: capture data of the mosaic.
-    Returns a mosaic of float32 scene units; its calibration states this noise.
-    Raises InputError for any other sigma, and when scene, pattern and calibration have different channels.
+    Parameters
+    ----------
+    rgb : FloatArray
+        The scene, (H, W, C), scene units.
+    pattern : CfaPattern
+        The sensor's filter pattern.
+    calibration : SensorCalibration
+        The sensor's calibration; its own noise model is not used.
+    sigma : float
+        Standard deviation of the noise, scene units, 0 or more.
+    rng : np.random.Generator
+        Source of the noise.
+    metadata : CaptureMetadata | None, optional
+        Capture data of the mosaic.
+
+    Returns
+    -------
+    Mosaic
+        A mosaic of float32 scene units; its calibration states this noise.
+
+    Raises
+    ------
+    InputError
+        For any other sigma, and when scene, pattern and calibration have different channels.
     """
     if not 0 <= sigma < np.inf:
         raise InputError(f"sigma is {sigma}, expected 0 or more")
@@ -74,16 +108,34 @@ def simulate_sensor(
     rng: np.random.Generator,
     metadata: CaptureMetadata | None = None,
 ) -> Mosaic:
-    """Photograph a scene as a real sensor does: shot noise (Poisson), read noise, clipping at full scale, quantisation.
+    """Photograph a scene as a real sensor does: shot noise (Poisson), read noise, clipping at full
+    scale, quantisation.
 
-    rgb: the scene, (H, W, C), scene units.
-    pattern: the sensor's filter pattern.
-    calibration: the sensor's calibration: gamma, noise (`typical_noise` if it has none), black and white level, and bits.
-    exposure: factor by which the light is multiplied, positive.
-    rng: source of the noise.
-    metadata: capture data of the mosaic.
-    Returns a mosaic of uint16 codes.
-    Raises InputError for any other exposure, and when scene, pattern and calibration have different channels.
+    Parameters
+    ----------
+    rgb : FloatArray
+        The scene, (H, W, C), scene units.
+    pattern : CfaPattern
+        The sensor's filter pattern.
+    calibration : SensorCalibration
+        The sensor's calibration: gamma, noise (`typical_noise` if it has none), black and white
+        level, and bits.
+    exposure : float
+        Factor by which the light is multiplied, positive.
+    rng : np.random.Generator
+        Source of the noise.
+    metadata : CaptureMetadata | None, optional
+        Capture data of the mosaic.
+
+    Returns
+    -------
+    Mosaic
+        A mosaic of uint16 codes.
+
+    Raises
+    ------
+    InputError
+        For any other exposure, and when scene, pattern and calibration have different channels.
     """
     if not 0 < exposure < np.inf:
         raise InputError(f"exposure is {exposure}, expected a positive factor")
@@ -99,7 +151,9 @@ def simulate_sensor(
     return Mosaic(codes, pattern, known, metadata or CaptureMetadata())
 
 
-def _shaded(samples: FloatArray, pattern: CfaPattern, calibration: SensorCalibration, *, undone: bool) -> FloatArray:
+def _shaded(
+    samples: FloatArray, pattern: CfaPattern, calibration: SensorCalibration, *, undone: bool
+) -> FloatArray:
     """Samples with the calibration's shading, or with it undone, in place."""
     if calibration.shading is None:
         return samples

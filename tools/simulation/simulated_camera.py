@@ -1,4 +1,5 @@
-"""The simulated camera: from a scene to its shot, and to the truth that a picture of the shot is compared with.
+"""The simulated camera: from a scene to its shot, and to the truth that a picture of the shot is
+compared with.
 
 The built-in sensor, and what it looks at, are to try capture and viewfinder without a camera.
 """
@@ -37,13 +38,20 @@ _SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class Exposed:
-    """What a simulated camera recorded of a scene.
+    """Shot of a simulated camera.
 
-    mosaic: the shot.
-    seen: what its filters would read at every pixel under full light, without lens and noise, float32 (H, W, C), scene units.
-    white: what the scene's white reads in the shot, scene units: amount of light times exposure. It is the peak of every measure of
-        a picture of this shot, so that figures fall with the light.
-    notes: remarks for the user on the scene and on the filters.
+    Attributes
+    ----------
+    mosaic : Mosaic
+        The shot.
+    seen : FloatArray
+        What its filters would read at every pixel under full light, without lens and noise, float32
+        (H, W, C), scene units.
+    white : float
+        What the scene's white reads in the shot, scene units: amount of light times exposure. It is
+        the peak of every measure of a picture of this shot, so that figures fall with the light.
+    notes : tuple[str, ...]
+        Remarks for the user on the scene and on the filters.
     """
 
     mosaic: Mosaic
@@ -53,7 +61,7 @@ class Exposed:
 
     @cached_property
     def truth(self) -> FloatArray:
-        """What the shot sees, in the units of a render of it, float32 (H, W, C); nothing is clipped."""
+        """Scene in the units of a render of the shot, float32 (H, W, C); nothing is clipped."""
         return _dimmed(self.seen, self.white)
 
 
@@ -61,11 +69,19 @@ class Exposed:
 class SimulatedCamera:
     """A camera that photographs scenes.
 
-    pattern: its filters.
-    sensor: its calibration; gamma, noise and colours are replaced where they are not known, see `before`.
-    measured: whether the sensor has gamma and noise of its own; otherwise they follow from the filters.
-    protocol: the noise, and the amount of light.
-    lens: how it shades.
+    Attributes
+    ----------
+    pattern : CfaPattern
+        Its filters.
+    sensor : SensorCalibration
+        Its calibration; gamma, noise and colours are replaced where they are not known, see
+        `before`.
+    measured : bool
+        Whether the sensor has gamma and noise of its own; otherwise they follow from the filters.
+    protocol : Protocol
+        The noise, and the amount of light.
+    lens : Lens
+        How it shades.
     """
 
     pattern: CfaPattern
@@ -86,36 +102,67 @@ class SimulatedCamera:
     ) -> "SimulatedCamera":
         """The camera in a camera file, or else one with the channels of the pattern.
 
-        bits: of a sample; None = those of the file, or 12.
-        pattern, protocol, lens: see above.
-        Raises InputError for any other number of bits.
+        Parameters
+        ----------
+        bits : int | None, optional
+            Of a sample; None = those of the file, or 12.
+        pattern, protocol, lens : CfaPattern, Protocol, Lens, optional
+            See above.
+
+        Raises
+        ------
+        InputError
+            For any other number of bits.
         """
-        sensor = known.calibration if known else SensorCalibration(pattern.channels, sensor="simulated")
+        sensor = (
+            known.calibration if known else SensorCalibration(pattern.channels, sensor="simulated")
+        )
         if known is None or bits is not None:
             # A sensor clips at white, so nothing lies above it.
-            levels = SensorCalibration.of_bits(BITS if bits is None else bits, headroom=protocol.headroom, channels=sensor.channels)
+            levels = SensorCalibration.of_bits(
+                BITS if bits is None else bits, headroom=protocol.headroom, channels=sensor.channels
+            )
             sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
         return cls(pattern, sensor, known is not None, protocol, lens)
 
     def before(self, scene: Scene, filters: Filters) -> SensorCalibration:
-        """The calibration for a scene: colours that it does not know follow from the scene and the filters."""
-        known = self.sensor if self.measured else replace(self.sensor, gamma=filters.gamma, noise=filters.noise)
+        """The calibration for a scene: colours that it does not know follow from the scene and the
+        filters.
+        """
+        known = (
+            self.sensor
+            if self.measured
+            else replace(self.sensor, gamma=filters.gamma, noise=filters.noise)
+        )
         to_xyz, neutral = filters.colours(scene)
         if known.neutral is None:
             known = replace(known, neutral=neutral, neutral_estimated=scene.neutral_estimated)
         return replace(known, camera_to_xyz=known.camera_to_xyz or to_xyz)
 
-    def shoot(self, scene: Scene, rng: np.random.Generator, frame: SimulatedFrame | None = None) -> Exposed:
+    def shoot(
+        self, scene: Scene, rng: np.random.Generator, frame: SimulatedFrame | None = None
+    ) -> Exposed:
         """Photograph a scene.
 
-        rng: source of the noise.
-        frame: the frame of a burst of the scene that is taken: its light, exposure and capture data; None = the scene itself.
-        Raises InputError when the scene has not the channels of the pattern.
+        Parameters
+        ----------
+        rng : np.random.Generator
+            Source of the noise.
+        frame : SimulatedFrame | None, optional
+            The frame of a burst of the scene that is taken: its light, exposure and capture data;
+            None = the scene itself.
+
+        Raises
+        ------
+        InputError
+            When the scene has not the channels of the pattern.
         """
         frame = frame or SimulatedFrame(scene.rgb)
         filters = filters_for(self.pattern, scene)
         seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
-        calibration = self.lens.calibrated(self.before(scene, filters), (seen.shape[0], seen.shape[1]))
+        calibration = self.lens.calibrated(
+            self.before(scene, filters), (seen.shape[0], seen.shape[1])
+        )
         metadata = frame.metadata(scene.metadata)
         if isinstance(self.protocol, PaperProtocol):
             light, sigma = _dimmed(seen, white), self.protocol.level
@@ -126,10 +173,18 @@ class SimulatedCamera:
 
 
 def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:
-    """Calibration of the sensor in a camera file, or of one with this pattern. Raises InputError when its filters are unknown."""
+    """Calibration of the sensor in a camera file, or of one with this pattern.
+
+    Raises
+    ------
+    InputError
+        When its filters are unknown.
+    """
     scene = builtin_scene(1, 1)
     calibration = SimulatedCamera.of(pattern, camera).before(scene, filters_for(pattern, scene))
-    return calibration if calibration.noise else replace(calibration, noise=typical_noise(calibration))
+    return (
+        calibration if calibration.noise else replace(calibration, noise=typical_noise(calibration))
+    )
 
 
 def usual_gamma(pattern: CfaPattern) -> tuple[float, ...]:
@@ -140,8 +195,12 @@ def usual_gamma(pattern: CfaPattern) -> tuple[float, ...]:
         return (1.0,) * len(pattern.channels)
 
 
-def moving_scene(pattern: CfaPattern, calibration: SensorCalibration, shape: tuple[int, int], turn: int) -> Iterator[Mosaic]:
-    """Endless frames, (H, W) = shape, of the built-in scene, over which the sensor circles once in `turn` frames; with noise."""
+def moving_scene(
+    pattern: CfaPattern, calibration: SensorCalibration, shape: tuple[int, int], turn: int
+) -> Iterator[Mosaic]:
+    """Endless frames, (H, W) = shape, of the built-in scene, over which the sensor circles once in
+    `turn` frames; with noise.
+    """
     height, width = shape
     swing = max(min(shape) // _SWING, 2)
     scene = builtin_scene(width + 2 * swing, height + 2 * swing)
@@ -150,31 +209,51 @@ def moving_scene(pattern: CfaPattern, calibration: SensorCalibration, shape: tup
     for number in count():
         angle = 2 * math.pi * number / turn
         top, left = round(swing * (1 - math.cos(angle))), round(swing * (1 + math.sin(angle)))
-        yield simulate_sensor(light[top : top + height, left : left + width], pattern, calibration, 1.0, rng)
+        yield simulate_sensor(
+            light[top : top + height, left : left + width], pattern, calibration, 1.0, rng
+        )
 
 
 def scene_in_file(name: str, wanted: str, *, linear: bool, max_pixels: int) -> Scene:
-    """The scene in a file, or a drawn one, for a pattern with the channels `wanted`. Raises InputError that names it."""
+    """The scene in a file, or a drawn one, for a pattern with the channels `wanted`.
+
+    Raises
+    ------
+    InputError
+        That names it.
+    """
     try:
         return load_scene(name, linear=linear, max_pixels=max_pixels, channels=wanted)
     except InputError as error:
         raise type(error)(f"{name}: {error}") from None
 
 
-def scene_in_array(array: NDArray[Any], wanted: str, channels: str | None, *, linear: bool) -> Scene:
-    """The scene in an array (H, W, C) with these channels; None = those that fit a pattern with the channels `wanted`.
+def scene_in_array(
+    array: NDArray[Any], wanted: str, channels: str | None, *, linear: bool
+) -> Scene:
+    """The scene in an array (H, W, C) with these channels; None = those that fit a pattern with the
+    channels `wanted`.
 
-    Raises InputError for what `decode_array` and `picture_scene` refuse.
+    Raises
+    ------
+    InputError
+        For what `decode_array` and `picture_scene` refuse.
     """
     peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
-    decoded = decode_array(array, wanted) if channels is None else Decoded(array, peak, channels=channels)
+    decoded = (
+        decode_array(array, wanted) if channels is None else Decoded(array, peak, channels=channels)
+    )
     return picture_scene(decoded, "array", linear=linear)
 
 
 def scene_of_light(rgb: FloatArray, known: SensorCalibration, metadata: CaptureMetadata) -> Scene:
-    """The scene in linear light (H, W, C), in the colours of a calibration; negative light, which is noise, becomes 0."""
+    """The scene in linear light (H, W, C), in the colours of a calibration; negative light, which
+    is noise, becomes 0.
+    """
     light = np.maximum(rgb, 0)
-    return Scene(light, "picture", known.camera_to_xyz, known.neutral, metadata, channels=known.channels)
+    return Scene(
+        light, "picture", known.camera_to_xyz, known.neutral, metadata, channels=known.channels
+    )
 
 
 def _dimmed(light: FloatArray, factor: float) -> FloatArray:

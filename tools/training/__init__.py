@@ -1,1 +1,3 @@
-"""Training of the networks in `offline/models`; `offline.stages.colour_network` and `luminance_network` run them. Needs PyTorch."""
+"""Training of the networks in `offline/models`; `offline.stages.colour_network` and
+`luminance_network` run them. Needs PyTorch.
+"""

@@ -1,4 +1,5 @@
-"""Make the networks of `offline/models` from folders of photographs: `python -m panchroma.tools.training FOLDER... -o DIR`.
+"""Make the networks of `offline/models` from folders of photographs: `python -m
+panchroma.tools.training FOLDER... -o DIR`.
 
 An interrupted training goes on where it stopped.
 """
@@ -17,13 +18,27 @@ _STEPS, _LEAST = 6000, 20
 
 
 def add_common(parser: argparse.ArgumentParser, steps: int) -> None:
-    """Add the arguments of every training. steps: by default."""
+    """Add the arguments of every training.
+
+    Parameters
+    ----------
+    steps : int
+        By default.
+    """
     folders = "photographs to learn from, in this folder or below"
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help=folders)
-    parser.add_argument("--steps", type=int, default=steps, help="of gradient descent (default: %(default)s)")
+    parser.add_argument(
+        "--steps", type=int, default=steps, help="of gradient descent (default: %(default)s)"
+    )
     variants = "examples made of each photograph (default: %(default)s)"
     parser.add_argument("--variants", type=int, default=4, help=variants)
-    parser.add_argument("-j", "--jobs", type=int, default=processors(), help="processes and threads (default: one per core)")
+    parser.add_argument(
+        "-j",
+        "--jobs",
+        type=int,
+        default=processors(),
+        help="processes and threads (default: one per core)",
+    )
 
 
 def main() -> int:
@@ -33,7 +48,10 @@ def main() -> int:
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="for the networks")
     tiles = f"a network for each; {EXPECTED} (default: K=4 K=6 K=8)"
     parser.add_argument("--pattern", nargs="+", default=["K=4", "K=6", "K=8"], help=tiles)
-    beginning = "begin with the weights of the network for this pattern; with --steps 0 only round them again"
+    beginning = (
+        "begin with the weights of the network for this pattern; with --steps 0 only "
+        "round them again"
+    )
     parser.add_argument("--start", help=beginning)
     batch = "pieces of pictures in a step (default: %(default)s)"
     parser.add_argument("--batch", type=int, default=16, help=batch)
@@ -49,7 +67,9 @@ def main() -> int:
 
         sources = tuple(photographs(arguments.folders))
         if len(sources) < _LEAST:
-            raise InputError(f"{len(sources)} photographs found; at least {_LEAST} are needed to learn something")
+            raise InputError(
+                f"{len(sources)} photographs found; at least {_LEAST} are needed to learn something"
+            )
         from .run import Plan, train
 
         output = output_folder(arguments.output)

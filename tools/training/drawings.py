@@ -1,4 +1,6 @@
-"""Drawn scenes to learn from: what photographs show too rarely. Strokes, letters, saturated colours, edges without luminance."""
+"""Drawn scenes to learn from: what photographs show too rarely. Strokes, letters, saturated
+colours, edges without luminance.
+"""
 
 from typing import Any
 
@@ -12,12 +14,15 @@ _FINE = 3  # samples per pixel and axis
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789&%?"
 _MARKS = 90  # on a drawing, on average
 _DOCUMENTS = 0.4  # share of drawings that are mostly black on white
-_LUMINANCE = np.array([1.0, 1.0, 1.0]) / 3  # of equal gamma weights: what "without luminance" means to the sensor
+# of equal gamma weights: what "without luminance" means to the sensor
+_LUMINANCE = np.array([1.0, 1.0, 1.0]) / 3
 _DARKEST = 0.004
 
 
 def drawing(random: np.random.Generator) -> FloatArray:
-    """A scene, float32 (SIZE, SIZE, 3), 0 to 1: marks of all kinds on paper, on leaves, on a gradient, or on one colour."""
+    """A scene, float32 (SIZE, SIZE, 3), 0 to 1: marks of all kinds on paper, on leaves, on a
+    gradient, or on one colour.
+    """
     from PIL import Image, ImageDraw
 
     if random.random() < _DOCUMENTS:
@@ -29,7 +34,8 @@ def drawing(random: np.random.Generator) -> FloatArray:
         palette = [colour(random) for _ in range(random.integers(2, 9))]
     marks = [_mark(random) for _ in range(random.poisson(_MARKS))]
     inks = [_ink(random, palette, ground) for _ in marks]
-    # Numbers of marks are drawn instead of inks: pictures of 8 bits have too few dark tones, and floats would be drawn three times.
+    # Numbers of marks are drawn instead of inks: pictures of 8 bits have too few dark tones, and
+    # floats would be drawn three times.
     numbers = Image.new("I", (SIZE * _FINE, SIZE * _FINE))
     pen = ImageDraw.Draw(numbers)
     pen.fontmode = "1"
@@ -56,7 +62,9 @@ def colour(random: np.random.Generator) -> FloatArray:
 def _ground(random: np.random.Generator) -> FloatArray:
     kind = random.integers(3)
     if kind == 0:
-        leaves = dead_leaves(SIZE, SIZE, SIZE * random.uniform(0.5, 2), int(random.integers(1 << 30)))
+        leaves = dead_leaves(
+            SIZE, SIZE, SIZE * random.uniform(0.5, 2), int(random.integers(1 << 30))
+        )
         mixing = np.eye(3) + random.normal(0, 0.25, (3, 3))
         return (leaves @ np.abs(mixing)).clip(_DARKEST, 1).astype(np.float32)
     first, last = colour(random), colour(random) if kind == 1 else None
@@ -82,15 +90,25 @@ def _mark(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
 
     fine = SIZE * _FINE
     place = random.uniform(0, fine, 2)
-    kind = random.choice(["line", "text", "ellipse", "rectangle", "polygon"], p=[0.35, 0.3, 0.15, 0.1, 0.1])
+    kind = random.choice(
+        ["line", "text", "ellipse", "rectangle", "polygon"], p=[0.35, 0.3, 0.15, 0.1, 0.1]
+    )
     if kind == "text":
         count = random.integers(1, 12)
         font = ImageFont.load_default(float(_FINE * 10 ** random.uniform(0.75, 1.7)))
-        return "text", {"xy": tuple(place), "text": "".join(random.choice(list(_LETTERS), count)), "font": font}
+        return "text", {
+            "xy": tuple(place),
+            "text": "".join(random.choice(list(_LETTERS), count)),
+            "font": font,
+        }
     length = fine * 10 ** random.uniform(-2.2, -0.2)
     if kind == "line":
         width = max(round(_FINE * 10 ** random.uniform(-0.3, 1.1)), 1)
         return "line", {"xy": [*place, *(place + random.normal(0, length, 2))], "width": width}
     if kind == "polygon":
-        return "polygon", {"xy": (place + random.normal(0, length / 2, (random.integers(3, 7), 2))).ravel().tolist()}
+        return "polygon", {
+            "xy": (place + random.normal(0, length / 2, (random.integers(3, 7), 2)))
+            .ravel()
+            .tolist()
+        }
     return str(kind), {"xy": [*place, *(place + length * random.uniform(0.2, 1, 2))]}

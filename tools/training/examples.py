@@ -1,7 +1,9 @@
-"""Examples to learn from: pictures as the camera would have rendered them without the network, and the truth.
+"""Examples to learn from: pictures as the camera would have rendered them without the network, and
+the truth.
 
-A picture is varied first, because photographs to learn from are sharper and cleaner than a camera RAW: other optics, white balance,
-exposure, and a little noise of its own. Then it is simulated and rendered up to the network.
+A picture is varied first, because photographs to learn from are sharper and cleaner than a camera
+RAW: other optics, white balance, exposure, and a little noise of its own. Then it is simulated and
+rendered up to the network.
 """
 
 from collections.abc import Sequence
@@ -25,7 +27,8 @@ DRAWN = "drawn"
 """The name of a source that is a drawing instead of a file."""
 _SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".npy", ".dng"}
 _KEPT_BACK = 20  # one source in this many is kept back, to measure the loss
-_CLEAN, _SIGMAS = 1 / 3, (0.003, 0.04)  # share without noise, and its range otherwise, drawn logarithmically
+# share without noise, and its range otherwise, drawn logarithmically
+_CLEAN, _SIGMAS = 1 / 3, (0.003, 0.04)
 _BLURS = (0.0, 0.4, 0.6, 0.8)  # pixels: standard deviations of optics
 _WHITE = 0.35  # standard deviation of the logarithm of each channel's gain
 _OWN_NOISE = 2e-5  # largest shot noise of a picture itself, variance per scene unit
@@ -34,11 +37,18 @@ _KIND = np.float16  # what is kept on the disk: off by 5e-4 of a value at most
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """What the network gets, and what it should make of it, for h x w cells of K x K pixels.
+    """Inputs and target of the network for h x w cells of K x K pixels.
 
-    picture: float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
-    truth: float16, the same of the scene.
-    error: float16 (S, h, w), at S sites. variance: float32 (1, h, w). See `offline.stages.colour_network.Residuals`.
+    Attributes
+    ----------
+    picture : FloatArray
+        float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
+    truth : FloatArray
+        float16, the same of the scene.
+    error : FloatArray
+        float16 (S, h, w), at S sites.
+    variance : FloatArray
+        float32 (1, h, w). See `offline.stages.colour_network.Residuals`.
     """
 
     picture: FloatArray
@@ -48,44 +58,65 @@ class Example:
 
 
 def photographs(folders: Sequence[str]) -> list[str]:
-    """The paths of all photographs in these folders or below; those of a folder are ordered by name."""
+    """The paths of all photographs in these folders or below; those of a folder are ordered by
+    name.
+    """
     paths = (path for folder in folders for path in sorted(Path(folder).rglob("*")))
     return [str(path) for path in paths if path.suffix.lower() in _SUFFIXES and path.is_file()]
 
 
 def kept_back(sources: Sequence[str]) -> list[bool]:
-    """Which sources are kept back from learning; a photograph that is given twice is on one side."""
-    first = (number if source == DRAWN else sources.index(source) for number, source in enumerate(sources))
+    """Select the sources that are kept back from learning; a photograph that is given twice is on
+    one side.
+    """
+    first = (
+        number if source == DRAWN else sources.index(source)
+        for number, source in enumerate(sources)
+    )
     return [number % _KEPT_BACK == _KEPT_BACK // 2 for number in first]
 
 
 def photographed(
     source: str, patterns: Sequence[CfaPattern], clean: float, random: np.random.Generator
 ) -> tuple[FloatArray, Mosaic]:
-    """A picture file or a drawing (`DRAWN`), varied, (H, W, 3), and a shot of it with one of the patterns, which begins anywhere.
+    """A picture file or a drawing (`DRAWN`), varied, (H, W, 3), and a shot of it with one of the
+    patterns, which begins anywhere.
 
-    clean: the share of shots without noise.
+    Parameters
+    ----------
+    clean : float
+        The share of shots without noise.
     """
     scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
     sigma = 0.0 if random.random() < clean else float(np.exp(random.uniform(*np.log(_SIGMAS))))
     pattern = patterns[int(random.integers(len(patterns)))]
     down, across = random.integers(pattern.period, size=2).tolist()
-    return scene, simulate_additive(scene, replace(pattern, origin=(down, across)), SensorCalibration(), sigma, random)
+    return scene, simulate_additive(
+        scene, replace(pattern, origin=(down, across)), SensorCalibration(), sigma, random
+    )
 
 
 def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Example:
-    """An example from a picture file, or from a drawing (`DRAWN`). The same arguments give the same bytes.
+    """An example from a picture file, or from a drawing (`DRAWN`). The same arguments give the same
+    bytes.
 
-    pattern: its tile; where in the frame that begins is random.
+    Parameters
+    ----------
+    pattern : CfaPattern
+        Its tile; where in the frame that begins is random.
     """
     random = np.random.default_rng(seed)
     scene, mosaic = photographed(source, [pattern], _CLEAN, random)
-    settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
+    settings, gamma = (
+        replace(BEST, learned=replace(BEST.learned, used=False)),
+        np.ones(3, np.float32),
+    )
     measured = measure(mosaic, settings)
     corrected = Part.joined(list(render_parts(measured, settings)))
     assert measured.samples is not None  # BEST uses them
     cells = Cells.of(measured.samples.sites)
-    rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame
+    # cells that lie wholly inside the frame
+    rows, columns = ((1, count - 1) for count in cells.shape)
     error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
     return Example(
@@ -98,13 +129,21 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
 
 def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> FloatArray:
     """Return R, G and B of the pixels of some cells, (3, h K, w K)."""
-    pixels = cells.cut(part, np.ones(3, np.float32), rows, columns, weights=np.eye(3, dtype=np.float32))
+    pixels = cells.cut(
+        part, np.ones(3, np.float32), rows, columns, weights=np.eye(3, dtype=np.float32)
+    )
     shape = 3, cells.period, cells.period, *pixels.shape[2:]
-    return pixels.reshape(shape).transpose(0, 3, 1, 4, 2).reshape(3, pixels.shape[2] * cells.period, -1)
+    return (
+        pixels.reshape(shape)
+        .transpose(0, 3, 1, 4, 2)
+        .reshape(3, pixels.shape[2] * cells.period, -1)
+    )
 
 
 def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
-    """A scene, (H, W, 3), seen otherwise: mirrored, through a softer lens, under other light, exposed otherwise, a little noisy."""
+    """A scene, (H, W, 3), seen otherwise: mirrored, through a softer lens, under other light,
+    exposed otherwise, a little noisy.
+    """
     from scipy.ndimage import gaussian_filter
 
     for axis in (0, 1):
@@ -113,7 +152,9 @@ def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
     blur = random.choice(_BLURS)
     scene = gaussian_filter(scene, (blur, blur, 0))
     gains = np.exp(random.normal(0, _WHITE, 3))
-    bright = min(1.0, 1 / max(float(np.quantile(scene, 0.999)), 1e-3)) * 2 ** random.uniform(-1.5, 0)
+    bright = min(1.0, 1 / max(float(np.quantile(scene, 0.999)), 1e-3)) * 2 ** random.uniform(
+        -1.5, 0
+    )
     seen: DoubleArray = scene * (gains / gains.max() * bright)
     if random.random() < 0.5:
         deviation = np.sqrt(1e-7 + seen * random.uniform(0, _OWN_NOISE))
@@ -128,6 +169,12 @@ def save_example(example: Example, path: Path) -> None:
 
 
 def load_example(path: Path) -> Example:
-    """Read an example. Raises OSError or ValueError when the file is damaged."""
+    """Read an example.
+
+    Raises
+    ------
+    OSError
+        Or ValueError when the file is damaged.
+    """
     with np.load(path) as arrays:
         return Example(**arrays)

@@ -2,8 +2,9 @@
 
     python -m panchroma.tools.training.luminance FOLDER... -o FILE
 
-Photographs and drawings are simulated with tiles of several K, without and with noise, and filled by wavelets. From the pixels
-around each block the network foretells what its sites are off by. The same command with as many threads gives the same weights.
+Photographs and drawings are simulated with tiles of several K, without and with noise, and filled
+by wavelets. From the pixels around each block the network foretells what its sites are off by. The
+same command with as many threads gives the same weights.
 """
 
 import argparse
@@ -45,9 +46,13 @@ Example = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def examples(source: str, number: int, sites: int = 4) -> Example:
-    """What is seen around some blocks of a picture, what their sites are off by in its units, these units, and the light there.
+    """Inputs around some blocks of a picture, errors of their sites in its units, these units, and
+    the luminance there.
 
-    sites: of a block, 3 or 4.
+    Parameters
+    ----------
+    sites : int, optional
+        Of a block, 3 or 4.
     """
     use_threads(1)
     random = np.random.default_rng((0, number))
@@ -55,48 +60,83 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     scene, mosaic = photographed(source, patterns, _CLEAN, random)
     filled, grid = recover_luminance(mosaic, UNLEARNED.luminance), mosaic.pattern.grid(mosaic.shape)
     blocks = grid.whole_rows, grid.whole_columns
-    asked, seen, units = network_inputs(np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise)
+    asked, seen, units = network_inputs(
+        np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise
+    )
     missing = scene.sum(axis=2) - filled
-    off = np.stack([missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel() for down, across, _ in mosaic.pattern.sites])
+    off = np.stack(
+        [
+            missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel()
+            for down, across, _ in mosaic.pattern.sites
+        ]
+    )
     clear = seen[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR))
     asked, seen, units = asked[clear], seen[clear], units[clear]
     light, chosen = filled[np.ix_(*blocks)].reshape(-1, 1), random.permutation(len(asked))[:_BLOCKS]
     seen, units, asked = seen[chosen], units[chosen], asked[chosen]
-    return seen.astype(np.float16), (off[:, asked].T / units).astype(np.float32), units, light[asked]
+    return (
+        seen.astype(np.float16),
+        (off[:, asked].T / units).astype(np.float32),
+        units,
+        light[asked],
+    )
 
 
-def learn(parts: list[Example], sources: list[str], steps: int, say: Callable[[str], None]) -> nn.Sequential:
-    """The network. parts: what `examples` returns of each source; a picture that is given twice is learned from twice."""
+def learn(
+    parts: list[Example], sources: list[str], steps: int, say: Callable[[str], None]
+) -> nn.Sequential:
+    """The network.
+
+    Parameters
+    ----------
+    parts : list[Example]
+        What `examples` returns of each source; a picture that is given twice is learned from twice.
+    """
     torch.manual_seed(0)
     sides = list(zip(parts, kept_back(sources), strict=True))
     learned, kept = ([part for part, side in sides if side == back] for back in (False, True))
-    seen, off, units, light = (torch.from_numpy(np.concatenate(each)) for each in zip(*learned, strict=True))
+    seen, off, units, light = (
+        torch.from_numpy(np.concatenate(each)) for each in zip(*learned, strict=True)
+    )
     weight = (units / (light.clamp_min(0) + _FAINT)).clamp(max=1)
     sizes = SIDE**2 + 1, *_HIDDEN
     layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]
     network = nn.Sequential(*layers, nn.Linear(sizes[-1], off.shape[1]))
     optimiser = optimiser_of(network)
-    turned = [(_turned(SIDE, turns, flip), _turned(2, turns, flip)) for turns in range(4) for flip in (False, True)]
+    turned = [
+        (_turned(SIDE, turns, flip), _turned(2, turns, flip))
+        for turns in range(4)
+        for flip in (False, True)
+    ]
     # Three sites stay the first three of a block when it is transposed alone.
-    turned = [(pixels, places[: off.shape[1]]) for pixels, places in turned if places[off.shape[1] :].tolist() in ([], [3])]
+    turned = [
+        (pixels, places[: off.shape[1]])
+        for pixels, places in turned
+        if places[off.shape[1] :].tolist() in ([], [3])
+    ]
     order = np.random.default_rng(0)
     for step in descent(optimiser, 0, steps):
         chosen = torch.from_numpy(order.integers(len(seen), size=_BATCH))
         pixels, sites = turned[order.integers(len(turned))]
         around = seen[chosen].float()
-        error = network(torch.cat([around[:, pixels], around[:, -1:]], dim=1)) - off[chosen][:, sites]
+        error = (
+            network(torch.cat([around[:, pixels], around[:, -1:]], dim=1)) - off[chosen][:, sites]
+        )
         energy = error.square().mean(dim=1, keepdim=True)
         loss = (weight[chosen] * ((energy + 1e-4).sqrt() + _ENERGY * energy)).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         if (step + 1) % _REPORT == 0 or step + 1 == steps:
-            say(f"step {step + 1}: left {_left(network, kept):.3f} of the energy of errors of pictures kept back")
+            say(
+                f"step {step + 1}: left {_left(network, kept):.3f} of the energy of errors of "
+                "pictures kept back"
+            )
     return network
 
 
 def _turned(side: int, turns: int, flip: bool) -> Any:
-    """Which pixel of a square comes to each place when it is turned, and transposed if `flip`."""
+    """Source pixel of each place of a square that is turned, and transposed if `flip`."""
     places = np.rot90(np.arange(side**2).reshape(side, side), turns)
     return torch.from_numpy((places.T if flip else places).ravel().copy())
 
@@ -106,13 +146,20 @@ def _left(network: nn.Sequential, kept: list[Example]) -> float:
     with torch.no_grad():
         for seen, off, units, _ in kept:
             error = off - network(torch.from_numpy(seen).float()).numpy()
-            left, before = left + float(np.square(error * units).sum()), before + float(np.square(off * units).sum())
+            left, before = (
+                left + float(np.square(error * units).sum()),
+                before + float(np.square(off * units).sum()),
+            )
     return left / before
 
 
 def save(network: nn.Sequential, path: Path) -> None:
     """Write the network to an ONNX file."""
-    graph, layers, given = Graph(), [layer for layer in network if isinstance(layer, nn.Linear)], "seen"
+    graph, layers, given = (
+        Graph(),
+        [layer for layer in network if isinstance(layer, nn.Linear)],
+        "seen",
+    )
     for number, layer in enumerate(layers):
         for kind in ("weight", "bias"):
             graph.store(f"{kind}{number}", getattr(layer, kind).detach().numpy())
@@ -120,20 +167,36 @@ def save(network: nn.Sequential, path: Path) -> None:
         graph.add("Gemm", [given, f"weight{number}", f"bias{number}"], found, transB=1)
         if layer is not layers[-1]:
             given = graph.add("Relu", [found], f"lit{number}")
-    graph.write(path, ("seen", ["blocks", SIDE**2 + 1]), ("off", ["blocks", layers[-1].out_features]), {})
+    graph.write(
+        path, ("seen", ["blocks", SIDE**2 + 1]), ("off", ["blocks", layers[-1].out_features]), {}
+    )
 
 
 def main() -> int:
     """Learn, and write the file; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m panchroma.tools.training.luminance", description=__doc__.partition("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m panchroma.tools.training.luminance",
+        description=__doc__.partition("\n\n")[0],
+    )
     add_common(parser, 60000)
-    parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx")
-    parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help="of a block of 2 x 2 pixels (default: 4)")
+    parser.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx"
+    )
+    parser.add_argument(
+        "--sites",
+        type=int,
+        default=4,
+        choices=sorted(_BLOCK),
+        help="of a block of 2 x 2 pixels (default: 4)",
+    )
     arguments, console = parser.parse_args(), Console()
     files = sorted(photographs(arguments.folders))
     sources = [*files, *[DRAWN] * (len(files) // 5)] * arguments.variants
     torch.set_num_threads(1)  # several wait for each other
-    with console.progress("luminance") as progress, ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
+    with (
+        console.progress("luminance") as progress,
+        ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool,
+    ):
         progress.stage("examples", len(sources))
         parts = []
         for part in pool.map(examples, sources, range(len(sources)), repeat(arguments.sites)):

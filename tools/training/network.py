@@ -1,8 +1,10 @@
-"""The network, in PyTorch: residual convolutions on the grid of cells, with inputs and output in units of local activity.
+"""The network, in PyTorch: residual convolutions on the grid of cells, with inputs and output in
+units of local activity.
 
-Activity is the contrast of luminance and colour around a cell, with what the render misses at the sites. A network that works in
-units of brightness instead learns nothing, or harms flat places. The correction is bounded by the contrast of colour alone, less
-a part of what noise explains: where a place has one colour, grey or another, nothing is corrected.
+Activity is the contrast of luminance and colour around a cell, with what the render misses at the
+sites. A network that works in units of brightness instead learns nothing, or harms flat places. The
+correction is bounded by the contrast of colour alone, less a part of what noise explains: where a
+place has one colour, grey or another, nothing is corrected.
 """
 
 from collections import defaultdict
@@ -14,31 +16,53 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from ...offline.stages.colour_network import BASIS, EVIDENCE, GATE, LUMINANCE, MARGIN, RANGE, REACH, SURROUNDINGS
+from ...offline.stages.colour_network import (
+    BASIS,
+    EVIDENCE,
+    GATE,
+    LUMINANCE,
+    MARGIN,
+    RANGE,
+    REACH,
+    SURROUNDINGS,
+)
 from ...shared.arrays import FloatArray
 
 CHANNELS, BLOCKS = 128, REACH - 1
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
 HALO = REACH + MARGIN
-"""Cells around a result that it depends on: two for activity, and one for each 3 x 3 convolution."""
+"""Cells around a result that it depends on: two for activity, and one for each 3 x 3
+convolution.
+"""
 LEAST = 1e-30
 """Least squared activity, scene units squared, which only keeps quotients finite."""
 HUE, DARK = 0.06, 0.002
-"""A hue is wrong if colour is off by more than this share of luminance (mean of the channels), and this many scene units."""
+"""A hue is wrong if colour is off by more than this share of luminance (mean of the channels), and
+this many scene units.
+"""
 
 
-_RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4  # of gradient descent: largest step, steps up to it, weight decay
+# of gradient descent: largest step, steps up to it, weight decay
+_RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4
 _FAINT = 1e-5  # error, scene units squared, that hardly counts: 50 dB
-_SAMPLED = 7  # one value in so many shows how they are spread: a prime number, to meet every channel
+# one value in so many shows how they are spread: a prime number, to meet every channel
+_SAMPLED = 7
 
 
 class Network(nn.Module):  # type: ignore[misc]
     """Correction of two components of colour (`BASIS`) for every pixel of a cell.
 
-    period: K. sites: S, of a block. `forward` takes what `features` returns.
+    Parameters
+    ----------
+    period : int
+        K.
+    sites : int
+        S, of a block. `forward` takes what `features` returns.
     """
 
-    def __init__(self, period: int, sites: int, channels: int = CHANNELS, blocks: int = BLOCKS) -> None:
+    def __init__(
+        self, period: int, sites: int, channels: int = CHANNELS, blocks: int = BLOCKS
+    ) -> None:
         super().__init__()
         pixels = period**2
         self.period = period
@@ -50,14 +74,18 @@ class Network(nn.Module):  # type: ignore[misc]
         nn.init.zeros_(self.leave.bias)
 
     def forward(self, inputs: Any) -> Any:
-        """(N, 3 K^2 + S + SURROUNDINGS, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in units of the bound."""
+        """(N, 3 K^2 + S + SURROUNDINGS, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in
+        units of the bound.
+        """
         found = self.enter(inputs)
         for block in range(len(self.wide)):
             found = inner(found) + self.inside(block, found)[-1]
         return self.leave(functional.relu(found))
 
     def inside(self, block: int, found: Any) -> tuple[Any, Any, Any]:
-        """What comes into the 3 x 3 convolution of a block, what comes into the 1 x 1 one, and what the block adds."""
+        """Input of the 3 x 3 convolution of a block, input of the 1 x 1 one, and output of the
+        block.
+        """
         lit = functional.relu(found)
         deep = functional.relu(self.wide[block](lit))
         return lit, deep, self.deep[block](deep)
@@ -66,17 +94,25 @@ class Network(nn.Module):  # type: ignore[misc]
 def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, Any]:
     """(inputs of the network, bounded activity), two cells less on each side.
 
-    light, colour: from `cells_of`. error: (N, S, h, w), variance: (N, 1, h, w), from `offline.stages.colour_network.Residuals`.
+    Parameters
+    ----------
+    light, colour : Any
+        From `cells_of`.
+    error : Any
+        (N, S, h, w), variance: (N, 1, h, w), from `offline.stages.colour_network.Residuals`.
     """
     pixels = light.shape[1]
     mean_light, *tints, noise = (
-        around(plane.mean(dim=1, keepdim=True)) for plane in (light, colour[:, :pixels], colour[:, pixels:], variance)
+        around(plane.mean(dim=1, keepdim=True))
+        for plane in (light, colour[:, :pixels], colour[:, pixels:], variance)
     )
     light, colour, error, variance = (inner(each) for each in (light, colour, error, variance))
     positive = mean_light.clamp_min(1e-4)
     tints = [tint / positive for tint in tints]
     # What one chromaticity, the mean of the surroundings, does not explain.
-    odd = torch.cat([colour[:, :pixels] - light * tints[0], colour[:, pixels:] - light * tints[1]], 1)
+    odd = torch.cat(
+        [colour[:, :pixels] - light * tints[0], colour[:, pixels:] - light * tints[1]], 1
+    )
     plain = light - mean_light
     square = (error**2).mean(1, keepdim=True) + (odd**2).mean(1, keepdim=True)
     evidence, contrast = around(square), around((plain**2).mean(1, keepdim=True))
@@ -86,16 +122,23 @@ def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, A
     scale = torch.sqrt((evidence + LUMINANCE * contrast).clamp_min(LEAST))
     bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - GATE * noise)))
     levels = torch.log2(1 + torch.sqrt(variance) / scale), 0.3 * torch.log2(1 + positive / scale)
-    inputs = torch.cat([plain / scale, odd / scale, error / scale, *tints, *levels, bound / scale], 1)
+    inputs = torch.cat(
+        [plain / scale, odd / scale, error / scale, *tints, *levels, bound / scale], 1
+    )
     return inputs.clamp(-RANGE, RANGE), bound
 
 
 def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float]:
-    """The steps in which values inside a network can be rounded to 8 bits with the least squared error.
+    """The steps in which values inside a network can be rounded to 8 bits with the least squared
+    error.
 
-    By name: "features", what goes in; "found", what comes of the first convolution; "wide.N" and "deep.N", what comes into a
-    convolution of block N; "added.N", what the block adds.
-    batches: pictures, as for `losses`.
+    By name: "features", what goes in; "found", what comes of the first convolution; "wide.N" and
+    "deep.N", what comes into a convolution of block N; "added.N", what the block adds.
+
+    Parameters
+    ----------
+    batches : Iterable[Sequence[Any]]
+        Pictures, as for `losses`.
     """
     seen: dict[str, list[FloatArray]] = defaultdict(list)
     with torch.no_grad():
@@ -104,28 +147,46 @@ def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float
             found = values["found"] = network.enter(values["features"])
             for block in range(len(network.wide)):
                 parts = network.inside(block, found)
-                values |= zip((f"wide.{block}", f"deep.{block}", f"added.{block}"), parts, strict=True)
+                values |= zip(
+                    (f"wide.{block}", f"deep.{block}", f"added.{block}"), parts, strict=True
+                )
                 found = inner(found) + parts[-1]
             for name, each in values.items():
                 seen[name].append(each.abs().flatten()[::_SAMPLED].numpy())
-    return {name: _unit(np.concatenate(each), 255 if name.startswith(("wide", "deep")) else 127) for name, each in seen.items()}
+    return {
+        name: _unit(np.concatenate(each), 255 if name.startswith(("wide", "deep")) else 127)
+        for name, each in seen.items()
+    }
 
 
 def _unit(values: FloatArray, most: int) -> float:
-    """The step with the least squared error if positive values become 0 to `most` of it, and larger ones are cut."""
+    """The step with the least squared error if positive values become 0 to `most` of it, and larger
+    ones are cut.
+    """
     steps = values.max() / most * np.linspace(0.2, 1, 33)
-    return float(min(steps, key=lambda step: np.square(np.minimum(np.rint(values / step), most) * step - values).sum()))
+    return float(
+        min(
+            steps,
+            key=lambda step: np.square(
+                np.minimum(np.rint(values / step), most) * step - values
+            ).sum(),
+        )
+    )
 
 
 def optimiser_of(network: nn.Module) -> Any:
-    """What changes the weights of a network."""
+    """Optimiser of the weights of a network."""
     return torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
 
 
 def descent(optimiser: Any, done: int, steps: int, part: float = 1.0) -> Iterator[int]:
-    """Number the steps, after those that are done, and set how far each goes: more at first, less in the end.
+    """Number the steps, after those that are done, and set how far each goes: more at first, less
+    in the end.
 
-    part: of the usual length.
+    Parameters
+    ----------
+    part : float, optional
+        Of the usual length.
     """
     for step in range(done, steps):
         rate = min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
@@ -135,12 +196,18 @@ def descent(optimiser: Any, done: int, steps: int, part: float = 1.0) -> Iterato
 
 
 def cells_of(picture: Any, period: int) -> tuple[Any, Any]:
-    """Light (N, K^2, h, w), the mean of the channels, and the components of colour in `BASIS` (N, 2 K^2, h, w), pixel by pixel.
+    """Light (N, K^2, h, w), the mean of the channels, and the components of colour in `BASIS` (N, 2
+    K^2, h, w), pixel by pixel.
 
-    picture: (N, 3, h K, w K).
+    Parameters
+    ----------
+    picture : Any
+        (N, 3, h K, w K).
     """
     planes = functional.pixel_unshuffle(picture, period).chunk(3, 1)
-    colour = [sum(float(each) * plane for each, plane in zip(row, planes, strict=True)) for row in BASIS]
+    colour = [
+        sum(float(each) * plane for each, plane in zip(row, planes, strict=True)) for row in BASIS
+    ]
     return sum(planes) / 3, torch.cat(colour, 1)
 
 
@@ -155,13 +222,20 @@ def inner(planes: Any, width: int = 1) -> Any:
 
 
 def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
-    """What is left of the error of colour, and what there was; three measures of each in each piece of the batch, (3, N).
+    """Remaining error of colour, and the initial one; three measures of each in each piece of the
+    batch, (3, N).
 
-    The measures: the robust mean in units of activity; the energy; and the share of pixels with a wrong hue.
-    batch: picture, truth, error, variance, as in `examples.Example`.
+    The measures: the robust mean in units of activity; the energy; and the share of pixels with a
+    wrong hue.
+
+    Parameters
+    ----------
+    batch : Sequence[Any]
+        Picture, truth, error, variance, as in `examples.Example`.
     """
     picture, truth, error, variance = batch
-    with torch.no_grad(), torch.autocast(picture.device.type, enabled=False):  # differences: 16 bits are too few
+    # differences: 16 bits are too few
+    with torch.no_grad(), torch.autocast(picture.device.type, enabled=False):
         light, colour = cells_of(picture, network.period)
         inputs, bound = features(light, colour, error, variance)
         true_light, right = cells_of(truth, network.period)
@@ -176,8 +250,13 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
 def share_left(left: Any, before: Any) -> Any:
     """The share of each measure that is left, (3,), for gradient descent.
 
-    That of energy is the mean of the shares of pieces: a photograph counts whatever its brightness, as in a mean of PSNR.
-    left, before: from `losses`.
+    That of energy is the mean of the shares of pieces: a photograph counts whatever its brightness,
+    as in a mean of PSNR.
+
+    Parameters
+    ----------
+    left, before : Any
+        From `losses`.
     """
     shares = left.mean(dim=1) / before.mean(dim=1).clamp_min(1e-7)
     return torch.stack([shares[0], (left[1] / (before[1] + _FAINT)).mean(), shares[2]])

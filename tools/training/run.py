@@ -1,8 +1,9 @@
-"""Train one network: examples on the disk, steps of gradient descent that can be interrupted, a file.
+"""Train one network: examples on the disk, steps of gradient descent that can be interrupted, a
+file.
 
-Everything follows from the sources, the pattern and the seed: the examples, the order in which they are seen, and the first
-weights. An interrupted run goes on at its last checkpoint and ends with the weights of one that was not interrupted, on the same
-machine with the same number of threads.
+Everything follows from the sources, the pattern and the seed: the examples, the order in which they
+are seen, and the first weights. An interrupted run goes on at its last checkpoint and ends with the
+weights of one that was not interrupted, on the same machine with the same number of threads.
 """
 
 import hashlib
@@ -40,16 +41,27 @@ _MEASURED = 64  # examples that show how large the values in a network are
 
 @dataclass(frozen=True)
 class Plan:
-    """What a network is trained on, and how.
+    """Plan of a training: data and steps.
 
-    sources: files of photographs.
-    pattern: of the blocks, wherever they begin. It is square; the network serves its mirror images too.
-    steps: of gradient descent; 0 = keep the weights of `start`, and measure `network.units` alone. batch: examples in each.
-    variants: examples made of each source; a drawing is added for every four photographs.
-    patch: cells per side of what is learned from at a time, without surroundings.
-    seed: of everything random.
-    start: a pattern with a network in `offline/models`, whose block has the same size; training begins with its weights (see
-        `weights_for`) and in half as large steps. None = with random ones.
+    Attributes
+    ----------
+    sources : tuple[str, ...]
+        Files of photographs.
+    pattern : CfaPattern
+        Of the blocks, wherever they begin. It is square; the network serves its mirror images too.
+    steps : int
+        Of gradient descent; 0 = keep the weights of `start`, and measure `network.units` alone.
+    batch : int
+        Examples in each.
+    variants : int
+        Examples made of each source; a drawing is added for every four photographs.
+    patch : int
+        Cells per side of what is learned from at a time, without surroundings.
+    seed : int
+        Of everything random.
+    start : CfaPattern | None
+        A pattern with a network in `offline/models`, whose block has the same size; training begins
+        with its weights (see `weights_for`) and in half as large steps. None = with random ones.
     """
 
     sources: tuple[str, ...]
@@ -68,58 +80,97 @@ class Plan:
 
     @property
     def transposed(self) -> list[int]:
-        """Where the sites of the mirrored block are when it is transposed, which changes places of the greens of RGGB.
+        """Order of the sites of the mirrored block when it is transposed, which exchanges the
+        greens of RGGB.
 
         Empty if it is another block then.
         """
-        letters, numbers = np.array([list(row) for row in Block.of(self.pattern).letters]), _site_numbers(self.pattern)
+        letters, numbers = (
+            np.array([list(row) for row in Block.of(self.pattern).letters]),
+            _site_numbers(self.pattern),
+        )
         return numbers.T[numbers >= 0].tolist() if np.array_equal(letters, letters.T) else []
 
     @property
     def exchanged(self) -> bool:
-        """Whether a cell is the same after half a turn and with red and blue in exchange; its sites are then in reverse order."""
+        """True if a cell is the same after half a turn and with red and blue in exchange; its sites
+        are then in reverse order.
+        """
         letters, period = Block.of(self.pattern).letters, self.pattern.period
         turned = tuple(row[::-1].translate(str.maketrans("RB", "BR")) for row in letters[::-1])
         return letters == turned and (period - len(letters)) % 2 == 0
 
     @property
     def digest(self) -> str:
-        """A digest of the plan and the version of the render: trainings with the same digest give the same weights."""
-        facts = {**asdict(self), "sources": [Path(source).name for source in self.sources], "algorithm": ALGORITHM}
+        """A digest of the plan and the version of the render: trainings with the same digest give
+        the same weights.
+        """
+        facts = {
+            **asdict(self),
+            "sources": [Path(source).name for source in self.sources],
+            "algorithm": ALGORITHM,
+        }
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable[[str], None]) -> Path:
+def train(
+    plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable[[str], None]
+) -> Path:
     """Train the network of one pattern, or go on with it; returns the path of its file in `folder`.
 
-    folder: for examples, checkpoints and result; it exists.
-    jobs: processes that make examples, and threads that compute.
-    say: is told the loss now and then.
-    Raises InputError when `folder` holds another training of this pattern.
+    Parameters
+    ----------
+    folder : Path
+        For examples, checkpoints and result; it exists.
+    jobs : int
+        Processes that make examples, and threads that compute.
+    say : Callable[[str], None]
+        Is told the loss now and then.
+
+    Raises
+    ------
+    InputError
+        When `folder` holds another training of this pattern.
     """
     path = folder / network_file(plan.pattern)
     work = path.with_suffix("")
     work.mkdir(exist_ok=True)
     begun = work / "plan.json"
     if begun.exists() and json.loads(begun.read_text(encoding="utf-8"))["digest"] != plan.digest:
-        raise InputError(f"{work}: holds another training (other sources, settings or version); give another folder, or remove it")
-    begun.write_text(json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8")
+        raise InputError(
+            f"{work}: holds another training (other sources, settings or version); give another "
+            "folder, or remove it"
+        )
+    begun.write_text(
+        json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8"
+    )
     learned, kept_back = make_examples(plan, work, jobs, progress)
     network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
     shown = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
-    steps = units(network, (_batch(shown, plan, (plan.seed, 2, number)) for number in range(_JUDGED)))
+    steps = units(
+        network, (_batch(shown, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
+    )
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    facts = json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]}) if history else _facts(plan.start)
+    facts = (
+        json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})
+        if history
+        else _facts(plan.start)
+    )
     save_graph(weights, steps, path, {_TRAINING: facts}, turn_of(plan))
     return path
 
 
 def turn_of(plan: Plan) -> Turn | None:
-    """The orientation of the second look of a network for this pattern: of those in which its cells are the same, the farthest."""
+    """The orientation of the second look of a network for this pattern: of those in which its cells
+    are the same, the farthest.
+    """
     if not (plan.transposed or plan.exchanged):
         return None
     period, sites = plan.pattern.period, len(plan.pattern.sites)
-    pixels, order = np.arange(period**2).reshape(period, period), plan.transposed or list(range(sites))
+    pixels, order = (
+        np.arange(period**2).reshape(period, period),
+        plan.transposed or list(range(sites)),
+    )
     colour: FloatArray = np.eye(len(BASIS), dtype=np.float32)
     if plan.transposed:
         pixels = pixels.T
@@ -133,21 +184,29 @@ def turn_of(plan: Plan) -> Turn | None:
 
 
 def _facts(pattern: CfaPattern | None) -> str:
-    """How the network for this pattern was trained."""
+    """Facts of the training of the network for this pattern."""
     path = network_for(pattern) if pattern else None
     return load_network(path).get_modelmeta().custom_metadata_map[_TRAINING] if path else ""
 
 
-def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tuple[list[Path], list[Path]]:
-    """Make the examples that are not there yet; returns those to learn from, and those kept back."""
+def make_examples(
+    plan: Plan, work: Path, jobs: int, progress: Progress
+) -> tuple[list[Path], list[Path]]:
+    """Make the examples that are not there yet; returns those to learn from, and those kept
+    back.
+    """
     found: tuple[list[Path], list[Path]] = [], []
     missing = []
-    for number, (source, is_kept) in enumerate(zip(plan.all_sources, kept_back(plan.all_sources), strict=True)):
+    for number, (source, is_kept) in enumerate(
+        zip(plan.all_sources, kept_back(plan.all_sources), strict=True)
+    ):
         for variant in range(plan.variants):
             path = work / f"{variant}-{number:05d}.npz"
             found[is_kept].append(path)
             if not path.exists():
-                missing.append((source, plan.pattern, (plan.seed, plan.pattern.period, variant, number), path))
+                missing.append(
+                    (source, plan.pattern, (plan.seed, plan.pattern.period, variant, number), path)
+                )
     progress.stage("examples", len(missing))
     if missing:
         with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
@@ -165,9 +224,17 @@ def _make(task: tuple[str, CfaPattern, tuple[int, ...], Path]) -> None:
 
 
 def _descend(
-    plan: Plan, work: Path, learned: list[Path], kept_back: list[Path], jobs: int, progress: Progress, say: Callable[[str], None]
+    plan: Plan,
+    work: Path,
+    learned: list[Path],
+    kept_back: list[Path],
+    jobs: int,
+    progress: Progress,
+    say: Callable[[str], None],
 ) -> tuple[Network, list[dict[str, float]]]:
-    """Gradient descent from the last checkpoint on; returns the network, and the losses on what was kept back."""
+    """Gradient descent from the last checkpoint on; returns the network, and the losses on what was
+    kept back.
+    """
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.set_num_threads(jobs)
     torch.manual_seed(plan.seed)
@@ -183,7 +250,9 @@ def _descend(
     if done == plan.steps:
         return network.to("cpu"), history
     progress.stage("reading", len(learned) + len(kept_back))
-    examples, judges = ([_read(path, device, progress) for path in paths] for paths in (learned, kept_back))
+    examples, judges = (
+        [_read(path, device, progress) for path in paths] for paths in (learned, kept_back)
+    )
     judged = [_batch(judges, plan, (plan.seed, 1, number)) for number in range(_JUDGED)]
     progress.stage("training", plan.steps)
     progress.advance(done)
@@ -200,8 +269,16 @@ def _descend(
         if (step + 1) % _REPORT == 0 or step + 1 == plan.steps:
             history.append({"step": step + 1, **_judge(network, judged)})
             left = {name: f"{value:.4f}" for name, value in history[-1].items()}
-            say(f"step {step + 1}: left {left['robust']} of the error, {left['energy']} of its energy, {left['hue']} of wrong hues")
-            state = {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "steps": step + 1, "history": history}
+            say(
+                f"step {step + 1}: left {left['robust']} of the error, {left['energy']} of its "
+                f"energy, {left['hue']} of wrong hues"
+            )
+            state = {
+                "network": network.state_dict(),
+                "optimiser": optimiser.state_dict(),
+                "steps": step + 1,
+                "history": history,
+            }
             with durable_file(checkpoint, overwrite=True) as file:
                 torch.save(state, file)
     return network.to("cpu"), history
@@ -212,31 +289,50 @@ def _beginning(plan: Plan) -> Network:
     period, sites = plan.pattern.period, len(plan.pattern.sites)
     if plan.start is None:
         return Network(period, sites)
-    given = {name: torch.from_numpy(values) for name, values in weights_for(plan.pattern, plan.start).items()}
+    given = {
+        name: torch.from_numpy(values)
+        for name, values in weights_for(plan.pattern, plan.start).items()
+    }
     network = Network(period, sites, len(given["enter.bias"]))
     network.load_state_dict(given)
     return network
 
 
 def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]:
-    """Weights to begin with: those of the network for a known pattern, for pixels and sites at the same places beside the block."""
+    """Weights to begin with: those of the network for a known pattern, for pixels and sites at the
+    same places beside the block.
+    """
     path = network_for(known)
     if path is None or known.block_shape != pattern.block_shape:
-        raise InputError(f"no network for {'/'.join(known.tile)} whose block has the size of that of {'/'.join(pattern.tile)}")
+        raise InputError(
+            f"no network for {'/'.join(known.tile)} whose block has the size of that of "
+            f"{'/'.join(pattern.tile)}"
+        )
     weights, side = load_weights(path), len(Block.of(known).letters)
     begins = [(each.period - side) // 2 for each in (pattern, known)]
     along = (np.arange(pattern.period) - begins[0] + begins[1]).clip(0, known.period - 1)
-    pixels, planes = (along[:, None] * known.period + along).ravel(), known.period**2 * np.arange(3)[:, None]
+    pixels, planes = (
+        (along[:, None] * known.period + along).ravel(),
+        known.period**2 * np.arange(3)[:, None],
+    )
     numbers = _site_numbers(known)[_site_numbers(pattern) >= 0]
-    ends = 3 * known.period**2 + np.concatenate([numbers, len(known.sites) + np.arange(SURROUNDINGS)])
+    ends = 3 * known.period**2 + np.concatenate(
+        [numbers, len(known.sites) + np.arange(SURROUNDINGS)]
+    )
     entered, left = np.concatenate([(planes + pixels).ravel(), ends]), (planes[:2] + pixels).ravel()
     chosen = {"enter.weight": weights["enter.weight"][:, entered]}
-    return weights | chosen | {f"leave.{kind}": weights[f"leave.{kind}"][left] for kind in ("weight", "bias")}
+    return (
+        weights
+        | chosen
+        | {f"leave.{kind}": weights[f"leave.{kind}"][left] for kind in ("weight", "bias")}
+    )
 
 
 def _site_numbers(pattern: CfaPattern) -> IndexArray:
     """The number of each site of the mirrored block, row by row; -1 = a panchromatic pixel."""
-    colour = np.array([[letter != PANCHROMATIC for letter in row] for row in Block.of(pattern).letters])
+    colour = np.array(
+        [[letter != PANCHROMATIC for letter in row] for row in Block.of(pattern).letters]
+    )
     return np.where(colour, colour.cumsum().reshape(colour.shape) - 1, -1)
 
 
@@ -264,7 +360,9 @@ def _batch(examples: Sequence[list[Any]], plan: Plan, seed: tuple[int, ...]) -> 
     transposed, exchanged = plan.transposed, plan.exchanged
     large = [example for example in examples if min(example[-1].shape[1:]) >= side]
     if not large:
-        raise InputError(f"the pictures are too small to learn from: {side * period} pixels a side are needed")
+        raise InputError(
+            f"the pictures are too small to learn from: {side * period} pixels a side are needed"
+        )
     pieces: list[list[Any]] = []
     for _ in range(plan.batch):
         picture, truth, error, variance = large[random.integers(len(large))]

@@ -64,7 +64,9 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_rest_go_on(tmp_path: Path)
     words = Sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), CfaPattern.bayer(), CALIBRATION)
     bright = RawFrame(b"\xff" * words.layout.frame_bytes, TAKEN, 0.0)
     short = RawFrame(b"12", TAKEN, 0.0, "frames/7.raw")
-    first, second, third, fourth = capture([frame(0, words), bright, short, frame(1, words)], words, grey, ShotFolder(tmp_path))
+    first, second, third, fourth = capture(
+        [frame(0, words), bright, short, frame(1, words)], words, grey, ShotFolder(tmp_path)
+    )
     assert isinstance(first, Saved)
     assert second == Refused("a sample is 65535, more than the calibration's 10 bits hold")
     assert isinstance(third, Refused)
@@ -93,7 +95,11 @@ def test_a_burst_has_the_white_of_its_first_frame(tmp_path: Path) -> None:
     layout = FrameLayout(first.shape[1], first.shape[0], "u16")
     frames = [RawFrame(pack(each.codes, "u16"), TAKEN, 0.0) for each in (first, second)]
     sensor = Sensor(layout, first.pattern, first.calibration)
-    saved = [each.path for each in capture_burst(frames, 2, sensor, grey, ShotFolder(tmp_path)) if isinstance(each, Saved)]
+    saved = [
+        each.path
+        for each in capture_burst(frames, 2, sensor, grey, ShotFolder(tmp_path))
+        if isinstance(each, Saved)
+    ]
     white = SteadyWhite()(first).calibration.neutral
     neutrals = [read_dng(path).calibration.neutral for path in saved]
     assert neutrals[0] == neutrals[1] == pytest.approx(white, abs=1e-4)
@@ -110,7 +116,9 @@ def test_of_a_burst_with_a_frame_that_does_not_fit_nothing_is_saved(tmp_path: Pa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, full_disk: Callable[[], None]) -> None:
+def test_a_full_disk_ends_it_and_leaves_what_was_saved(
+    tmp_path: Path, full_disk: Callable[[], None]
+) -> None:
     running = capture(map(frame, range(3)), SENSOR, grey, ShotFolder(tmp_path))
     next(running)
     full_disk()
@@ -123,9 +131,24 @@ def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, full_disk
     ("layout", "pattern", "calibration", "words"),
     [
         (FrameLayout(32, 26, "raw12"), CfaPattern.bayer(), CALIBRATION, "of 10 bits, raw12 has 12"),
-        (FrameLayout(32, 26, "raw10"), CfaPattern.bayer(), SensorCalibration(), "of 16 bits, raw10 has 10"),
-        (FrameLayout(3, 3, "raw10"), CfaPattern.bayer(8, origin=(4, 4)), CALIBRATION, "no whole colour block"),
-        (FrameLayout(32, 26, "raw10"), CfaPattern.with_block(("CM", "YC"), 6), CALIBRATION, "they belong to different sensors"),
+        (
+            FrameLayout(32, 26, "raw10"),
+            CfaPattern.bayer(),
+            SensorCalibration(),
+            "of 16 bits, raw10 has 10",
+        ),
+        (
+            FrameLayout(3, 3, "raw10"),
+            CfaPattern.bayer(8, origin=(4, 4)),
+            CALIBRATION,
+            "no whole colour block",
+        ),
+        (
+            FrameLayout(32, 26, "raw10"),
+            CfaPattern.with_block(("CM", "YC"), 6),
+            CALIBRATION,
+            "they belong to different sensors",
+        ),
     ],
 )
 def test_a_sensor_that_contradicts_itself(
@@ -136,14 +159,19 @@ def test_a_sensor_that_contradicts_itself(
 
 
 def test_words_may_use_fewer_bits() -> None:
-    assert Sensor(FrameLayout(32, 26, "u16"), CfaPattern.bayer(), CALIBRATION).dark().codes.max() == 64
+    assert (
+        Sensor(FrameLayout(32, 26, "u16"), CfaPattern.bayer(), CALIBRATION).dark().codes.max() == 64
+    )
 
 
 def test_memory_does_not_grow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two hundred frames through the whole chain. Seven more would be held at the end if one in twenty stayed."""
+    """Two hundred frames through the whole chain. Seven more would be held at the end if one in
+    twenty stayed.
+    """
     frames, settled = 200, 60
     monkeypatch.setattr(os, "fsync", lambda _: None)  # most of the time, and none of the memory
-    wide = replace(SENSOR, layout=replace(SENSOR.layout, stride=1 << 13))  # so that frames are larger than what Python keeps anyway
+    # so that frames are larger than what Python keeps anyway
+    wide = replace(SENSOR, layout=replace(SENSOR.layout, stride=1 << 13))
     data = bytes(frame(0, wide).data)
 
     def source() -> Iterator[RawFrame]:

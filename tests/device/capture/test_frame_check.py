@@ -1,4 +1,6 @@
-"""Frames whose description is right are believed, wrong ones are refused, and dark ones prove nothing."""
+"""Frames whose description is right are believed, wrong ones are refused, and dark ones prove
+nothing.
+"""
 
 from functools import cache
 from typing import Any
@@ -21,42 +23,74 @@ SCENE = leaves(*SIZE)
 GREY = SCENE.mean(axis=2)
 PATTERN = CfaPattern.bayer(6, origin=(2, 1))
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2))
-TWO_BLOCKS = CfaPattern.of_letters("RGWWWWWW/GBWWWWWW/WWWWWWWW/WWWWWWWW/WWWWBGWW/WWWWGRWW/WWWWWWWW/WWWWWWWW", (3, 1))
+TWO_BLOCKS = CfaPattern.of_letters(
+    "RGWWWWWW/GBWWWWWW/WWWWWWWW/WWWWWWWW/WWWWBGWW/WWWWGRWW/WWWWWWWW/WWWWWWWW", (3, 1)
+)
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG")
 PLACE = "the colour sites are not where `pattern`, `period` and `origin` say"
 OPEN = "the frame does not show whether size, format and pattern are right"
 
 
-def taken(scene: FloatArray, pattern: CfaPattern = PATTERN, bits: int = 12, sigma: float = 0.01) -> CodeArray:
+def taken(
+    scene: FloatArray, pattern: CfaPattern = PATTERN, bits: int = 12, sigma: float = 0.01
+) -> CodeArray:
     """A scene through a sensor; a grey one may be (H, W)."""
     light = np.broadcast_to(scene[..., None], (*SIZE, 3)) if scene.ndim == 2 else scene
     calibration = SensorCalibration.of_bits(bits, headroom=False)
-    return simulate_additive(light.astype(np.float32), pattern, calibration, sigma, np.random.default_rng(0)).codes
+    return simulate_additive(
+        light.astype(np.float32), pattern, calibration, sigma, np.random.default_rng(0)
+    ).codes
 
 
 @cache
-def codes(pattern: CfaPattern = PATTERN, bits: int = 12, light: float = 1.0, sigma: float = 0.01) -> CodeArray:
+def codes(
+    pattern: CfaPattern = PATTERN, bits: int = 12, light: float = 1.0, sigma: float = 0.01
+) -> CodeArray:
     return taken(np.minimum(SCENE * light, 1.0), pattern, bits, sigma)
 
 
 def of(
-    name: str = "u16", pattern: CfaPattern = PATTERN, *, bits: int = 0, width: int = 256, height: int = 192, stride: int = 0
+    name: str = "u16",
+    pattern: CfaPattern = PATTERN,
+    *,
+    bits: int = 0,
+    width: int = 256,
+    height: int = 192,
+    stride: int = 0,
 ) -> Sensor:
     """A sensor that is described so."""
     bits = bits or min(FORMATS[name].bits, 12 if FORMATS[name].words else 14)
-    return Sensor(FrameLayout(width, height, name, stride), pattern, SensorCalibration.of_bits(bits, headroom=False))
+    return Sensor(
+        FrameLayout(width, height, name, stride),
+        pattern,
+        SensorCalibration.of_bits(bits, headroom=False),
+    )
 
 
-def stream(name: str = "u16", stride: int = 0, pattern: CfaPattern = PATTERN, padding: int = 0xA5, light: float = 1.0) -> bytes:
+def stream(
+    name: str = "u16",
+    stride: int = 0,
+    pattern: CfaPattern = PATTERN,
+    padding: int = 0xA5,
+    light: float = 1.0,
+) -> bytes:
     """Four frames of the scene."""
     return pack(codes(pattern, of(name).calibration.bits, light), name, stride, padding) * 4
 
 
 def look(data: bytes, described: Sensor) -> list[str]:
-    """The remarks on the frames in a stream; whatever is missing of the last frame is as the beginning of the stream."""
+    """The remarks on the frames in a stream; whatever is missing of the last frame is as the
+    beginning of the stream.
+    """
     size = described.layout.frame_bytes
-    data += data[: -len(data) % size] if len(data) > size else data * (size // len(data)) + data[: size % len(data)]
-    frames = (RawFrame.now(data[first : first + size]) for first in range(0, len(data) - size + 1, size))
+    data += (
+        data[: -len(data) % size]
+        if len(data) > size
+        else data * (size // len(data)) + data[: size % len(data)]
+    )
+    frames = (
+        RawFrame.now(data[first : first + size]) for first in range(0, len(data) - size + 1, size)
+    )
     notes: list[str] = []
     list(checked(frames, described, notes.append))
     return notes
@@ -69,7 +103,10 @@ def refusal(data: bytes, described: Sensor) -> str:
     assert message.startswith("the frame is not as described: ")
     size = f"--size {described.layout.width}x{described.layout.height}"
     packing = f"--pixel-format {described.layout.format} --stride {described.layout.stride}"
-    assert message.endswith(f"; run `panchroma identify FRAME {size} {packing}`. If the description is right, add `unchecked`")
+    assert message.endswith(
+        f"; run `panchroma identify FRAME {size} {packing}`. If the description is right, add "
+        "`unchecked`"
+    )
     return message
 
 
@@ -81,9 +118,18 @@ BLOCKS = [CfaPattern.bayer(period, "GBRG", (1, 2)) for period in (3, 4, 5, 6, 8,
 def test_what_is_described_rightly_is_believed(number: int) -> None:
     """Each pattern in two lights, each format twice; lines are filled with zeros or not."""
     pattern = [*BLOCKS, KODAK, KAIZU, CfaPattern.of_letters("RG/BW"), TWO_BLOCKS][number // 2]
-    name, (light, sigma) = list(FORMATS)[number % len(FORMATS)], LIGHTS[(number + number // 4) % len(LIGHTS)]
+    name, (light, sigma) = (
+        list(FORMATS)[number % len(FORMATS)],
+        LIGHTS[(number + number // 4) % len(LIGHTS)],
+    )
     described = of(name, pattern, stride=544)
-    remarks = look(pack(codes(pattern, described.calibration.bits, light, sigma), name, 544, 0xA5 * (number % 2)) * 3, described)
+    remarks = look(
+        pack(
+            codes(pattern, described.calibration.bits, light, sigma), name, 544, 0xA5 * (number % 2)
+        )
+        * 3,
+        described,
+    )
     assert not any(OPEN in remark for remark in remarks)
     if light >= 1.0 and pattern in BLOCKS[:-1]:  # period 16 has too few blocks to show a diagonal
         assert remarks == []
@@ -94,7 +140,9 @@ def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_
     for dark in (random_codes(SIZE, 3) + np.uint16(252), *levels):
         (note,) = look(pack(dark, "u16") * 3, of())
         assert note.startswith(OPEN)
-    assert PLACE in refusal(pack(dark, "u16") * 2 + pack(codes(), "u16"), of(pattern=CfaPattern.bayer(6)))
+    assert PLACE in refusal(
+        pack(dark, "u16") * 2 + pack(codes(), "u16"), of(pattern=CfaPattern.bayer(6))
+    )
 
 
 @pytest.mark.parametrize(
@@ -104,17 +152,34 @@ def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_
         (("raw12", 448), of("raw12", stride=401)),
         (("raw10", 448), of("raw10", stride=640)),
         (("raw12", 416), of("raw12", stride=430)),
-        (("u16", 536), of()),  # 12 pixels more a row: each block is still over another, but the scene is sheared
+        # 12 pixels more a row: each block is still over another, but the scene is sheared
+        (("u16", 536), of()),
         (("raw10",), of("raw10", width=232)),
         (("raw12",), of("raw12", width=262)),
         (("u16",), of(width=250)),
         *((("raw12",), of("raw12", height=height)) for height in (185, 191, 194, 220)),
         # A width that takes some of what fills each line to the stride.
-        *(((name, 576, PATTERN, padding), of(name, width=276, stride=576)) for name in ("raw10", "u16") for padding in (0, 0xA5)),
-        *((("u16", 0, PATTERN, 0, light), of(bits=bits)) for bits, light in ((10, 1), (14, 1), (16, 1), (14, 0.2), (16, 5))),
+        *(
+            ((name, 576, PATTERN, padding), of(name, width=276, stride=576))
+            for name in ("raw10", "u16")
+            for padding in (0, 0xA5)
+        ),
+        *(
+            (("u16", 0, PATTERN, 0, light), of(bits=bits))
+            for bits, light in ((10, 1), (14, 1), (16, 1), (14, 0.2), (16, 5))
+        ),
         *((("raw12",), of("raw12", CfaPattern.bayer(period))) for period in (3, 4, 5, 8, 12)),
-        *((("raw12", 0, CfaPattern.bayer(3, "RGGB")), of("raw12", CfaPattern.bayer(period, "RGGB"))) for period in (6, 9)),
-        *((("u16",), of(pattern=CfaPattern.bayer(6, origin=place))) for place in ((3, 1), (2, 0), (5, 4))),
+        *(
+            (
+                ("raw12", 0, CfaPattern.bayer(3, "RGGB")),
+                of("raw12", CfaPattern.bayer(period, "RGGB")),
+            )
+            for period in (6, 9)
+        ),
+        *(
+            (("u16",), of(pattern=CfaPattern.bayer(6, origin=place)))
+            for place in ((3, 1), (2, 0), (5, 4))
+        ),
         (("raw12", 400, KODAK), of("raw12", KODAK, stride=416)),
         (("raw12", 400, KODAK), of("raw12", KODAK, width=250)),
         (("raw12", 400, KODAK), of("raw12", KODAK, height=191, stride=400)),
@@ -126,18 +191,30 @@ def test_what_is_described_wrongly_is_refused(sent: Any, described: Sensor) -> N
     refusal(stream(*sent), described)
 
 
-PASSING = {("mono10packed", "raw10"), ("mono10packed", "mono12packed"), ("mono10packed", "u8"), ("mono12p", "mono12packed")}
-"""(sent, described): bytes of which one in three tells little, and bits that are almost in the right order; only at one origin."""
+PASSING = {
+    ("mono10packed", "raw10"),
+    ("mono10packed", "mono12packed"),
+    ("mono10packed", "u8"),
+    ("mono12p", "mono12packed"),
+}
+"""(sent, described): bytes of which one in three tells little, and bits that are almost in the
+right order; only at one origin.
+"""
 
 
 @pytest.mark.parametrize("origin", [(0, 0), (2, 1)])
 @pytest.mark.parametrize("right", FORMATS)
-def test_every_format_taken_for_another_is_refused_or_told(right: str, origin: tuple[int, int]) -> None:
+def test_every_format_taken_for_another_is_refused_or_told(
+    right: str, origin: tuple[int, int]
+) -> None:
     frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
     for wrong in FORMATS:
         described = of(wrong, CfaPattern.bayer(6, origin=origin), stride=544)
         if (right, wrong) in PASSING and origin == (2, 1):
-            assert any(OPEN in remark or "are always 0" in remark or "greens" in remark for remark in look(frame * 3, described))
+            assert any(
+                OPEN in remark or "are always 0" in remark or "greens" in remark
+                for remark in look(frame * 3, described)
+            )
         elif right != wrong:
             refusal(frame * 3, described)
 
@@ -163,7 +240,8 @@ def test_the_green_diagonal() -> None:
     for order in ("GRBG", "GBRG"):
         described = of(pattern=CfaPattern.bayer(6, order, PATTERN.origin))
         assert "the two greens of a block lie on the other diagonal" in refusal(frame, described)
-    assert look(frame, of(pattern=CfaPattern.bayer(6, "BGGR", PATTERN.origin))) == []  # only a chart tells red from blue
+    # only a chart tells red from blue
+    assert look(frame, of(pattern=CfaPattern.bayer(6, "BGGR", PATTERN.origin))) == []
     tinted = codes().astype(np.float64) - 256  # greens that differ by the sensor are no proof
     tinted[PATTERN.block_origin[0] :: 6, PATTERN.block_origin[1] + 1 :: 6] *= 1.03
     assert look(pack((tinted + 256).clip(0, 4095).astype(np.uint16), "u16"), of()) == []
@@ -174,7 +252,11 @@ def test_the_green_diagonal() -> None:
     [
         (np.full(SIZE, 256, np.uint16), "it is dark"),
         (np.full(SIZE, 4095, np.uint16), "100 % of its samples are clipped: it is overexposed"),
-        (np.where(np.arange(SIZE[1]) % 200 < 150, 4095, 900).astype(np.uint16) * np.ones(SIZE, np.uint16), "it is overexposed"),
+        (
+            np.where(np.arange(SIZE[1]) % 200 < 150, 4095, 900).astype(np.uint16)
+            * np.ones(SIZE, np.uint16),
+            "it is overexposed",
+        ),
         (np.full(SIZE, 900, np.uint16), "it is even, noisy or too dim"),
     ],
 )
@@ -188,20 +270,28 @@ def test_colours_that_a_grey_scene_does_not_show_are_told_and_looked_at_again() 
     words = "whether the greens are on the right diagonal"
     for pattern, described in ((PATTERN, PATTERN), (PATTERN, wrong), (KODAK, KODAK)):
         (note,) = look(pack(taken(GREY, pattern), "raw12") * 6, of("raw12", described))
-        assert (words if pattern is PATTERN else "whether each colour is where `pattern` says") in note
+        assert (
+            words if pattern is PATTERN else "whether each colour is where `pattern` says"
+        ) in note
     grey, lit = pack(taken(GREY), "raw12"), pack(codes(), "raw12")
     # The fourth and the eighth are looked at although two have shown the pattern.
     assert "other diagonal" in refusal(grey * 3 + lit, of("raw12", wrong))
     assert "other diagonal" in refusal(grey * 7 + lit, of("raw12", wrong))
     grey, lit = pack(taken(GREY, KODAK), "raw12"), pack(codes(KODAK), "raw12")
-    assert "its colours are at other sites" in refusal(grey * 3 + lit, of("raw12", CfaPattern(KODAK.tile, (1, 0))))
+    assert "its colours are at other sites" in refusal(
+        grey * 3 + lit, of("raw12", CfaPattern(KODAK.tile, (1, 0)))
+    )
 
 
 @pytest.mark.parametrize(
     ("frame", "bits", "words"),
     [
         (codes(light=0.1) << np.uint16(4), 14, "bits 0, 1, 2, 3 of its samples are always 0"),
-        (codes(light=0.05, sigma=0.0) + np.uint16(256), 12, "10 of its samples are always 0: the light is dim"),
+        (
+            codes(light=0.05, sigma=0.0) + np.uint16(256),
+            12,
+            "10 of its samples are always 0: the light is dim",
+        ),
     ],
 )
 def test_bits_that_are_never_used_are_told(frame: CodeArray, bits: int, words: str) -> None:
@@ -223,14 +313,28 @@ def test_sensors_of_another_kind() -> None:
         bayer[row::2, column::2] = SCENE[row::2, column::2, channel] * (0.2, 1.0, 0.25)[channel]
     grey = GREY + np.random.default_rng(0).normal(0, 0.01, SIZE)
     for light in (bayer, grey):
-        assert "as bright as their neighbours" in refusal(pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16"), of())
+        assert "as bright as their neighbours" in refusal(
+            pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16"), of()
+        )
 
 
 def test_stripes_are_no_proof_against_a_right_description() -> None:
     """Scenes that resemble a shifted row, or have a period of their own."""
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
-    phases = (rows + columns, rows - 2 * columns, 2 * rows + columns, 6 * rows + columns, rows, columns)
-    lengths = [(6, phase) for phase in phases] + [(5, phases[0]), (12, phases[2]), (31, phases[1]), (12, phases[4])]
+    phases = (
+        rows + columns,
+        rows - 2 * columns,
+        2 * rows + columns,
+        6 * rows + columns,
+        rows,
+        columns,
+    )
+    lengths = [(6, phase) for phase in phases] + [
+        (5, phases[0]),
+        (12, phases[2]),
+        (31, phases[1]),
+        (12, phases[4]),
+    ]
     scenes = [0.55 + 0.4 * np.sin(2 * np.pi * phase / length) for length, phase in lengths]
     for scene in (*scenes, (rows // 3 + columns // 3) % 2 * 0.8 + 0.1):
         look(pack(taken(scene), "raw12"), of("raw12"))
@@ -244,19 +348,26 @@ def test_half_of_the_period_is_refused_where_colours_do_not_show_it(period: int)
 
 def test_a_file_is_named() -> None:
     frame = RawFrame(pack(codes(), "u16"), RawFrame.now(b"").taken, 0.0, "frames/0001.raw")
-    with pytest.raises(InputError, match=r"^frames/0001\.raw: the frame is not as described.* identify frames/0001\.raw --size"):
+    with pytest.raises(
+        InputError,
+        match=r"^frames/0001\.raw: the frame is not as described.* identify frames/0001\.raw "
+        r"--size",
+    ):
         list(checked([frame], of(pattern=CfaPattern.bayer(5)), print))
 
 
 def test_scattered_patterns_at_another_place() -> None:
     frame = pack(codes(KODAK), "u16")
-    # At these places panchromatic pixels or colours differ; two rows and two columns further only red and blue are exchanged.
+    # At these places panchromatic pixels or colours differ; two rows and two columns further only
+    # red and blue are exchanged.
     for row, column in (KODAK.origin, (3, 0), (1, 0), (3, 2), (0, 1), (1, 1)):
         described = of(pattern=CfaPattern(KODAK.tile, (row, column)))
         if (row, column) in (KODAK.origin, (3, 0)):
             assert look(frame, described) == []
             continue
-        assert ("its colours are at other sites of the tile" in refusal(frame, described)) == ((row + column) % 2 == 1)
+        assert ("its colours are at other sites of the tile" in refusal(frame, described)) == (
+            (row + column) % 2 == 1
+        )
 
 
 def dark_codes(black: float) -> CodeArray:
@@ -269,6 +380,8 @@ def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_s
     )
     part = codes().copy()
     part[:64, :64] = 0
-    assert "a part of it has a mean of 0, darker than black, which is 256" in refusal(pack(part, "u16"), of())
+    assert "a part of it has a mean of 0, darker than black, which is 256" in refusal(
+        pack(part, "u16"), of()
+    )
     low = pack((codes(light=0.1).astype(int) - 240).clip(0).astype(np.uint16), "raw12")
     assert "darker than black" in refusal(low * 2, of("raw12"))

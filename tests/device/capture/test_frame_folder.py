@@ -28,7 +28,11 @@ class Watch:
         self.looks = 0
         self.most = 0
         self._frames = watch_folder(
-            folder, LAYOUT, lambda error: self.refused.append(str(error)), only_new=only_new, stopped=self._stopped
+            folder,
+            LAYOUT,
+            lambda error: self.refused.append(str(error)),
+            only_new=only_new,
+            stopped=self._stopped,
         )
 
     def take(self, count: int) -> list[RawFrame]:
@@ -84,7 +88,9 @@ def test_only_new_leaves_out_what_is_there(tmp_path: Path, monkeypatch: pytest.M
     assert watch.rest() == []
 
 
-def test_unfinished_files_wait_for_their_names_and_what_is_no_file_is_passed_over(tmp_path: Path) -> None:
+def test_unfinished_files_wait_for_their_names_and_what_is_no_file_is_passed_over(
+    tmp_path: Path,
+) -> None:
     for name in (".hidden", "frame.raw.part", "frame.tmp"):
         put(tmp_path, name)
     (tmp_path / "folder").mkdir()
@@ -99,7 +105,10 @@ def test_unfinished_files_wait_for_their_names_and_what_is_no_file_is_passed_ove
 
 @pytest.mark.parametrize(
     "history",
-    [[FRAME[:length] for length in (0, 3, 6, 8)], [bytes([number]) * len(FRAME) for number in (3, 2, 1)] + [FRAME]],
+    [
+        [FRAME[:length] for length in (0, 3, 6, 8)],
+        [bytes([number]) * len(FRAME) for number in (3, 2, 1)] + [FRAME],
+    ],
     ids=["grows", "changes"],
 )
 def test_a_file_is_taken_when_it_has_stopped_changing(
@@ -134,7 +143,9 @@ def test_a_file_of_another_size_is_told_once_and_taken_when_it_is_mended(tmp_pat
     assert len(Watch(tmp_path).take(1)) == 1  # one bad file does not stop the others
 
 
-def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_cannot_be_read_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     put(tmp_path, "frame.raw")
 
     def fail(*_: object) -> bytes:
@@ -172,5 +183,9 @@ def test_what_has_left_the_folder_is_forgotten(tmp_path: Path) -> None:
 def test_a_time_in_no_year_is_told(tmp_path: Path) -> None:
     """Not every file system can store the year 10000: the state of the file is made up."""
     path = put(tmp_path, "late.raw")
-    with pytest.raises(InputError, match=r"late\.raw: its time of change is in no year from 1 to 9999; set it: touch late\.raw"):
+    with pytest.raises(
+        InputError,
+        match=r"late\.raw: its time of change is in no year from 1 to 9999; set it: touch "
+        r"late\.raw",
+    ):
         frame_folder._read(path, (len(FRAME), 253_402_300_800 * 10**9), LAYOUT)

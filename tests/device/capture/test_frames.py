@@ -4,7 +4,13 @@ import re
 import numpy as np
 import pytest
 
-from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from panchroma.device.capture.frames import (
+    FORMATS,
+    FrameLayout,
+    RawFrame,
+    format_named,
+    read_frames,
+)
 from panchroma.shared.errors import InputError
 from tests.device.packer import pack, random_codes
 
@@ -14,7 +20,8 @@ from tests.device.packer import pack, random_codes
 @pytest.mark.parametrize("extra", [0, 1, 27])
 def test_what_is_packed_bit_by_bit_is_unpacked(name: str, width: int, extra: int) -> None:
     """Every width, groups that end within a line, and padding that is not zero."""
-    codes = random_codes((35, width), FORMATS[name].bits, seed=width)  # more rows than one strip, and not a whole number of them
+    # more rows than one strip, and not a whole number of them
+    codes = random_codes((35, width), FORMATS[name].bits, seed=width)
     layout = FrameLayout(width, 35, name)
     layout = FrameLayout(width, 35, name, layout.line_bytes + extra)
     data = pack(codes, name, layout.stride)
@@ -28,8 +35,13 @@ def test_what_is_packed_bit_by_bit_is_unpacked(name: str, width: int, extra: int
 @pytest.mark.parametrize(
     ("name", "data", "codes"),
     [
-        # V4L2: SRGGB10P, SRGGB12P and SRGGB16; the first pixel's lower bits are the lowest of the last byte.
-        ("raw10", (0b11111111, 0b00000000, 0b00000001, 0b10000000, 0b11_10_01_00), (0b1111111100, 0b01, 0b110, 0b1000000011)),
+        # V4L2: SRGGB10P, SRGGB12P and SRGGB16; the first pixel's lower bits are the lowest of the
+        # last byte.
+        (
+            "raw10",
+            (0b11111111, 0b00000000, 0b00000001, 0b10000000, 0b11_10_01_00),
+            (0b1111111100, 0b01, 0b110, 0b1000000011),
+        ),
         ("raw12", (0b11111111, 0b00000001, 0b1000_0111), (0b111111110111, 0b11000)),
         ("u16", (0x34, 0x12, 0xFF, 0x00), (0x1234, 0xFF)),
         ("u16be", (0x12, 0x34, 0x00, 0xFF), (0x1234, 0xFF)),
@@ -40,7 +52,9 @@ def test_what_is_packed_bit_by_bit_is_unpacked(name: str, width: int, extra: int
         ("mono10p", (0xAB, 0b000001_10, 0b0100, 0, 0), (0x2AB, 0x101)),
     ],
 )
-def test_tables_written_out_by_hand(name: str, data: tuple[int, ...], codes: tuple[int, ...]) -> None:
+def test_tables_written_out_by_hand(
+    name: str, data: tuple[int, ...], codes: tuple[int, ...]
+) -> None:
     assert FrameLayout(len(codes), 1, name).unpack(bytes(data)).tolist() == [[*codes]]
 
 
@@ -97,9 +111,13 @@ def test_the_names_of_v4l2_libcamera_and_pfnc(names: str, meant: tuple[str, int]
     assert {format_named(name) for name in names.split()} == {meant}
 
 
-@pytest.mark.parametrize("name", ["", "RAW10", "SRGGB9", "SCF1BWGW8", "Mono12pmsb", "YUYV", "XSRGGB10P", "SRGGB10P\n"])
+@pytest.mark.parametrize(
+    "name", ["", "RAW10", "SRGGB9", "SCF1BWGW8", "Mono12pmsb", "YUYV", "XSRGGB10P", "SRGGB10P\n"]
+)
 def test_other_formats_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match=r"BGGR_PISP_COMP1 is a lossy compression.*--mode W:H:12:U"):
+    with pytest.raises(
+        InputError, match=r"BGGR_PISP_COMP1 is a lossy compression.*--mode W:H:12:U"
+    ):
         format_named("BGGR_PISP_COMP1")
     with pytest.raises(InputError, match="unknown; one of raw10, raw12, raw14, mono10p"):
         format_named(name)
@@ -142,7 +160,10 @@ def test_words_are_not_copied_where_nobody_can_change_them() -> None:
     layout = FrameLayout(5, 3, "u16", 12)
     data = np.arange(36, dtype=np.uint8)
     assert np.shares_memory(layout.unpack(data.data.toreadonly()), data)
-    for other, reads in ((layout, data.data), (FrameLayout(5, 3, "u16be", 12), data.data.toreadonly())):
+    for other, reads in (
+        (layout, data.data),
+        (FrameLayout(5, 3, "u16be", 12), data.data.toreadonly()),
+    ):
         assert not np.shares_memory(other.unpack(reads), data)
 
 
@@ -155,7 +176,9 @@ def test_only_the_memory_of_frames_that_nobody_needs_is_used_again() -> None:
         if number % 2:
             kept.append(codes)
         del frame, codes
-    assert [np.unique(codes).tolist() for codes in kept] == [[number * 257] for number in (1, 3, 5, 7)]
+    assert [np.unique(codes).tolist() for codes in kept] == [
+        [number * 257] for number in (1, 3, 5, 7)
+    ]
     assert len(set(places)) < len(places)
 
 
@@ -166,13 +189,34 @@ SENT = b"".join(frames(3))
     ("data", "failure", "whole", "words"),
     [
         *(
-            (SENT[: 2 * 36 + rest], None, 2, f"{rest} bytes after 2 whole ones; 5 x 3 pixels in raw10 with a stride of 12 have 36")
+            (
+                SENT[: 2 * 36 + rest],
+                None,
+                2,
+                f"{rest} bytes after 2 whole ones; 5 x 3 pixels in raw10 with a stride of 12 "
+                "have 36",
+            )
             for rest in (1, 35)
         ),
-        (bytes(3 * 16 * 4), None, 5, "All its bytes are whole frames with `stride=16`: discard the shots of this stream"),
-        (bytes(3 * 16 * 4 + 1), None, 5, "its frames have another size, and the shots of this stream are wrong"),
+        (
+            bytes(3 * 16 * 4),
+            None,
+            5,
+            "All its bytes are whole frames with `stride=16`: discard the shots of this stream",
+        ),
+        (
+            bytes(3 * 16 * 4 + 1),
+            None,
+            5,
+            "its frames have another size, and the shots of this stream are wrong",
+        ),
         (b"", None, 0, "ended before the first frame"),
-        (SENT, OSError(5, "Input/output error"), 3, "the stream cannot be read (Input/output error) after 3 whole frames"),
+        (
+            SENT,
+            OSError(5, "Input/output error"),
+            3,
+            "the stream cannot be read (Input/output error) after 3 whole frames",
+        ),
     ],
 )
 def test_a_stream_that_ends_badly_says_so_after_the_whole_frames(
@@ -181,11 +225,17 @@ def test_a_stream_that_ends_badly_says_so_after_the_whole_frames(
     read: list[RawFrame] = []
     with pytest.raises(InputError, match=re.escape(words)):
         read.extend(read_frames(Pieces(data, 10, failure), LAYOUT))  # extend keeps what came before
-    assert [bytes(frame.data) for frame in read] == [data[36 * number :][:36] for number in range(whole)]
+    assert [bytes(frame.data) for frame in read] == [
+        data[36 * number :][:36] for number in range(whole)
+    ]
 
 
 def test_a_recording_of_another_stride_is_refused() -> None:
     LAYOUT.check_recording(36 * 4)
     LAYOUT.check_recording(36 * 4 + 1)  # was cut
-    with pytest.raises(InputError, match=r"192 bytes are no whole number of frames: .* likely `stride=16`\. .* add `unchecked`"):
+    with pytest.raises(
+        InputError,
+        match=r"192 bytes are no whole number of frames: .* likely `stride=16`\. .* add "
+        r"`unchecked`",
+    ):
         LAYOUT.check_recording(3 * 16 * 4, ". If they are right, add `unchecked`")

@@ -29,7 +29,9 @@ def save(shots: ShotFolder, taken: datetime = TAKEN) -> Path:
     return shots.save(mosaic(), preview(), taken)
 
 
-def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(tmp_path: Path) -> None:
+def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(
+    tmp_path: Path,
+) -> None:
     first = save(ShotFolder(tmp_path))
     assert first == tmp_path / "20260309T070501.020Z-000001.dng"
     assert same(read_dng(first), mosaic())
@@ -37,7 +39,10 @@ def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(
     assert there.name == "20260309T070501.020Z-000002.dng"
     (tmp_path / "20260309T070501.020Z-000090.dng.txt").touch()  # not a shot
     (tmp_path / "90.dng").touch()
-    assert save(ShotFolder(tmp_path), datetime(1970, 1, 1, tzinfo=UTC)).name == "19700101T000000.000Z-000003.dng"
+    assert (
+        save(ShotFolder(tmp_path), datetime(1970, 1, 1, tzinfo=UTC)).name
+        == "19700101T000000.000Z-000003.dng"
+    )
     (tmp_path / "20260309T070501.020Z-1000000.dng").touch()
     assert save(ShotFolder(tmp_path)).name.endswith("Z-1000001.dng")
 
@@ -63,7 +68,9 @@ def test_bursts_of_two_cameras_have_one_name_and_one_count_each(tmp_path: Path) 
             others.extend(burst(other, 10))
 
     saved = [path.name for path in burst(one, 10, once)]
-    assert [path.name for path in others] == [f"20260309T070501.020Z-000001-{number:02}.dng" for number in range(1, 11)]
+    assert [path.name for path in others] == [
+        f"20260309T070501.020Z-000001-{number:02}.dng" for number in range(1, 11)
+    ]
     assert saved == [f"20260309T070501.020Z-000002-{number:02}.dng" for number in range(1, 11)]
     assert names(tmp_path) == sorted([*saved, *(path.name for path in others)])
     assert save(ShotFolder(tmp_path)).name == "20260309T070501.020Z-000003.dng"
@@ -81,7 +88,9 @@ def test_a_later_frame_of_a_burst_replaces_no_file(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_at_any_moment_leaves_nothing_of_a_burst(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int
 ) -> None:
-    """Where files are written, and where they get their names, too: some file systems find room only then."""
+    """Where files are written, and where they get their names, too: some file systems find room
+    only then.
+    """
     calls, real = count(), {name: getattr(os, name) for name in ("fsync", "link")}
 
     def full(name: str, *arguments: Any) -> None:
@@ -113,7 +122,9 @@ def test_a_burst_that_has_its_first_frame_is_whole_after_the_program_was_killed(
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
     writing.sweep(tmp_path)
-    assert names(tmp_path) == [f"20260309T070501.020Z-000001-{number}.dng" for number in range(5 - links, 5)]
+    assert names(tmp_path) == [
+        f"20260309T070501.020Z-000001-{number}.dng" for number in range(5 - links, 5)
+    ]
 
 
 def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:
@@ -145,7 +156,11 @@ def test_the_link_is_right_where_its_folder_is_one_itself(tmp_path: Path) -> Non
     ("method", "error", "words"),
     [
         ("replace", OSError(errno.EIO, "Input/output error"), "cannot be made: Input/output error"),
-        ("symlink_to", PermissionError(errno.EPERM, "Operation not permitted"), "cannot be made: .* has no symbolic links"),
+        (
+            "symlink_to",
+            PermissionError(errno.EPERM, "Operation not permitted"),
+            "cannot be made: .* has no symbolic links",
+        ),
     ],
 )
 def test_an_old_link_stays_until_there_is_a_new_one(
@@ -164,7 +179,9 @@ def test_an_old_link_stays_until_there_is_a_new_one(
     assert link.readlink() == Path("20260309T070501.020Z-000002.dng")
 
 
-def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_path: Path, full_disk: Callable[..., None]) -> None:
+def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(
+    tmp_path: Path, full_disk: Callable[..., None]
+) -> None:
     link = tmp_path / "latest.dng"
     shots = ShotFolder(tmp_path, link)
     full_disk(times=1)
@@ -180,10 +197,15 @@ def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_
     [
         ("file", "exists and is no link"),
         ("folder", "exists and is no link"),
-        *((name, "the link to the latest shot") for name in ("x" * 300, "x/" * 3000, "missing/link")),
+        *(
+            (name, "the link to the latest shot")
+            for name in ("x" * 300, "x/" * 3000, "missing/link")
+        ),
     ],
 )
-def test_what_can_be_no_link_is_told_before_the_first_shot(tmp_path: Path, name: str, words: str) -> None:
+def test_what_can_be_no_link_is_told_before_the_first_shot(
+    tmp_path: Path, name: str, words: str
+) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
     with pytest.raises(InputError, match=words):

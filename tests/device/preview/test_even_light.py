@@ -29,13 +29,19 @@ def test_codes_without_shading_are_the_light(bits: int) -> None:
     codes, levels = even_light(mosaic)
     planes = PATTERN.filter_map(SHAPE)
     light = (codes - levels["black"][planes]) * levels["scale"][planes]
-    np.testing.assert_allclose(light, mosaic.signal, atol=0.51 * float(levels["scale"].max()), rtol=1e-5)
-    assert levels["scale"].max() < max(1.1 * mosaic.calibration.scale().max(), 3e-4)  # hardly coarser, or fine enough
+    np.testing.assert_allclose(
+        light, mosaic.signal, atol=0.51 * float(levels["scale"].max()), rtol=1e-5
+    )
+    # hardly coarser, or fine enough
+    assert levels["scale"].max() < max(1.1 * mosaic.calibration.scale().max(), 3e-4)
 
 
 @pytest.mark.parametrize(("scale", "linear"), [(1, True), (1, False), (3, False)])
 def test_a_preview_does_not_show_shading(scale: int, linear: bool) -> None:
-    even, undone = (Preview.for_mosaic(shot(16, False), scale, linear).run(shot(16, shading)) for shading in (False, True))
+    even, undone = (
+        Preview.for_mosaic(shot(16, False), scale, linear).run(shot(16, shading))
+        for shading in (False, True)
+    )
     apart = np.abs(undone.astype(float) - even)
     assert np.quantile(apart, 0.99) <= (0.005 if linear else 2)
 
@@ -45,14 +51,19 @@ def test_noise_below_black_stays() -> None:
     codes, levels = even_light(Mosaic(np.zeros(SHAPE, np.uint16), PATTERN, calibration))
     assert int(codes.min()) >= 0
     expected = -256 * calibration.scale()[-1] * LENS.of_plane(SHAPE)[5, 5]
-    assert (codes[5, 5] - levels["black"][-1]) * levels["scale"][-1] == pytest.approx(expected, rel=1e-3)
+    assert (codes[5, 5] - levels["black"][-1]) * levels["scale"][-1] == pytest.approx(
+        expected, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("scale", [1, 3])
 @pytest.mark.parametrize("headroom", [True, False])
-def test_light_that_is_not_saturated_keeps_its_colour_where_the_gain_is_large(scale: int, headroom: bool) -> None:
+def test_light_that_is_not_saturated_keeps_its_colour_where_the_gain_is_large(
+    scale: int, headroom: bool
+) -> None:
     calibration = SensorCalibration.of_bits(12, headroom=headroom, shading=LENS)
-    red = np.broadcast_to(np.array((1.1, 0.05, 0.02), np.float32), (*SHAPE, 3))  # 0.4 of full scale before the gain
+    # 0.4 of full scale before the gain
+    red = np.broadcast_to(np.array((1.1, 0.05, 0.02), np.float32), (*SHAPE, 3))
     gain = LENS.of_plane(SHAPE)[..., None]
     assert gain[0, 0] > 3
     taken = simulate_additive(red * gain, PATTERN, calibration, 0.0, np.random.default_rng(0))
@@ -65,11 +76,15 @@ def test_light_that_is_not_saturated_keeps_its_colour_where_the_gain_is_large(sc
 
 @pytest.mark.parametrize("scale", [1, 3])
 def test_what_is_saturated_is_white_wherever_the_gain_is_small_or_large(scale: int) -> None:
-    calibration = SensorCalibration.of_bits(12, headroom=False, shading=LENS, neutral=(0.6, 1.0, 0.7))
+    calibration = SensorCalibration.of_bits(
+        12, headroom=False, shading=LENS, neutral=(0.6, 1.0, 0.7)
+    )
     codes = np.full(SHAPE, 4095, np.uint16)
     for _, *part in PATTERN.lattices:
         codes[*part] = 2000  # panchromatic samples alone are saturated
-    picture = Preview.for_mosaic(Mosaic(codes, PATTERN, calibration), scale).run(Mosaic(codes, PATTERN, calibration))
+    picture = Preview.for_mosaic(Mosaic(codes, PATTERN, calibration), scale).run(
+        Mosaic(codes, PATTERN, calibration)
+    )
     assert picture.min() == 255
 
 

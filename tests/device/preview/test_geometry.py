@@ -32,7 +32,10 @@ def letter(pattern: CfaPattern, row: int, column: int) -> str:
 
 def places(geometry: Geometry, probe: np.ndarray) -> dict[tuple[int, int], float]:
     rows, columns = geometry.window
-    found = {(rows[row], columns[column]): float(probe[row, column]) for row, column in np.argwhere(probe).tolist()}
+    found = {
+        (rows[row], columns[column]): float(probe[row, column])
+        for row, column in np.argwhere(probe).tolist()
+    }
     assert found
     return found
 
@@ -46,7 +49,8 @@ def by_kind(geometry: Geometry) -> list[list[dict[tuple[int, int], float]]]:
 def test_interpolations_give_lines_exactly(pattern: CfaPattern) -> None:
     """From panchromatic samples of the site's own row, or column, on both sides of it.
 
-    Scattered sites have them where their line has some nearby on both sides, and elsewhere some from all around: planes are kept.
+    Scattered sites have them where their line has some nearby on both sides, and elsewhere some
+    from all around: planes are kept.
     """
     geometry = Geometry(pattern)
     for axis, probes in enumerate(by_kind(geometry)[:2]):
@@ -57,7 +61,9 @@ def test_interpolations_give_lines_exactly(pattern: CfaPattern) -> None:
             middle = np.array(list(probe.values())) @ steps
             if pattern in SCATTERED:
                 along_line = [(0, step) if axis == 0 else (step, 0) for step in range(-2, 3)]
-                line = [letter(pattern, site[0] + down, site[1] + right) for down, right in along_line]
+                line = [
+                    letter(pattern, site[0] + down, site[1] + right) for down, right in along_line
+                ]
                 is_on_line = "W" in line[:2] and "W" in line[3:]
                 assert (not steps[:, axis].any()) >= is_on_line
                 assert np.abs(steps).max() <= (3 if is_on_line else 5)

@@ -31,36 +31,71 @@ SEVEN = CfaPattern.with_block(("GR", "BG", "RG"), 7, (1, 5))
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2))
 CROWDED = CfaPattern.of_letters("RG/BW", (0, 3))
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", (2, 5))
-FAR = CfaPattern.of_letters("RGBGW/WWWWW/RWGWB/WWWWW/WWWWW")  # a site whose line has its panchromatic pixels far away
+# a site whose line has its panchromatic pixels far away
+FAR = CfaPattern.of_letters("RGBGW/WWWWW/RWGWB/WWWWW/WWWWW")
 FOUR = CfaPattern.of_letters("WCWMW/WWCWY/YWWWW/WMWWW/WWYWK")
 CASES = [
-    *((pattern, 1) for pattern in (CfaPattern.bayer(6), CfaPattern.bayer(4, "GBRG", (3, 1)), CfaPattern.bayer(3))),
+    *(
+        (pattern, 1)
+        for pattern in (
+            CfaPattern.bayer(6),
+            CfaPattern.bayer(4, "GBRG", (3, 1)),
+            CfaPattern.bayer(3),
+        )
+    ),
     *((pattern, 1) for pattern in (SEVEN, SIX, KODAK, CROWDED, FAR, FOUR)),
-    *((CfaPattern.bayer(6, "GRBG", (1, 4)), 3), (CfaPattern.bayer(6, origin=(2, 5)), 2), (CfaPattern.bayer(6), 6)),
-    *((CfaPattern.bayer(8, origin=(3, 1)), 2), (SIX, 2), (SIX, 4), (SEVEN, 7), (KODAK, 2), (CROWDED, 4), (FOUR, 5)),
+    *(
+        (CfaPattern.bayer(6, "GRBG", (1, 4)), 3),
+        (CfaPattern.bayer(6, origin=(2, 5)), 2),
+        (CfaPattern.bayer(6), 6),
+    ),
+    *(
+        (CfaPattern.bayer(8, origin=(3, 1)), 2),
+        (SIX, 2),
+        (SIX, 4),
+        (SEVEN, 7),
+        (KODAK, 2),
+        (CROWDED, 4),
+        (FOUR, 5),
+    ),
 ]
 """Patterns and scales."""
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> np.ndarray:
-    """A smooth scene with an edge and noise, so that every stage has something to do; some black, some at the white level."""
+    """A smooth scene with an edge and noise, so that every stage has something to do; some black,
+    some at the white level.
+    """
     rng = np.random.default_rng(seed)
     rows, columns = np.ogrid[: shape[0], : shape[1]]
-    light = 900 + 500 * np.sin(rows / 5) + 400 * np.cos(columns / 7) + 1200 * (columns - rows > 3) + rng.normal(0, 40, shape)
+    light = (
+        900
+        + 500 * np.sin(rows / 5)
+        + 400 * np.cos(columns / 7)
+        + 1200 * (columns - rows > 3)
+        + rng.normal(0, 40, shape)
+    )
     return light.clip(0, 4095).astype(np.uint16)
 
 
 def linear(mosaic: Mosaic, scale: int = 1) -> FloatArray:
-    return np.asarray(Preview(mosaic.pattern, scale, linear=True, threads=1).run(mosaic), np.float32)
+    return np.asarray(
+        Preview(mosaic.pattern, scale, linear=True, threads=1).run(mosaic), np.float32
+    )
 
 
 @pytest.mark.parametrize("scale", [1, 2, 3, 6])
-@pytest.mark.parametrize("pattern", [*(CfaPattern.bayer(6, order, (1, 4)) for order in ("RGGB", "GRBG")), KAIZU])
+@pytest.mark.parametrize(
+    "pattern", [*(CfaPattern.bayer(6, order, (1, 4)) for order in ("RGGB", "GRBG")), KAIZU]
+)
 def test_a_flat_scene_comes_back(pattern: CfaPattern, scale: int) -> None:
     colour = np.array([0.31, 0.22, 0.47], np.float32)
     calibration = SensorCalibration(gamma=(0.9, 1.1, 0.8))
-    mosaic = Mosaic(sample(np.full((40, 31, 3), colour), pattern, calibration), pattern, calibration)
-    step = 2 * float(calibration.scale().max())  # rounding to codes, of the sample and of the luminance it is divided by
+    mosaic = Mosaic(
+        sample(np.full((40, 31, 3), colour), pattern, calibration), pattern, calibration
+    )
+    # rounding to codes, of the sample and of the luminance it is divided by
+    step = 2 * float(calibration.scale().max())
     assert_close(linear(mosaic, scale), np.full((40 // scale, 31 // scale, 3), colour), step)
 
 
@@ -75,21 +110,35 @@ def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scal
 
 @pytest.mark.parametrize("scale", [1, 3])
 @pytest.mark.parametrize("light", [(4.8, 2.4, 0.96), (0.9, 0.3, 4.0), (3.5, 3.5, 0.2)])
-def test_a_coloured_light_is_white_where_it_is_saturated(light: tuple[float, ...], scale: int) -> None:
-    """Its blocks do not add up to luminance that is cut off, so that a channel came out negative, and the light pure yellow."""
+def test_a_coloured_light_is_white_where_it_is_saturated(
+    light: tuple[float, ...], scale: int
+) -> None:
+    """Its blocks do not add up to luminance that is cut off, so that a channel came out negative,
+    and the light pure yellow.
+    """
     pattern, calibration = CfaPattern.bayer(6), SensorCalibration.of_bits(12)
-    samples = np.minimum(sample(np.full((60, 60, 3), light, np.float32), pattern, calibration), calibration.full_scale)
+    samples = np.minimum(
+        sample(np.full((60, 60, 3), light, np.float32), pattern, calibration),
+        calibration.full_scale,
+    )
     assert Preview(pattern, scale).run(Mosaic(samples, pattern, calibration)).min() >= 254
 
 
 def test_greys_are_grey_from_black_to_white() -> None:
-    """Every level of a white surface, past white too: R = G = B, rising, 0 at black, 255 at white and past it."""
+    """Every level of a white surface, past white too: R = G = B, rising, 0 at black, 255 at white
+    and past it.
+    """
     pattern, white = CfaPattern.bayer(4), ColourTransform.to_space(CALIBRATION).white
     preview = Preview(pattern)
     shades = []
     for level in np.linspace(0, 1.2, 40):
         scene = np.full((12, 12, 3), np.array(white) * level, np.float32)
-        (shade,) = np.unique(preview.run(Mosaic(sample(scene, pattern, CALIBRATION), pattern, CALIBRATION)).reshape(-1, 3), axis=0)
+        (shade,) = np.unique(
+            preview.run(Mosaic(sample(scene, pattern, CALIBRATION), pattern, CALIBRATION)).reshape(
+                -1, 3
+            ),
+            axis=0,
+        )
         assert int(shade.max()) - int(shade.min()) <= 1
         shades.append(int(shade[1]))
     assert shades[0] == 0
@@ -97,15 +146,31 @@ def test_greys_are_grey_from_black_to_white() -> None:
     assert set(shades[34:]) == {255}
 
 
-@pytest.mark.parametrize("name", [contract.BLACK, contract.SCALE, contract.GAMMA, contract.NOISE, contract.WHITE, contract.MATRIX])
+@pytest.mark.parametrize(
+    "name",
+    [
+        contract.BLACK,
+        contract.SCALE,
+        contract.GAMMA,
+        contract.NOISE,
+        contract.WHITE,
+        contract.MATRIX,
+    ],
+)
 def test_every_element_of_every_input_matters(name: str) -> None:
     preview = Preview(Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION).pattern, threads=1)
-    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: codes((48, 54)), contract.GAIN: np.ones((1, 1), np.float32)}
+    inputs = {
+        **preview._inputs(CALIBRATION),
+        contract.MOSAIC: codes((48, 54)),
+        contract.GAIN: np.ones((1, 1), np.float32),
+    }
     before = preview._session.run(None, inputs)[0]
     for place in np.ndindex(inputs[name].shape):
         values = inputs[name].copy()
         values[place] = values[place] * 1.5 + 0.01
-        assert not np.array_equal(preview._session.run(None, {**inputs, name: values})[0], before), place
+        assert not np.array_equal(
+            preview._session.run(None, {**inputs, name: values})[0], before
+        ), place
 
 
 def test_the_gain_of_every_patch_says_when_it_is_burnt_out() -> None:
@@ -114,7 +179,9 @@ def test_the_gain_of_every_patch_says_when_it_is_burnt_out() -> None:
     inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: np.full((48, 54), 3000, np.uint16)}
     gain = np.ones(((48 - above - below) // 6, (54 - left - right) // 6), np.float32)
     before = preview._session.run(None, {**inputs, contract.GAIN: gain})[0]
-    assert np.array_equal(preview._session.run(None, {**inputs, contract.GAIN: gain[:1, :1]})[0], before)
+    assert np.array_equal(
+        preview._session.run(None, {**inputs, contract.GAIN: gain[:1, :1]})[0], before
+    )
     for row, column in np.ndindex(gain.shape):
         burnt = gain.copy()
         burnt[row, column] = 0.5
@@ -128,7 +195,11 @@ def test_the_gain_of_every_patch_says_when_it_is_burnt_out() -> None:
 
 def test_the_same_bytes_every_time() -> None:
     """If the digest fails: another BUILDER, and another digest."""
-    built = [build_preview(pattern, scale, linear=linear) for pattern, scale in CASES for linear in (False, True)]
+    built = [
+        build_preview(pattern, scale, linear=linear)
+        for pattern, scale in CASES
+        for linear in (False, True)
+    ]
     assert built[0] == build_preview(*CASES[0])
     assert hashlib.sha256(b"".join(built)).hexdigest() == DIGEST
 
@@ -151,23 +222,53 @@ def test_versions_and_description() -> None:
 
 def test_origins_share_a_graph_and_patterns_do_not() -> None:
     assert build_preview(CfaPattern.bayer(6)) == build_preview(CfaPattern.bayer(6, origin=(4, 1)))
-    assert len({build_preview(CfaPattern.bayer(6, order)) for order in ("RGGB", "BGGR", "GRBG", "GBRG")}) == 4
+    assert (
+        len(
+            {
+                build_preview(CfaPattern.bayer(6, order))
+                for order in ("RGGB", "BGGR", "GRBG", "GBRG")
+            }
+        )
+        == 4
+    )
 
 
 EXACT = {
-    *("Add", "Sub", "Mul", "Div", "Sqrt", "Relu", "Max", "Min", "Clip", "QuantizeLinear", "Cast"),  # each rounds once
-    *("Slice", "Split", "Concat", "Reshape", "Transpose", "Squeeze", "Unsqueeze", "Gather", "ScatterND", "Identity", "Shape"),
+    # each rounds once
+    *("Add", "Sub", "Mul", "Div", "Sqrt", "Relu", "Max", "Min", "Clip", "QuantizeLinear", "Cast"),
+    *(
+        "Slice",
+        "Split",
+        "Concat",
+        "Reshape",
+        "Transpose",
+        "Squeeze",
+        "Unsqueeze",
+        "Gather",
+        "ScatterND",
+        "Identity",
+        "Shape",
+    ),
 }
 
 
 @pytest.mark.parametrize(("pattern", "scale"), CASES)
-def test_other_programs_can_read_it_and_nothing_in_it_depends_on_the_processor(pattern: CfaPattern, scale: int) -> None:
-    """But for the colour matrix, convolutions add 16-bit codes times small multiples of 1/64: exact in single precision."""
-    light, model = (onnx.load_from_string(build_preview(pattern, scale, linear=linear)) for linear in (True, False))
+def test_other_programs_can_read_it_and_nothing_in_it_depends_on_the_processor(
+    pattern: CfaPattern, scale: int
+) -> None:
+    """But for the colour matrix, convolutions add 16-bit codes times small multiples of 1/64: exact
+    in single precision.
+    """
+    light, model = (
+        onnx.load_from_string(build_preview(pattern, scale, linear=linear))
+        for linear in (True, False)
+    )
     for each in (light, model):
         onnx.checker.check_model(each, full_check=True)
     assert {node.op_type for node in model.graph.node} <= {*EXACT, "Conv"}
-    weights = {each.name: numpy_helper.to_array(each).astype(float) for each in model.graph.initializer}
+    weights = {
+        each.name: numpy_helper.to_array(each).astype(float) for each in model.graph.initializer
+    }
     made = {node.output[0]: node for node in model.graph.node}
     kernels = [node.input[1] for node in model.graph.node if node.op_type == "Conv"]
     assert {made[name].input[0] for name in kernels if name not in weights} == {contract.MATRIX}

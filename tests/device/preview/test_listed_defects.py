@@ -14,7 +14,9 @@ KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
 FOUR = CfaPattern.of_letters("WCWMW/WWCWY/YWWWW/WMWWW/WWYWK")
 CROWDED = CfaPattern.of_letters("RG/BW")
 CLOSE = 0.05
-"""Scene units, of 0.25 to 0.75: what a mended sample may miss in a smooth scene. An unlisted one misses 0.5 to 8."""
+"""Scene units, of 0.25 to 0.75: what a mended sample may miss in a smooth scene. An unlisted one
+misses 0.5 to 8.
+"""
 SHAPE = 60, 66
 
 
@@ -25,9 +27,14 @@ PLACES = {
     "a cluster": [(row, column) for row in range(28, 38) for column in range(29, 39)],
     "a row": [(30, column) for column in range(SHAPE[1])],
     "a column": [(row, 31) for row in range(SHAPE[0])],
-    "the edges": [place for place in np.ndindex(SHAPE) if place[0] in (0, 59) or place[1] in (0, 65)],
+    "the edges": [
+        place for place in np.ndindex(SHAPE) if place[0] in (0, 59) or place[1] in (0, 65)
+    ],
     "the corners": [(0, 0), (0, 65), (59, 0), (59, 65)],
-    "scattered": [(row, column) for row, column in np.argwhere(np.random.default_rng(1).random(SHAPE) < 0.01).tolist()],
+    "scattered": [
+        (row, column)
+        for row, column in np.argwhere(np.random.default_rng(1).random(SHAPE) < 0.01).tolist()
+    ],
 }
 
 
@@ -54,7 +61,11 @@ def furthest(one: Mosaic, other: Mosaic, scale: int = 1) -> float:
 
 
 @pytest.mark.parametrize("places", PLACES.values(), ids=list(PLACES))
-@pytest.mark.parametrize("pattern", [SIX, CfaPattern.bayer(3), CfaPattern.bayer(8, "GBRG", (3, 5)), KODAK, FOUR, CROWDED], ids=str)
+@pytest.mark.parametrize(
+    "pattern",
+    [SIX, CfaPattern.bayer(3), CfaPattern.bayer(8, "GBRG", (3, 5)), KODAK, FOUR, CROWDED],
+    ids=str,
+)
 def test_listed_defects_do_not_show(pattern: CfaPattern, places: list[tuple[int, int]]) -> None:
     clean, damaged = shots(pattern, places)
     assert furthest(clean, damaged) < CLOSE
@@ -75,7 +86,10 @@ def test_a_defect_in_ink_is_not_mended_with_paper() -> None:
     codes = Mosaic(sample(light, SIX, calibration), SIX, calibration).codes.copy()
     truth = int(codes[30, 30])  # a red site in the middle of the stroke
     codes[30, 30] = 0
-    assert abs(int(without_defects(codes, SIX, ((30, 30),))[30, 30]) - truth) * calibration.scale()[0] < 0.06
+    assert (
+        abs(int(without_defects(codes, SIX, ((30, 30),))[30, 30]) - truth) * calibration.scale()[0]
+        < 0.06
+    )
 
 
 def test_without_defects_in_the_frame_nothing_is_copied() -> None:
@@ -94,6 +108,7 @@ def test_a_frame_without_a_good_sample_is_shown() -> None:
 def test_defects_in_a_shaded_shot() -> None:
     shading = Shading((((1.0,) * 4,) * 4,) * 4, SHAPE)
     clean, damaged = (
-        replace(each, calibration=replace(each.calibration, shading=shading)) for each in shots(SIX, PLACES["scattered"])
+        replace(each, calibration=replace(each.calibration, shading=shading))
+        for each in shots(SIX, PLACES["scattered"])
     )
     assert furthest(clean, damaged) < 2 * CLOSE

@@ -17,7 +17,9 @@ def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:
     return np.random.default_rng(seed).integers(200, 4000, shape, np.uint16)
 
 
-def shot(shape: tuple[int, int] = (61, 83), pattern: CfaPattern | None = None, seed: int = 0) -> Mosaic:
+def shot(
+    shape: tuple[int, int] = (61, 83), pattern: CfaPattern | None = None, seed: int = 0
+) -> Mosaic:
     pattern = pattern or CfaPattern.bayer(6, origin=(4, 1))
     count = len(pattern.channels)
     calibration = SensorCalibration(
@@ -30,16 +32,22 @@ def shot(shape: tuple[int, int] = (61, 83), pattern: CfaPattern | None = None, s
 
 
 @pytest.mark.parametrize(("scale", "linear"), list(product((1, 2, 3), (False, True))))
-def test_strips_and_threads_do_not_show(scale: int, linear: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strips_and_threads_do_not_show(
+    scale: int, linear: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mosaic = shot((97, 83))
     monkeypatch.setattr(runtime, "_STRIP_PIXELS", 1 << 30)
     whole = Preview.for_mosaic(mosaic, scale, linear, threads=1).run(mosaic)
     for pixels, threads in ((1, 1), (1, 3), (1500, 2), (4000, 5)):
         monkeypatch.setattr(runtime, "_STRIP_PIXELS", pixels)
-        assert np.array_equal(Preview.for_mosaic(mosaic, scale, linear, threads=threads).run(mosaic), whole)
+        assert np.array_equal(
+            Preview.for_mosaic(mosaic, scale, linear, threads=threads).run(mosaic), whole
+        )
 
 
-def test_threads_are_those_of_the_program_or_of_its_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_are_those_of_the_program_or_of_its_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     pools: list[int] = []
 
     def pool(count: int, name: str) -> ThreadPoolExecutor:
@@ -49,7 +57,8 @@ def test_threads_are_those_of_the_program_or_of_its_environment(monkeypatch: pyt
     monkeypatch.setattr(runtime, "ThreadPoolExecutor", pool)
     mosaic = shot()
     preview = Preview.for_mosaic(mosaic)
-    monkeypatch.setattr(processors, "chosen", processors._Chosen())  # none chosen; the environment may change after it is built
+    # none chosen; the environment may change after it is built
+    monkeypatch.setattr(processors, "chosen", processors._Chosen())
     monkeypatch.setenv(processors.THREADS, "3")
     preview.run(mosaic)
     processors.use_threads(2)
@@ -71,7 +80,10 @@ def test_where_the_frame_begins_does_not_show_but_at_its_edge(origin: tuple[int,
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 17), (40, 2), (13, 14), (64, 7)])
-@pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6, "BGGR"), CfaPattern.bayer(7), CfaPattern.bayer(16)])
+@pytest.mark.parametrize(
+    "pattern",
+    [CfaPattern.bayer(4), CfaPattern.bayer(6, "BGGR"), CfaPattern.bayer(7), CfaPattern.bayer(16)],
+)
 def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
     mosaic = shot(shape, pattern)
     for scale, linear in product((1, 4) if pattern.period % 4 == 0 else (1,), (False, True)):
@@ -82,19 +94,33 @@ def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
 
 @pytest.mark.parametrize("scale", [2, 3])
 def test_a_smaller_picture_shows_the_same_places(scale: int) -> None:
-    """The centre of an edge's step is where the full picture has it, to half a cell, wherever the tile begins."""
+    """The centre of an edge's step is where the full picture has it, to half a cell, wherever the
+    tile begins.
+    """
     for column in range(20, 27):
         scene = np.full((30, 60, 3), 0.1, np.float32)
         scene[:, column:] = 0.9
-        mosaic = simulate_additive(scene, CfaPattern.bayer(6, origin=(3, column)), SensorCalibration(), 0, np.random.default_rng(0))
-        light = np.asarray(Preview.for_mosaic(mosaic, scale, linear=True).run(mosaic), np.float32)[5, :, 1]
+        mosaic = simulate_additive(
+            scene,
+            CfaPattern.bayer(6, origin=(3, column)),
+            SensorCalibration(),
+            0,
+            np.random.default_rng(0),
+        )
+        light = np.asarray(Preview.for_mosaic(mosaic, scale, linear=True).run(mosaic), np.float32)[
+            5, :, 1
+        ]
         edge = float(((light < 0.89) * (0.9 - light) / 0.8).sum()) * scale
         assert abs(edge - column) <= scale / 2 + 0.35
 
 
 def test_one_preview_serves_all_cameras_and_sizes() -> None:
     mosaic, other = shot(), shot((40, 52), CfaPattern.bayer(6, origin=(2, 3)), 1)
-    warm = Mosaic(mosaic.codes, mosaic.pattern, SensorCalibration(neutral=(0.3, 0.6, 0.9), white_level=3000, black_level=(9,) * 4))
+    warm = Mosaic(
+        mosaic.codes,
+        mosaic.pattern,
+        SensorCalibration(neutral=(0.3, 0.6, 0.9), white_level=3000, black_level=(9,) * 4),
+    )
     preview = Preview.for_mosaic(mosaic)
     pictures = [preview.run(each) for each in (mosaic, other, warm, mosaic)]
     fresh = [Preview.for_mosaic(each).run(each) for each in (mosaic, other, warm, mosaic)]
@@ -104,7 +130,9 @@ def test_one_preview_serves_all_cameras_and_sizes() -> None:
 
 def test_scene_units_and_their_codes_give_the_same() -> None:
     scene = np.random.default_rng(0).random((30, 40, 3), np.float32)
-    light = simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), 0.01, np.random.default_rng(1))
+    light = simulate_additive(
+        scene, CfaPattern.bayer(), SensorCalibration(), 0.01, np.random.default_rng(1)
+    )
     saved = Mosaic(light.codes, light.pattern, light.calibration)
     preview = Preview.for_mosaic(light, linear=True)
     assert np.array_equal(preview.run(light), preview.run(saved))
@@ -115,7 +143,10 @@ def test_many_callers_at_once() -> None:
     preview = Preview.for_mosaic(mosaics[0], threads=2)
     expected = [preview.run(mosaic) for mosaic in mosaics]
     with ThreadPoolExecutor(6) as pool:
-        assert all(np.array_equal(*pair) for pair in zip(expected, pool.map(preview.run, mosaics * 3), strict=False))
+        assert all(
+            np.array_equal(*pair)
+            for pair in zip(expected, pool.map(preview.run, mosaics * 3), strict=False)
+        )
 
 
 def test_an_error_in_a_strip_comes_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,7 +164,9 @@ def test_an_error_in_a_strip_comes_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_another_pattern_is_refused_with_both_named() -> None:
     preview = Preview.for_mosaic(shot(pattern=CfaPattern.bayer(4)))
-    with pytest.raises(InputError, match=r"pattern BWWG/WWWW/WWWW/GWWR, the mosaic has GWWB/WWWW/WWWW/RWWG"):
+    with pytest.raises(
+        InputError, match=r"pattern BWWG/WWWW/WWWW/GWWR, the mosaic has GWWB/WWWW/WWWW/RWWG"
+    ):
         preview.run(shot(pattern=CfaPattern.bayer(4, "GRBG")))
     with pytest.raises(InputError, match="channels RGB, the mosaic has BGR"):
         preview.run(shot(pattern=CfaPattern(CfaPattern.bayer(4).tile, channels="BGR")))

@@ -1,4 +1,6 @@
-"""How far frames agree: in spite of noise, a little more light and sampling; each kind of change is found by a sign of its own."""
+"""How far frames agree: in spite of noise, a little more light and sampling; each kind of change is
+found by a sign of its own.
+"""
 
 import numpy as np
 import pytest
@@ -23,12 +25,20 @@ def light(y: DoubleArray = Y, x: DoubleArray = X, contrast: float = 0.2) -> Doub
 def agrees(reference: DoubleArray, frame: DoubleArray, sigma: float) -> float:
     """The mean agreement where the thing is, 0 to 1."""
     random, noise = np.random.default_rng(0), NoiseModel.gaussian(sigma, 4) if sigma else None
-    first, second = (View((plane + random.normal(0, sigma, SHAPE)).astype(np.float32), noise) for plane in (reference, frame))
-    return float(agreement_of_luminance(first, second, np.ones(SHAPE, np.float32))[INSIDE].mean()) / 255
+    first, second = (
+        View((plane + random.normal(0, sigma, SHAPE)).astype(np.float32), noise)
+        for plane in (reference, frame)
+    )
+    return (
+        float(agreement_of_luminance(first, second, np.ones(SHAPE, np.float32))[INSIDE].mean())
+        / 255
+    )
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
-@pytest.mark.parametrize("frame", [light(), 1.005 * light(), light(Y, X + 0.1)], ids=["same", "light", "sampling"])
+@pytest.mark.parametrize(
+    "frame", [light(), 1.005 * light(), light(Y, X + 0.1)], ids=["same", "light", "sampling"]
+)
 def test_what_has_not_changed_agrees(frame: DoubleArray, sigma: float) -> None:
     assert agrees(light(), frame, sigma) > 0.9
 
@@ -52,7 +62,9 @@ def test_what_has_changed_does_not(sign: str, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_strips_leave_no_trace() -> None:
-    first, second, weight = np.random.default_rng(1).uniform(0.5, 1.5, (3, 600, 40)).astype(np.float32)
+    first, second, weight = (
+        np.random.default_rng(1).uniform(0.5, 1.5, (3, 600, 40)).astype(np.float32)
+    )
     whole, lower = (
         agreement_of_luminance(View(first), View(second), weight),
         agreement_of_luminance(View(first[256:]), View(second[256:]), weight[256:]),
@@ -60,7 +72,9 @@ def test_strips_leave_no_trace() -> None:
     assert np.array_equal(lower[40:], whole[296:])
 
 
-def test_light_beyond_the_limit_of_the_reference_agrees_and_clipped_light_of_a_frame_does_not() -> None:
+def test_light_beyond_the_limit_of_the_reference_agrees_and_clipped_light_of_a_frame_does_not() -> (
+    None
+):
     dim, bright = np.full(SHAPE, 1.0, np.float32), np.full(SHAPE, 2.0, np.float32)
     weight = np.ones(SHAPE, np.float32)
     assert (agreement_of_luminance(View(dim, limit=1.0), View(bright), weight) == 255).all()

@@ -1,4 +1,6 @@
-"""The motion that is found is the true one, whatever moves besides; and what cannot be aligned is refused."""
+"""The motion that is found is the true one, whatever moves besides; and what cannot be aligned is
+refused.
+"""
 
 import sys
 from collections.abc import Iterator
@@ -26,7 +28,9 @@ def noisy(plane: FloatArray, seed: int) -> FloatArray:
     return plane + np.random.default_rng(seed).normal(0, 0.03, plane.shape).astype(np.float32)
 
 
-def aligned(reference: FloatArray, frame: FloatArray, noise: NoiseModel | None = None, limit: float = np.inf) -> Alignment:
+def aligned(
+    reference: FloatArray, frame: FloatArray, noise: NoiseModel | None = None, limit: float = np.inf
+) -> Alignment:
     found = align(View(reference, noise), View(frame, noise, limit))
     assert isinstance(found, Alignment), found
     return found
@@ -56,7 +60,10 @@ def test_frames_of_any_size(shape: tuple[int, int], monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(
         sys.modules["panchroma.offline.burst.align"], "_LARGEST", 60_000
     )  # the largest is compared at half its size
-    assert error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 2 * BETWEEN
+    assert (
+        error(aligned(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max()
+        < 2 * BETWEEN
+    )
 
 
 @pytest.mark.parametrize("size", [3, 30])
@@ -74,7 +81,11 @@ def test_samples_of_the_sensor_and_noise() -> None:
     planes = [
         recover_luminance(
             simulate_additive(
-                plane[..., None] * np.array([0.5, 0.3, 0.2], np.float32), pattern, calibration, 0.03, np.random.default_rng(seed)
+                plane[..., None] * np.array([0.5, 0.3, 0.2], np.float32),
+                pattern,
+                calibration,
+                0.03,
+                np.random.default_rng(seed),
             ),
             BEST.luminance,
         )
@@ -120,7 +131,12 @@ def unusable() -> Iterator[tuple[str, FloatArray, FloatArray, str]]:
     flat = np.full(SHAPE, 1.5, np.float32)
     _, x = pixels()
     stripes = np.sin(x / 3).astype(np.float32) + 2
-    yield "size", REFERENCE, REFERENCE[:-2], "210 x 148 pixels, expected 210 x 150 like the reference"
+    yield (
+        "size",
+        REFERENCE,
+        REFERENCE[:-2],
+        "210 x 148 pixels, expected 210 x 150 like the reference",
+    )
     yield "tiny", REFERENCE[:4, :40], REFERENCE[:4, :40], "40 x 4 pixels are too few to be aligned"
     yield "flat", flat, flat, "too little texture"
     yield "flat, with noise", noisy(flat, 0), noisy(flat, 1), "too little texture"
@@ -129,8 +145,14 @@ def unusable() -> Iterator[tuple[str, FloatArray, FloatArray, str]]:
     yield "another scene", REFERENCE, seen(Motion(), seed=1), "another scene"
 
 
-@pytest.mark.parametrize(("reference", "frame", "why"), [case[1:] for case in unusable()], ids=[case[0] for case in unusable()])
-def test_what_cannot_be_aligned_is_refused(reference: FloatArray, frame: FloatArray, why: str) -> None:
+@pytest.mark.parametrize(
+    ("reference", "frame", "why"),
+    [case[1:] for case in unusable()],
+    ids=[case[0] for case in unusable()],
+)
+def test_what_cannot_be_aligned_is_refused(
+    reference: FloatArray, frame: FloatArray, why: str
+) -> None:
     found = align(View(reference, NOISE), View(frame, NOISE))
     assert isinstance(found, str)
     assert why in found

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER, render
-from panchroma.offline.burst import MergedBurst, Motion, burst_memory, in_reference, merge_burst, render_burst_bands
+from panchroma.offline.burst import (
+    MergedBurst,
+    Motion,
+    burst_memory,
+    in_reference,
+    merge_burst,
+    render_burst_bands,
+)
 from panchroma.offline.burst.colour import relit_sites
 from panchroma.offline.frame import BlockSums, Cleaned
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
@@ -21,18 +28,23 @@ SHIFTS = [(0.0, 0.0), (1.3, -2.2), (-2.6, 0.4), (0.7, 2.9), (2.4, 1.6), (-1.1, -
 ROUNDING, ROUNDING_IN_STEPS = 1e-4, 1e-2  # the latter of the network for colour, with its 8 bits
 MOTIONS = [Motion(shift) for shift in SHIFTS]
 STEPS = [Motion((2.0 * down, 2.0 * across)) for down in range(3) for across in range(3)]
-STAGES = replace(BEST, learned=PAPER.learned)  # the network for colour has units and steps of its own
+# the network for colour has units and steps of its own
+STAGES = replace(BEST, learned=PAPER.learned)
 
 
 def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> FloatArray:
-    """What a frame sees: fine waves of light, and coloured lines that are thinner than the distance of two blocks."""
+    """What a frame sees: fine waves of light, and coloured lines that are thinner than the distance
+    of two blocks.
+    """
     row, column = (plane.astype(np.float32) for plane in np.indices(shape))
     y, x = (plane.astype(np.float64) for plane in in_reference(motion, row, column, shape))
     brightness = light(y, x) / 3
     lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
     share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
     share[..., 0] += 1.5 * lines
-    return (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(np.float32)
+    return (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(
+        np.float32
+    )
 
 
 def shots(
@@ -41,8 +53,14 @@ def shots(
     pattern: CfaPattern = CfaPattern.bayer(6),  # noqa: B008 - frozen
     shape: tuple[int, int] = SHAPE,
 ) -> list[Mosaic]:
-    calibration, light = SensorCalibration(pattern.channels), [scene(motion, len(pattern.channels), shape) for motion in motions]
-    return [simulate_additive(each, pattern, calibration, sigma, np.random.default_rng(n)) for n, each in enumerate(light)]
+    calibration, light = (
+        SensorCalibration(pattern.channels),
+        [scene(motion, len(pattern.channels), shape) for motion in motions],
+    )
+    return [
+        simulate_additive(each, pattern, calibration, sigma, np.random.default_rng(n))
+        for n, each in enumerate(light)
+    ]
 
 
 def picture(merged: MergedBurst) -> FloatArray:
@@ -59,7 +77,9 @@ def psnr(found: FloatArray, truth: FloatArray) -> float:
     [(0.0, 4.0, MOTIONS, False), (0.01, 1.0, MOTIONS, False), (0.0, 6.0, STEPS, True)],
     ids=["hand", "hand, noise", "known steps of the sensor"],
 )
-def test_more_frames_show_more(sigma: float, gain: float, motions: list[Motion], known: bool) -> None:
+def test_more_frames_show_more(
+    sigma: float, gain: float, motions: list[Motion], known: bool
+) -> None:
     frames, truth = shots(sigma, motions), scene(motions[0])
     single = psnr(render(frames[0]).rgb, truth)
     merged = merge_burst(frames, reference=0, motions=motions if known else None)
@@ -74,8 +94,13 @@ def test_shading_does_not_show() -> None:
     lens = Shading([1 + strength * (radius - 1 / 6) for strength in (0.6, 0.5, 0.4, 0.5)], SHAPE)  # type: ignore[arg-type]
     found = []
     for shading in (None, lens):
-        taken = [replace(shot, calibration=replace(shot.calibration, shading=shading)) for shot in shots(0.0, motions)]
-        merged = merge_burst([replace(shot, samples=shot.codes) for shot in taken], reference=0, motions=motions)
+        taken = [
+            replace(shot, calibration=replace(shot.calibration, shading=shading))
+            for shot in shots(0.0, motions)
+        ]
+        merged = merge_burst(
+            [replace(shot, samples=shot.codes) for shot in taken], reference=0, motions=motions
+        )
         found.append(psnr(picture(merged), scene(motions[0])))
     assert found[1] == pytest.approx(found[0], abs=0.1)
 
@@ -124,15 +149,22 @@ def test_what_makes_no_burst_is_refused() -> None:
         merge_burst([])
     with pytest.raises(InputError, match="2 frames and 1 motions"):
         merge_burst(frames, motions=MOTIONS[:1])
-    with pytest.raises(InputError, match="reference is None, expected the index of the frame that the motions start from"):
+    with pytest.raises(
+        InputError,
+        match="reference is None, expected the index of the frame that the motions start from",
+    ):
         merge_burst(frames, motions=MOTIONS[:2])
     for index in (-1, 2, 0.5):
-        with pytest.raises(InputError, match=f"reference is {index}, expected the index of a frame, 0 to 1"):
+        with pytest.raises(
+            InputError, match=f"reference is {index}, expected the index of a frame, 0 to 1"
+        ):
             merge_burst(frames, reference=index)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("noise", [(1e-4, 0.0), (0.0, 0.0), None])
-def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(noise: tuple[float, float] | None) -> None:
+def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(
+    noise: tuple[float, float] | None,
+) -> None:
     """Its variance would be 0 in black, and beyond."""
     motions, model = MOTIONS[:3], noise and NoiseModel((noise[0],) * 4, (noise[1],) * 4)
     dark = [replace(shot, samples=shot.samples - np.float32(0.8)) for shot in shots(0.02, motions)]
@@ -145,7 +177,9 @@ def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(noise: tuple[fl
 
 def test_a_solver_that_does_not_converge_says_so() -> None:
     merged = merge_burst(shots(0.05, MOTIONS[:3]), reference=0)
-    spoilt = replace(merged, samples=replace(merged.samples, values=np.full_like(merged.samples.values, np.nan)))
+    spoilt = replace(
+        merged, samples=replace(merged.samples, values=np.full_like(merged.samples.values, np.nan))
+    )
     with pytest.raises(ConvergenceError, match="samples: conjugate gradients stopped"):
         picture(spoilt)
 
@@ -154,7 +188,9 @@ def test_memory_grows_with_the_frames() -> None:
     (frame,) = shots(0.0, MOTIONS[:1])
     assert burst_memory(2, frame) < burst_memory(9, frame)
     assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
-    scattered = Mosaic(frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration)
+    scattered = Mosaic(
+        frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration
+    )
     assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
 
 
@@ -162,7 +198,9 @@ def test_memory_grows_with_the_frames() -> None:
 def test_a_burst_of_other_light_is_that_burst(scale: float) -> None:
     frames = shots(0.0, MOTIONS[:3])
     scaled = [replace(frame, samples=frame.signal * np.float32(scale)) for frame in frames]
-    expected, found = (np.concatenate(list(render_burst_bands(merge_burst(each)))) for each in (frames, scaled))
+    expected, found = (
+        np.concatenate(list(render_burst_bands(merge_burst(each)))) for each in (frames, scaled)
+    )
     assert np.sqrt(np.square(found / scale - expected).mean()) < 0.02
 
 
@@ -184,7 +222,9 @@ def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:
     clipped = replace(frame, samples=np.minimum(frame.signal, np.float32(clipping)))
     luminance, first = np.full(frame.shape, 2.0, np.float32), Cleaned(clipped, clipping)
     shape = (*first.sites.shape, 3)
-    seen = relit_sites(first, luminance, BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])).signal
+    seen = relit_sites(
+        first, luminance, BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])
+    ).signal
     changed = seen != clipped.signal
     assert changed.any()
     assert np.array_equal(changed[coloured], (clipped.signal >= clipping)[coloured])

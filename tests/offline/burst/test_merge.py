@@ -32,25 +32,35 @@ def places(motion: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:
     return in_reference(motion, *pixels(shape), shape).astype(np.float64)
 
 
-def burst(sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = MOTIONS) -> FloatArray:
+def burst(
+    sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = MOTIONS
+) -> FloatArray:
     random = np.random.default_rng(0)
     planes = [light(*places(motion, shape)) + random.normal(0, sigma, shape) for motion in motions]
     return np.array(planes, np.float32)
 
 
 def arguments(
-    planes: FloatArray, agreement: ByteArray | None = None, noise: DoubleArray | None = None, motions: list[Motion] = MOTIONS
+    planes: FloatArray,
+    agreement: ByteArray | None = None,
+    noise: DoubleArray | None = None,
+    motions: list[Motion] = MOTIONS,
 ) -> Frames:
     shape = planes.shape[1], planes.shape[2]
     agreement = np.full(planes.shape, 255, np.uint8) if agreement is None else agreement
     noise = np.zeros((len(planes), 2)) if noise is None else noise
-    return Frames(planes, agreement, noise, PATTERN.panchromatic_mask(shape), Motions.of(motions, shape))
+    return Frames(
+        planes, agreement, noise, PATTERN.panchromatic_mask(shape), Motions.of(motions, shape)
+    )
 
 
 def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
     """Luminance at every half pixel, and shares."""
     _, height, width = frames.planes.shape
-    fine, shares = np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32), np.full((height, width), np.nan, np.float32)
+    fine, shares = (
+        np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32),
+        np.full((height, width), np.nan, np.float32),
+    )
     merge(frames, fine, shares)
     return fine, shares
 
@@ -58,7 +68,9 @@ def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("noise", [[[0, 0]] * 3, [[1e-3, 4e-4], [2e-3, 1e-4], [0, 9e-4]]])
 def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[list[float]]) -> None:
     planes = np.array([slope(*places(motion)) for motion in MOTIONS], np.float32)
-    agreement = np.random.default_rng(1).choice(np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7])
+    agreement = np.random.default_rng(1).choice(
+        np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7]
+    )
     agreement[0] = 255
     fine, shares = merged(arguments(planes, agreement, np.array(noise, np.float64)))
     inside = np.s_[12:-12, 12:-12]
@@ -75,7 +87,10 @@ def test_the_noise_of_frames_that_agree_is_averaged() -> None:
 def test_shows_more_than_one_frame_can() -> None:
     shape = 130, 180  # several tiles
     random = np.random.default_rng(2)
-    motions = [Motion(), *(Motion((down, across)) for down, across in random.uniform(-2, 2, (7, 2)))]
+    motions = [
+        Motion(),
+        *(Motion((down, across)) for down, across in random.uniform(-2, 2, (7, 2))),
+    ]
     planes, agreement = burst(0.0, shape, motions), np.full((8, *shape), 255, np.uint8)
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
@@ -97,12 +112,20 @@ def scaled(shape: tuple[int, int], share: float) -> FloatArray:
 
 @pytest.mark.parametrize("share", [0.2, -0.2])
 def test_the_order_of_frames_leaves_no_trace(share: float) -> None:
-    """The tiles of the merge look for samples where they may be: were one left out, it would be that of a later frame."""
+    """The tiles of the merge look for samples where they may be: were one left out, it would be
+    that of a later frame.
+    """
     shape, nodes = (150, 230), scaled((150, 230), share)
     motions, order = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)], [0, 2, 1]
     planes, noise = burst(0.1, shape, motions), np.array([[0, 0.01]] * 3)
     results = [
-        merged(arguments(np.ascontiguousarray(planes[these]), noise=noise, motions=[motions[number] for number in these]))
+        merged(
+            arguments(
+                np.ascontiguousarray(planes[these]),
+                noise=noise,
+                motions=[motions[number] for number in these],
+            )
+        )
         for these in ([0, 1, 2], order)
     ]
     assert_close(results[1][0], results[0][0], FLOAT32)

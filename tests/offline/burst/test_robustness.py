@@ -1,4 +1,6 @@
-"""Bursts in which something moves, and frames that do not fit: what changed is taken from the reference alone."""
+"""Bursts in which something moves, and frames that do not fit: what changed is taken from the
+reference alone.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +19,8 @@ _SHAPE = (132, 150)
 _SHIFTS = ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))
 _PATTERN = CfaPattern.bayer(6)
 _THING = (45, 75)  # rows that it covers
-_AS_GOOD = {"other": 0.3, "equal": 0.8}  # decibels; a thing that only its colour shows is found to within a block
+# decibels; a thing that only its colour shows is found to within a block
+_AS_GOOD = {"other": 0.3, "equal": 0.8}
 _SETTINGS = replace(BEST, learned=replace(BEST.learned, used=False))
 
 
@@ -31,7 +34,9 @@ def light(shift: tuple[float, float]) -> FloatArray:
         wave = rng.normal(0, 0.45, 2)
         grey += 0.035 * np.sin(wave[0] * y + wave[1] * x + rng.uniform(0, 6))
     tint = 0.06 * np.sin(0.05 * y + 0.08 * x)
-    return np.stack([grey * (1 + tint), grey, grey * (1 - tint)], axis=2).clip(0.02).astype(np.float32)
+    return (
+        np.stack([grey * (1 + tint), grey, grey * (1 - tint)], axis=2).clip(0.02).astype(np.float32)
+    )
 
 
 def covered(number: int) -> BoolArray:
@@ -48,7 +53,9 @@ def with_thing(kind: str) -> list[FloatArray]:
     for number, frame in enumerate(frames):
         hidden = frame[covered(number)]
         if kind == "equal":
-            frame[covered(number)] = hidden.sum(axis=1, keepdims=True) * np.array([0.55, 0.25, 0.2], np.float32)
+            frame[covered(number)] = hidden.sum(axis=1, keepdims=True) * np.array(
+                [0.55, 0.25, 0.2], np.float32
+            )
         elif kind == "other":
             frame[covered(number)] = np.array([0.2, 0.3, 0.7], np.float32)
     return frames
@@ -56,7 +63,10 @@ def with_thing(kind: str) -> list[FloatArray]:
 
 def taken(frames: list[FloatArray], sigma: float = 0.0) -> list[Mosaic]:
     rngs = (np.random.default_rng(number) for number in range(len(frames)))
-    return [simulate_additive(frame, _PATTERN, SensorCalibration(), sigma, rng) for frame, rng in zip(frames, rngs, strict=True)]
+    return [
+        simulate_additive(frame, _PATTERN, SensorCalibration(), sigma, rng)
+        for frame, rng in zip(frames, rngs, strict=True)
+    ]
 
 
 def picture(merged: MergedBurst) -> FloatArray:
@@ -68,13 +78,20 @@ def error(result: FloatArray, truth: FloatArray, where: BoolArray) -> float:
     return float(10 * np.log10(np.square(result[where] - truth[where]).mean() + 1e-7))
 
 
-@pytest.mark.parametrize(("kind", "sigma"), [("other", 0.0), ("other", 0.03), ("equal", 0.0), ("equal", 0.01)])
-def test_what_moves_is_as_in_a_single_render(kind: str, sigma: float, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("kind", "sigma"), [("other", 0.0), ("other", 0.03), ("equal", 0.0), ("equal", 0.01)]
+)
+def test_what_moves_is_as_in_a_single_render(
+    kind: str, sigma: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     frames = with_thing(kind)
     shots = taken(frames, sigma)
     changed = np.any([covered(number) for number in range(len(frames))], axis=0)
     alone = error(render(shots[0], _SETTINGS).rgb, frames[0], changed)
-    assert error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed) < alone + _AS_GOOD[kind]
+    assert (
+        error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
+        < alone + _AS_GOOD[kind]
+    )
 
     def every(*_: object) -> FloatArray:
         return np.full(_SHAPE, 255, np.uint8)
@@ -93,7 +110,9 @@ def test_a_still_scene_is_trusted(sigma: float) -> None:
 
 def _flash(frame: FloatArray) -> FloatArray:
     y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
-    return np.asarray(frame * (0.8 + np.exp(-((y - 60) ** 2 + (x - 70) ** 2) / 2500))[..., None], np.float32)
+    return np.asarray(
+        frame * (0.8 + np.exp(-((y - 60) ** 2 + (x - 70) ** 2) / 2500))[..., None], np.float32
+    )
 
 
 def _soft(frame: FloatArray) -> FloatArray:
@@ -105,7 +124,9 @@ ODD: dict[str, Callable[[FloatArray], FloatArray]] = {
     "is lit differently": _flash,
     "black": np.zeros_like,
     "pixels, the reference": lambda frame: frame[:120],
-    "cannot be aligned": lambda frame: np.ascontiguousarray(np.rot90(frame[:, :132], 2)[:, list(range(132)) + [0] * 18]),
+    "cannot be aligned": lambda frame: np.ascontiguousarray(
+        np.rot90(frame[:, :132], 2)[:, list(range(132)) + [0] * 18]
+    ),
 }
 
 
@@ -127,20 +148,38 @@ def test_other_sensors_are_refused_and_other_codes_are_not() -> None:
     shots[2] = replace(shots[2], calibration=SensorCalibration(gamma=(0.8, 1, 1)))
     shots[3] = replace(shots[3], calibration=SensorCalibration.of_bits(12))
     frames = merge_burst(shots, _SETTINGS, reference=0).frames
-    assert ["filter pattern" in frames[1].reason, "another camera" in frames[2].reason, frames[3].used] == [True, True, True]
+    assert [
+        "filter pattern" in frames[1].reason,
+        "another camera" in frames[2].reason,
+        frames[3].used,
+    ] == [True, True, True]
 
 
 def bracketed(
-    exposures: tuple[float, ...], bright: Callable[[FloatArray, DoubleArray], DoubleArray], width: float
+    exposures: tuple[float, ...],
+    bright: Callable[[FloatArray, DoubleArray], DoubleArray],
+    width: float,
 ) -> tuple[list[Mosaic], list[FloatArray]]:
-    """Frames of 12 bits with a bright spot, and their true light. bright: puts a Gaussian spot into the light of a scene."""
+    """Frames of 12 bits with a bright spot, and their true light. bright: puts a Gaussian spot into
+    the light of a scene.
+    """
     y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
-    calibration, shots, truth = replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4)), [], []
+    calibration, shots, truth = (
+        replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4)),
+        [],
+        [],
+    )
     for number, exposure in enumerate(exposures):
         down, across = _SHIFTS[number]
         spot = np.exp(-((y - down - 60.5) ** 2 + (x - across - 69.5) ** 2) / width)
         truth.append(bright(light(_SHIFTS[number]), spot[..., None]).astype(np.float32))
-        seen = simulate_additive(truth[-1] * np.float32(exposure), _PATTERN, calibration, 0.002, np.random.default_rng(number))
+        seen = simulate_additive(
+            truth[-1] * np.float32(exposure),
+            _PATTERN,
+            calibration,
+            0.002,
+            np.random.default_rng(number),
+        )
         shots.append(Mosaic(seen.codes, _PATTERN, calibration))
     return shots, truth
 
@@ -161,7 +200,9 @@ def test_a_bracket_shows_what_one_exposure_clips() -> None:
 
 
 @pytest.mark.parametrize(("exposures", "seen"), [((1, 1, 1), False), ((1, 0.1, 1), True)])
-def test_a_small_highlight_is_lost_unless_another_frame_has_seen_it(exposures: tuple[float, ...], seen: bool) -> None:
+def test_a_small_highlight_is_lost_unless_another_frame_has_seen_it(
+    exposures: tuple[float, ...], seen: bool
+) -> None:
     shots, _ = bracketed(exposures, lambda scene, spot: scene + 9.0 * spot, 4)
     merged = merge_burst(shots, _SETTINGS, reference=0)
     assert [frame.reason for frame in merged.frames] == [""] * 3

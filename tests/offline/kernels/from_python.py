@@ -9,6 +9,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def callable_kernel(function: F) -> F:
-    """A function, or a part of kernels, compiled so that Python can call it, with arguments of any type."""
+    """A function, or a part of kernels, compiled so that Python can call it, with arguments of any
+    type.
+    """
     source = getattr(function, "py_func", function)
     return numba.njit(fastmath={"contract"}, error_model="numpy")(source)

@@ -42,7 +42,11 @@ with compilation(lambda number, most: print("compiling", number)):
 def copied(folder: Path) -> None:
     """A copy of our packages with one more kernel."""
     for package in ("offline", "shared"):
-        shutil.copytree(ROOT / package, folder / "panchroma" / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / package,
+            folder / "panchroma" / package,
+            ignore=shutil.ignore_patterns("__pycache__"),
+        )
     (folder / "panchroma/__init__.py").touch()
     (folder / "panchroma/offline/numerics/mirror.py").write_text(KERNEL)
 
@@ -50,16 +54,20 @@ def copied(folder: Path) -> None:
 COMPILED, KEPT = "compiling 1\n3 2\n", "3 2\n"
 
 
-def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_kept_badly(tmp_path: Path) -> None:
+def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_kept_badly(
+    tmp_path: Path,
+) -> None:
     copied(tmp_path)
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-    helper = tmp_path / "panchroma/offline/numerics/functions.py"  # from which the kernel takes a function
+    # from which the kernel takes a function
+    helper = tmp_path / "panchroma/offline/numerics/functions.py"
     helper.write_text(helper.read_text() + "# changed\n")
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     for path in tmp_path.rglob("mirror*.nb[ic]"):
         path.write_bytes(path.read_bytes()[:-9])
-    assert run_python(SCRIPT, folder=tmp_path) == KEPT  # compiled without a word, as it seemed to be there
+    # compiled without a word, as it seemed to be there
+    assert run_python(SCRIPT, folder=tmp_path) == KEPT
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
 
@@ -93,9 +101,10 @@ with compilation(lambda number, most: print(number, number <= most)):
 
 def test_kernels_are_counted_and_their_parts_are_not(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(IN_TURN)
-    assert run_python(f"exec(compile(open({str(tmp_path / 'script.py')!r}).read(), {str(tmp_path / 'script.py')!r}, 'exec'))") == (
-        "1 True\n2 True\n"
-    )
+    assert run_python(
+        f"exec(compile(open({str(tmp_path / 'script.py')!r}).read(), "
+        f"{str(tmp_path / 'script.py')!r}, 'exec'))"
+    ) == ("1 True\n2 True\n")
 
 
 def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
@@ -103,8 +112,13 @@ def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
         numbers[place] += 1
 
 
-@pytest.mark.parametrize("error", [RuntimeError("no locator available"), OSError(errno.ENOSPC, "No space left on device")])
-def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "error",
+    [RuntimeError("no locator available"), OSError(errno.ENOSPC, "No space left on device")],
+)
+def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def njit(*signatures: Any, cache: bool = False, **options: Any) -> Any:
         if cache:
             raise error
@@ -119,12 +133,16 @@ def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(error: Exc
 def test_a_kernel_takes_what_it_is_declared_for() -> None:
     values, plane = np.ones((2, 2), np.float32), np.empty((4, 4), np.float32)
     values.flags.writeable = False
-    interpolate(np.ones((2, 2), np.float32), (0.0, 0), 2, plane)  # a whole number for one that need not be
+    # a whole number for one that need not be
+    interpolate(np.ones((2, 2), np.float32), (0.0, 0), 2, plane)
     with pytest.raises(TypeError, match="No matching definition"):
-        interpolate(values, (0.0, 0.0), 2, plane)  # nothing is written to it, but that was not declared
+        # nothing is written to it, but that was not declared
+        interpolate(values, (0.0, 0.0), 2, plane)
 
 
-def test_little_work_is_done_by_the_thread_that_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_little_work_is_done_by_the_thread_that_asks_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made, asking = product.ParallelKernel(more, len), threading.get_ident()
     made(np.arange(3))
     seen: list[tuple[int, bool]] = []
@@ -152,5 +170,7 @@ def scaled(pieces: product.Pieces, scale: Scale, numbers: Ints1, /) -> None:
 
 def test_a_kernel_takes_named_tuples() -> None:
     numbers = np.arange(3)
-    product.ParallelKernel(scaled, lambda scale, numbers: len(numbers))(Scale(np.array([1, 2, 3]), 10), numbers)
+    product.ParallelKernel(scaled, lambda scale, numbers: len(numbers))(
+        Scale(np.array([1, 2, 3]), 10), numbers
+    )
     assert numbers.tolist() == [10, 12, 16]

@@ -5,7 +5,17 @@ import pytest
 from numpy.typing import NDArray
 
 from panchroma.offline.numerics import functions
-from panchroma.offline.numerics.lanes import BYTES, WIDTH, greater, lesser, load, quotient, square_root, store, where_less
+from panchroma.offline.numerics.lanes import (
+    BYTES,
+    WIDTH,
+    greater,
+    lesser,
+    load,
+    quotient,
+    square_root,
+    store,
+    where_less,
+)
 from panchroma.shared.arrays import FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 
@@ -36,7 +46,10 @@ def calculate(a: FloatArray, b: FloatArray, scalar: float, out: FloatArray) -> N
 
 def test_lanes_calculate_like_numpy() -> None:
     random = np.random.default_rng(1)
-    a, b = random.normal(size=WIDTH + 1).astype(np.float32), random.normal(size=(1, WIDTH + 2)).astype(np.float32)
+    a, b = (
+        random.normal(size=WIDTH + 1).astype(np.float32),
+        random.normal(size=(1, WIDTH + 2)).astype(np.float32),
+    )
     out = np.zeros((11, WIDTH), np.float32)
     calculate(a, b, 0.25, out)
     x, y, s = a[1:], b[0, 2:], np.float32(0.25)
@@ -56,7 +69,9 @@ def root_of(values: FloatArray, scale: float, out: FloatArray) -> None:
 
 
 def test_reciprocal_root() -> None:
-    values = np.concatenate([np.logspace(-36, 36, 16 * 2000), np.linspace(1, 4, 16 * 2000)]).astype(np.float32)
+    values = np.concatenate([np.logspace(-36, 36, 16 * 2000), np.linspace(1, 4, 16 * 2000)]).astype(
+        np.float32
+    )
     found = np.empty_like(values)
     root_of(values, 0.3, found)
     assert np.abs(found * np.sqrt(values.astype(np.float64)) / 0.3 - 1).max() < APPROXIMATE
@@ -72,7 +87,9 @@ def exponential_of(values: FloatArray, out: FloatArray) -> None:
 
 
 def test_exponential() -> None:
-    values = np.concatenate([np.linspace(-87, 0, 16 * 4000), -np.logspace(-30, 1, 16 * 1000)]).astype(np.float32)
+    values = np.concatenate(
+        [np.linspace(-87, 0, 16 * 4000), -np.logspace(-30, 1, 16 * 1000)]
+    ).astype(np.float32)
     found = np.empty_like(values)
     exponential_of(values, found)
     assert np.abs(found / np.exp(values.astype(np.float64)) - 1).max() < APPROXIMATE
@@ -94,7 +111,9 @@ def places_of_zeros(sizes: "NDArray[np.intp]") -> "NDArray[np.intp]":
     places = np.empty(len(sizes), np.intp)
     for index in range(len(sizes)):
         memory = functions.zeros(sizes[index])
-        places[index] = memory.ctypes.data if len(memory) == sizes[index] and not memory.any() else -1
+        places[index] = (
+            memory.ctypes.data if len(memory) == sizes[index] and not memory.any() else -1
+        )
     return places
 
 

@@ -23,7 +23,10 @@ def laplacian(luminance: DoubleArray) -> sparse.csr_array:
         steps = (luminance[here] - luminance[there]) / PRIOR.edge
         tie = (PRIOR.smoothness / (1 + down * abs(right)) / (1 + steps**2)).ravel()
         ends = [
-            sparse.csr_array((np.ones(tie.size), (np.arange(tie.size), place[end].ravel())), (tie.size, place.size))
+            sparse.csr_array(
+                (np.ones(tie.size), (np.arange(tie.size), place[end].ravel())),
+                (tie.size, place.size),
+            )
             for end in (here, there)
         ]
         difference = ends[0] - ends[1]

@@ -14,16 +14,24 @@ from tests.python import run_python
 
 
 @pytest.mark.parametrize(("count", "together"), [(0, 1), (1, 1), (7, 1), (7, 3), (7, 9)])
-def test_every_piece_is_worked_on_once(each_thread_count: Iterator[int], count: int, together: int) -> None:
+def test_every_piece_is_worked_on_once(
+    each_thread_count: Iterator[int], count: int, together: int
+) -> None:
     for _ in each_thread_count:
         seen: list[range] = []
-        product.in_pieces(lambda first, end, seen=seen: seen.append(range(first, end)), count, together)  # type: ignore[misc]
+        product.in_pieces(
+            lambda first, end, seen=seen: seen.append(range(first, end)),  # type: ignore[misc]
+            count,
+            together,
+        )
         assert sorted(piece for part in seen for piece in part) == list(range(count))
         assert all(len(part) <= together for part in seen)
 
 
 @pytest.mark.parametrize("rows", [0, 1, 5, 130])
-def test_strips_cover_every_row_once_and_copies_are_whole(each_thread_count: Iterator[int], rows: int) -> None:
+def test_strips_cover_every_row_once_and_copies_are_whole(
+    each_thread_count: Iterator[int], rows: int
+) -> None:
     plane = np.arange(6.0 * rows).reshape(-1, 3).T[:, ::-2].T  # not contiguous
     for _ in each_thread_count:
         seen = np.zeros(rows, int)
@@ -35,7 +43,8 @@ def test_strips_cover_every_row_once_and_copies_are_whole(each_thread_count: Ite
 def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:
     for count in each_thread_count:
         together = threading.Barrier(count)
-        product.in_pieces(lambda *_, wait=together.wait: wait(10), count)  # an error if one does not come
+        # an error if one does not come
+        product.in_pieces(lambda *_, wait=together.wait: wait(10), count)
 
 
 def test_pieces_of_pieces_start_no_more_threads(each_thread_count: Iterator[int]) -> None:
@@ -55,7 +64,9 @@ def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finish
         begun: list[int] = []
         finished: list[int] = []
 
-        def work(first: int, _: int, begun: list[int] = begun, finished: list[int] = finished) -> None:
+        def work(
+            first: int, _: int, begun: list[int] = begun, finished: list[int] = finished
+        ) -> None:
             begun.append(first)
             if first == 2:
                 raise error

@@ -40,11 +40,15 @@ def calibration(channels: str = "RGB", bits: int = 12, **fields: object) -> Sens
         "channels": channels,
         "gamma": tuple(0.7 + 0.21 * index for index in range(count)),
         "noise": NoiseModel(
-            tuple(1e-3 * (index + 1) for index in range(count + 1)), tuple(0.01 / (index + 1) for index in range(count + 1))
+            tuple(1e-3 * (index + 1) for index in range(count + 1)),
+            tuple(0.01 / (index + 1) for index in range(count + 1)),
         ),
         "black_level": tuple(plain.black_level[0] + index for index in range(count + 1)),
         "white_level": plain.white_level,
-        "camera_to_xyz": tuple(tuple(float((row - column) % count == 0) + 0.1 for column in range(count)) for row in range(3)),
+        "camera_to_xyz": tuple(
+            tuple(float((row - column) % count == 0) + 0.1 for column in range(count))
+            for row in range(3)
+        ),
         "neutral": tuple(0.5 + 0.1 * index for index in range(count)),
         "sensor": "Prüfling 7",
     }
@@ -67,4 +71,8 @@ def mosaic(
 
 def same(one: Mosaic, other: Mosaic) -> bool:
     """Whether two mosaics are equal in all that is measured: codes, pattern, calibration."""
-    return np.array_equal(one.codes, other.codes) and one.pattern == other.pattern and one.calibration == other.calibration
+    return (
+        np.array_equal(one.codes, other.codes)
+        and one.pattern == other.pattern
+        and one.calibration == other.calibration
+    )

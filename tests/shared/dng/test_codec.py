@@ -56,11 +56,18 @@ def test_every_mosaic_survives(original: Mosaic) -> None:
         (CfaPattern(CfaPattern.bayer(4).tile, (1, 2), "BRG"), [2, 0, 1, 6]),
         (CfaPattern.of_letters("K=8"), [0, 1, 2, 6]),
         (CfaPattern.of_letters("K=9"), None),
-        *((CfaPattern.of_letters(f"{block}/WWW"), None) for block in ("RWW/WBW", "GBW/CWW", "RGW/BCW", "RGW/KWW")),
+        *(
+            (CfaPattern.of_letters(f"{block}/WWW"), None)
+            for block in ("RWW/WBW", "GBW/CWW", "RGW/BCW", "RGW/KWW")
+        ),
     ],
 )
-def test_colours_are_stated_in_the_order_of_the_channels_or_the_picture_is_grey(pattern: CfaPattern, planes: Any) -> None:
-    """DNG has no words for a period above 8, two channels or four, a mixture of the other two, a letter without a code."""
+def test_colours_are_stated_in_the_order_of_the_channels_or_the_picture_is_grey(
+    pattern: CfaPattern, planes: Any
+) -> None:
+    """DNG has no words for a period above 8, two channels or four, a mixture of the other two, a
+    letter without a code.
+    """
     original = mosaic(pattern)
     assert_survives(original)
     main, raw = pages(encode_dng(original, preview()))
@@ -132,7 +139,8 @@ def test_noise_profile_is_that_of_normalised_samples() -> None:
 
 
 def test_digest_is_adobes() -> None:
-    # The figures that Adobe's DNG SDK 1.7.1 finds for these samples (dng_negative::FindNewRawImageDigest).
+    # The figures that Adobe's DNG SDK 1.7.1 finds for these samples
+    # (dng_negative::FindNewRawImageDigest).
     samples = np.arange(300 * 280, dtype=np.uint32).astype(np.uint16).reshape(300, 280)
     assert raw_digest(samples).hex() == "93531235569db4d81a0ae06c25f8d9fd"
     planes = np.stack([samples, samples[::-1], samples.T.reshape(300, 280)], axis=-1)

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from panchroma import shared
-from panchroma.shared.dng import decode_preview, encode_dng, read_dng, read_preview, verify_dng, write_dng
+from panchroma.shared.dng import (
+    decode_preview,
+    encode_dng,
+    read_dng,
+    read_preview,
+    verify_dng,
+    write_dng,
+)
 from panchroma.shared.errors import InputError, OutputError
 from panchroma.shared.pattern import CfaPattern
 from tests.shared.dng.examples import METADATA, mosaic, preview, same
@@ -52,7 +59,9 @@ WHOLE = encode_dng(mosaic(), preview())
     ],
 )
 @pytest.mark.parametrize("read", [read_dng, read_preview, verify_dng])
-def test_what_cannot_be_read_is_named_once(tmp_path: Path, content: bytes | None, reason: str, read: Callable[[Path], Any]) -> None:
+def test_what_cannot_be_read_is_named_once(
+    tmp_path: Path, content: bytes | None, reason: str, read: Callable[[Path], Any]
+) -> None:
     path = tmp_path / "shot.dng"
     if content is not None:
         path.write_bytes(content)

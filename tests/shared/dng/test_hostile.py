@@ -1,4 +1,6 @@
-"""Files that are torn, flipped, foreign, or made to do harm: each is refused, or read as it was written."""
+"""Files that are torn, flipped, foreign, or made to do harm: each is refused, or read as it was
+written.
+"""
 
 import struct
 import time
@@ -20,8 +22,12 @@ from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, sa
 LIMIT_SECONDS, LIMIT_BYTES = 1.0, 300e6
 
 
-def parts(shot: Mosaic, fields: Fields | None = None, strips: list[bytes] | None = None) -> tuple[Directory, bytes]:
-    """The directories of a shot's file, whose raw directory says what is given besides, and the record of the shot."""
+def parts(
+    shot: Mosaic, fields: Fields | None = None, strips: list[bytes] | None = None
+) -> tuple[Directory, bytes]:
+    """The directories of a shot's file, whose raw directory says what is given besides, and the
+    record of the shot.
+    """
     raw, digest = raw_directory(shot.codes, 12, Photometric.LINEAR_RAW), raw_digest(shot.codes)
     raw.fields.update(fields or {})
     raw.strips = raw.strips if strips is None else strips
@@ -37,7 +43,9 @@ def sealed(main: Directory, record: bytes, identity: str | None) -> bytes:
     return encode_tiff(main)
 
 
-def tampered(fields: Fields, strips: list[bytes] | None = None, shot: Mosaic | None = None) -> bytes:
+def tampered(
+    fields: Fields, strips: list[bytes] | None = None, shot: Mosaic | None = None
+) -> bytes:
     """A file of ours, record, digest and all, whose raw directory says something else."""
     main, record = parts(mosaic(CfaPattern.bayer(9)) if shot is None else shot, fields, strips)
     return sealed(main, record, record_id(record))
@@ -62,13 +70,17 @@ def assert_refused_cheaply(data: bytes, match: str) -> None:
     tracemalloc.stop()
 
 
-@pytest.mark.parametrize("letters", ["paper", "WYWC/YWCW/WCWM/CWMW", "ABCDW/EFGHW/WWWWW/WWWWW/WWWWW"])
+@pytest.mark.parametrize(
+    "letters", ["paper", "WYWC/YWCW/WCWM/CWMW", "ABCDW/EFGHW/WWWWW/WWWWW/WWWWW"]
+)
 def test_a_flipped_bit_is_told_or_harmless(letters: str) -> None:
     original = mosaic(CfaPattern.of_letters(letters), (13, 17))
     data, random = encode_dng(original, preview(8, 8)), np.random.default_rng(300)
     # Half of them in the directories, which are a small part of the file and the dangerous one.
     firsts = (0, 8 * (len(data) - 1200))
-    for bit in np.concatenate([random.integers(first, 8 * len(data), 300) for first in firsts]).tolist():
+    for bit in np.concatenate(
+        [random.integers(first, 8 * len(data), 300) for first in firsts]
+    ).tolist():
         flipped = bytearray(data)
         flipped[bit // 8] ^= 1 << bit % 8
         try:
@@ -83,7 +95,9 @@ def test_a_torn_file_is_told() -> None:
     for size in np.random.default_rng(1).integers(1, len(data), 100).tolist():
         with pytest.raises(InputError):
             decode_dng(data[:size])
-    with pytest.raises(InputError, match=r"damaged: the file ends after 3000 bytes.*copy the file again"):
+    with pytest.raises(
+        InputError, match=r"damaged: the file ends after 3000 bytes.*copy the file again"
+    ):
         decode_dng(data[:3000])
 
 
@@ -115,15 +129,21 @@ def test_a_jpeg_that_declares_more_than_it_holds_is_refused() -> None:
     assert struct.unpack_from(">HH", jpeg, frame) == original.shape
     huge = jpeg[:frame] + struct.pack(">HH", 65500, 65500) + jpeg[frame + 4 :]
     assert_refused_cheaply(tampered({}, [huge]), "a JPEG declares more pixels")
-    assert_refused_cheaply(tampered({}, [jpeg.replace(b"\xff\xc3", b"\xff\xc0", 1)]), "not a lossless JPEG")
-    hidden = huge.replace(b"\xff\xc3", b"\xff\xc0", 1)[: frame + 6 + 3] + jpeg[frame - 5 :]  # a good frame behind a bad one
+    assert_refused_cheaply(
+        tampered({}, [jpeg.replace(b"\xff\xc3", b"\xff\xc0", 1)]), "not a lossless JPEG"
+    )
+    # a good frame behind a bad one
+    hidden = huge.replace(b"\xff\xc3", b"\xff\xc0", 1)[: frame + 6 + 3] + jpeg[frame - 5 :]
     assert_refused_cheaply(tampered({}, [hidden]), "not a lossless JPEG")
     assert_refused_cheaply(tampered({}, [jpeg[:30] * 200]), "damaged")
 
 
 def test_strips_must_lie_in_the_file_and_side_by_side() -> None:
     original = mosaic(CfaPattern.bayer(9))
-    many, strips = long(RowsPerStrip=1, Compression=1, BitsPerSample=16), [row.tobytes() for row in original.codes]
+    many, strips = (
+        long(RowsPerStrip=1, Compression=1, BitsPerSample=16),
+        [row.tobytes() for row in original.codes],
+    )
     data = tampered(many, strips)
     assert same(decode_dng(data), original)
     sizes = struct.pack("<37I", *[53 * 2] * 37)
@@ -138,10 +158,15 @@ def test_tiles_of_jpeg_are_put_together() -> None:
     original = mosaic(CfaPattern.bayer(9), (37, 53))
     padded = np.pad(original.codes, ((0, 11), (0, 11)))
     tiles = [
-        np.ascontiguousarray(padded[top : top + 16, left : left + 32]) for top in range(0, 48, 16) for left in range(0, 64, 32)
+        np.ascontiguousarray(padded[top : top + 16, left : left + 32])
+        for top in range(0, 48, 16)
+        for left in range(0, 64, 32)
     ]
     strips = [raw_directory(tile, 12, Photometric.LINEAR_RAW).strips[0] for tile in tiles]
-    assert same(decode_dng(tampered({322: (FieldType.SHORT, [32]), 323: (FieldType.SHORT, [16])}, strips)), original)
+    assert same(
+        decode_dng(tampered({322: (FieldType.SHORT, [32]), 323: (FieldType.SHORT, [16])}, strips)),
+        original,
+    )
 
 
 def test_changed_samples_are_told() -> None:
@@ -152,7 +177,9 @@ def test_changed_samples_are_told() -> None:
 
 
 def test_a_shot_is_not_put_together_from_two() -> None:
-    """The same camera, the same size: only the samples, or only the calibration, are of another shot."""
+    """The same camera, the same size: only the samples, or only the calibration, are of another
+    shot.
+    """
     one = mosaic(CfaPattern.bayer(9))
     for other in (
         Mosaic(one.codes[::-1].copy(), one.pattern, one.calibration, one.metadata),
@@ -162,20 +189,35 @@ def test_a_shot_is_not_put_together_from_two() -> None:
         shots = [one, other]
         for samples, record, identity in product((0, 1), (0, 1), (0, 1, None)):
             of_each = [parts(shot) for shot in shots]
-            data = sealed(of_each[samples][0], of_each[record][1], None if identity is None else record_id(of_each[identity][1]))
+            data = sealed(
+                of_each[samples][0],
+                of_each[record][1],
+                None if identity is None else record_id(of_each[identity][1]),
+            )
             if np.array_equal(shots[samples].codes, shots[record].codes) and identity == record:
                 assert same(decode_dng(data), shots[record])
             else:
-                with pytest.raises(InputError, match=r"damaged: (the record .* is that of another shot|its parts are not all)"):
+                with pytest.raises(
+                    InputError,
+                    match=r"damaged: (the record .* is that of another shot|its parts are not all)",
+                ):
                     decode_dng(data)
 
 
 @pytest.mark.parametrize("shape", [(37, 53), (24, 36)])
 def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
-    """Up to 256 x 256 pixels NewRawImageDigest is that of the samples in a row, whatever their shape."""
+    """Up to 256 x 256 pixels NewRawImageDigest is that of the samples in a row, whatever their
+    shape.
+    """
     original = mosaic(CfaPattern.bayer(9), shape)
     rows, columns = shape
-    for changed in ((columns, rows), (rows * 2, columns // 2), (rows // 2, columns * 2), (1, rows * columns), (rows - 1, columns)):
+    for changed in (
+        (columns, rows),
+        (rows * 2, columns // 2),
+        (rows // 2, columns * 2),
+        (1, rows * columns),
+        (rows - 1, columns),
+    ):
         fields = sides(*changed) | long(Compression=1, BitsPerSample=16)
         with pytest.raises(InputError, match="damaged: the samples"):
             decode_dng(tampered(fields, [original.codes.tobytes()], original))
@@ -184,7 +226,8 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
 def test_an_exchanged_preview_is_told_by_verify_only() -> None:
     original = mosaic()
     data = bytearray(encode_dng(original, preview()))
-    place = data.index(decode_preview(bytes(data))) + 800  # far behind the tables: any bytes decode to some picture
+    # far behind the tables: any bytes decode to some picture
+    place = data.index(decode_preview(bytes(data))) + 800
     data[place : place + 8] = bytes(byte ^ 0x11 for byte in data[place : place + 8])
     assert same(decode_dng(bytes(data)), original)
     with pytest.raises(InputError, match="damaged: the preview"):

@@ -1,4 +1,6 @@
-"""Our files in other people's hands: what they read is what we wrote, and what they edit we can still read."""
+"""Our files in other people's hands: what they read is what we wrote, and what they edit we can
+still read.
+"""
 
 from dataclasses import replace
 from io import BytesIO
@@ -71,7 +73,13 @@ def test_exiftool_shows_metadata_and_preview(tmp_path: Path) -> None:
     write_dng(path, mosaic(), preview())
     tags = ["-Artist", "-LensModel", "-ExposureTime", "-ISO", "-SubSecDateTimeOriginal"]
     shown = exiftool("-s3", *tags, path).decode().splitlines()
-    assert shown == [METADATA.artist, METADATA.lens, "1/250", "640", "2014:03:09 07:05:01.0203+05:30"]
+    assert shown == [
+        METADATA.artist,
+        METADATA.lens,
+        "1/250",
+        "640",
+        "2014:03:09 07:05:01.0203+05:30",
+    ]
     assert exiftool("-b", "-PreviewImage", path) == read_preview(path)
 
 
@@ -91,7 +99,10 @@ def test_a_rebuild_from_nothing_costs_nothing(tmp_path: Path, case: int) -> None
     path = tmp_path / "shot.dng"
     original = CASES[case]
     write_dng(path, original, preview())
-    exiftool(*["-q", "-q", "-overwrite_original", "-all=", "-tagsfromfile", "@", "-all:all", "-unsafe"], path)
+    exiftool(
+        *["-q", "-q", "-overwrite_original", "-all=", "-tagsfromfile", "@", "-all:all", "-unsafe"],
+        path,
+    )
     read = read_dng(path)
     assert same(read, original)
     # It copies the length as it prints it.
@@ -99,7 +110,9 @@ def test_a_rebuild_from_nothing_costs_nothing(tmp_path: Path, case: int) -> None
 
 
 @pytest.mark.parametrize("original", CASES)
-def test_adobe_reads_the_very_samples(tmp_path: Path, original: Mosaic, capfd: pytest.CaptureFixture[str]) -> None:
+def test_adobe_reads_the_very_samples(
+    tmp_path: Path, original: Mosaic, capfd: pytest.CaptureFixture[str]
+) -> None:
     dngpy = pytest.importorskip("dngpy", reason="Adobe's DNG SDK is not installed")
     write_dng(tmp_path / "shot.dng", original, preview())
     samples = np.squeeze(dngpy.Dng(str(tmp_path / "shot.dng")).raw_pixels)

@@ -17,12 +17,20 @@ def found(folder: Path, *names: str) -> list[Source]:
 
 
 def test_a_folder_s_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    sources = found(tmp_path, "rose-2.dng", "rose-10.dng", "rose-1.DNG", "rose.truth.tif", "rose.motion.json")
-    assert series(sources) == [str(tmp_path / name) for name in ("rose-1.DNG", "rose-2.dng", "rose-10.dng")]
+    sources = found(
+        tmp_path, "rose-2.dng", "rose-10.dng", "rose-1.DNG", "rose.truth.tif", "rose.motion.json"
+    )
+    assert series(sources) == [
+        str(tmp_path / name) for name in ("rose-1.DNG", "rose-2.dng", "rose-10.dng")
+    ]
 
 
 def test_files_that_are_named_are_taken_as_they_are() -> None:
-    assert series([Source("b.dng"), Source("a-7.dng"), Source("c/a-1.dng")]) == ["b.dng", "a-7.dng", "c/a-1.dng"]
+    assert series([Source("b.dng"), Source("a-7.dng"), Source("c/a-1.dng")]) == [
+        "b.dng",
+        "a-7.dng",
+        "c/a-1.dng",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -45,7 +53,9 @@ def test_a_file_that_is_given_twice_under_other_names(tmp_path: Path, spelling: 
     (tmp_path / "b-2.dng").symlink_to("a.dng")
     (tmp_path / "hard.dng").hardlink_to(tmp_path / "a.dng")
     first, second = f"{tmp_path}/a.dng", f"{tmp_path}/{spelling}"
-    with pytest.raises(InputError, match=f"^{second}: is given twice: it is the same file as {first}$"):
+    with pytest.raises(
+        InputError, match=f"^{second}: is given twice: it is the same file as {first}$"
+    ):
         series([Source(first), Source("missing.dng"), Source(second)])
 
 

@@ -1,4 +1,6 @@
-"""Rendering within a limit of memory: estimates that hold, refusals with a remedy, and a word while it compiles."""
+"""Rendering within a limit of memory: estimates that hold, refusals with a remedy, and a word while
+it compiles.
+"""
 
 from pathlib import Path
 
@@ -29,14 +31,26 @@ def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
     """A busy one of 12 bits, a small one repeated."""
     codes = np.random.default_rng(0).integers(300, 4000, (60, 60), np.uint16)
     repeated = np.tile(codes, (-(-shape[0] // 60), -(-shape[1] // 60)))[: shape[0], : shape[1]]
-    return Mosaic(repeated, pattern or CfaPattern.bayer(), SensorCalibration(black_level=(256.0,) * 4, white_level=4095))
+    return Mosaic(
+        repeated,
+        pattern or CfaPattern.bayer(),
+        SensorCalibration(black_level=(256.0,) * 4, white_level=4095),
+    )
 
 
-# --- how much -------------------------------------------------------------------------------------------------------------------
+# --- how much
+# --------------------------------------------------------------------------------------------------
 
 
 def test_sizes_are_read_and_shown_rounded_up() -> None:
-    sizes = {"1": 1, "3K": 3072, "800M": 800 << 20, "1.5g": 3 << 29, "2GiB": 2 << 30, "1TB": 1 << 40}
+    sizes = {
+        "1": 1,
+        "3K": 3072,
+        "800M": 800 << 20,
+        "1.5g": 3 << 29,
+        "2GiB": 2 << 30,
+        "1TB": 1 << 40,
+    }
     assert {option: parse_bytes(option) for option in sizes} == sizes
     for wrong in ("", "0", "-1G", "4 G", "4X", "0.0M"):
         with pytest.raises(ValueError):  # noqa: PT011  the command says what is expected
@@ -45,18 +59,25 @@ def test_sizes_are_read_and_shown_rounded_up() -> None:
     assert {size: format_bytes(size) for size in words} == words
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read as Linux tells it")
-@pytest.mark.parametrize(
-    ("name", "bits", "preset"), [("tif", "16", "best"), ("jxl", "32", "paper"), ("dng", "16", "paper"), ("exr", "32", "paper")]
+@pytest.mark.skipif(
+    not Path("/proc/self/status").exists(), reason="peak memory is read as Linux tells it"
 )
-def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, name: str, bits: str, preset: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "bits", "preset"),
+    [("tif", "16", "best"), ("jxl", "32", "paper"), ("dng", "16", "paper"), ("exr", "32", "paper")],
+)
+def test_no_more_memory_is_taken_than_was_foreseen(
+    tmp_path: Path, out: Path, name: str, bits: str, preset: str
+) -> None:
     shot = save_mosaic(tmp_path / "shot.dng", mosaic(LARGE))
     script = (
         "import re; from pathlib import Path; from panchroma.tools.cli import main\n"
         "try: main()\n"
         "finally: print(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1])"
     )
-    said = run_python(script, "render", shot, "-o", out, "-f", name, "--bits", bits, "--preset", preset)
+    said = run_python(
+        script, "render", shot, "-o", out, "-f", name, "--bits", bits, "--preset", preset
+    )
     peak = int(said.splitlines()[-1]) * 1024
     foreseen = checks.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), PRESETS[preset])
     assert foreseen / 2 < peak < foreseen
@@ -69,7 +90,8 @@ def test_100_megapixels_are_foreseen_to_fit_2_2_gigabytes(monkeypatch: pytest.Mo
     assert 1.7e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 2.2e9
 
 
-# --- what does not fit ----------------------------------------------------------------------------------------------------------
+# --- what does not fit
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "tif"])
@@ -83,10 +105,13 @@ def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, nam
     words = f"use -f tif, which needs {format_bytes(need['tif'])}, or set `max_memory={enough}`"
     assert_refused(outcome, words, name=str(shot))
     assert names(out) == set()
-    run("render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M", code=0)
+    run(
+        "render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M", code=0
+    )
 
 
-# --- compiling ------------------------------------------------------------------------------------------------------------------
+# --- compiling
+# --------------------------------------------------------------------------------------------------
 
 
 def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,7 +131,9 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
     assert "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR" in line
 
 
-def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     missing, compiled, notes = ["one", "two", "three"], list[str](), list[str]()
     monkeypatch.setattr(offline, "kernels_to_compile", lambda *settings: missing)
 

@@ -1,4 +1,6 @@
-"""Work on a dask scheduler and its workers, all on this machine: what a killed one costs, and what the user is told."""
+"""Work on a dask scheduler and its workers, all on this machine: what a killed one costs, and what
+the user is told.
+"""
 
 import json
 import os
@@ -58,7 +60,9 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, out: Pat
     assert {path.suffix for path in out.rglob("*") if path.is_file()} == {".tif", ".jsonl"}
 
 
-def test_an_evaluation_is_the_same_by_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_evaluation_is_the_same_by_a_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     np.save("scene.npy", np.random.default_rng(0).random((66, 72, 3), np.float32))
     common = ("evaluate", "scene.npy", "--linear", "--sigma", "0.01", "--methods", "paper,bilinear")
@@ -67,12 +71,16 @@ def test_an_evaluation_is_the_same_by_a_worker(tmp_path: Path, monkeypatch: pyte
     with cluster(tmp_path, 1) as (address, _):
         run(*common, "-o", "there", "--scheduler", address, code=0)
     run(*common, "-o", "here", "--jobs", "1", code=0)
-    there, here = (json.loads(Path(folder, "evaluation.json").read_text()) for folder in ("there", "here"))
+    there, here = (
+        json.loads(Path(folder, "evaluation.json").read_text()) for folder in ("there", "here")
+    )
     assert there["figures"] == here["figures"]
     assert there["figures"]
 
 
-def test_a_scheduler_that_dies_is_one_line_and_the_next_run_goes_on(tmp_path: Path, out: Path) -> None:
+def test_a_scheduler_that_dies_is_one_line_and_the_next_run_goes_on(
+    tmp_path: Path, out: Path
+) -> None:
     shots = [save_shot(tmp_path / f"{seed}.dng", seed, (120, 120)) for seed in range(40)]
     with scheduler(tmp_path) as (address, running), worker(tmp_path, address, "one"):
         rendering = start("render", *shots, "-o", out, "--scheduler", address)
@@ -100,7 +108,9 @@ def test_a_worker_with_another_source_ends_the_run(tmp_path: Path, out: Path) ->
     shot, other = save_shot(tmp_path / "0.dng"), tmp_path / "changed"
     for package in ("shared", "device", "offline", "tools"):
         ignored = shutil.ignore_patterns("__pycache__", "images")
-        shutil.copytree(ROOT / package, other / "panchroma" / package, ignore=ignored, symlinks=True)
+        shutil.copytree(
+            ROOT / package, other / "panchroma" / package, ignore=ignored, symlinks=True
+        )
     for path in (ROOT / "tools/notebook/panchroma").glob("*.py"):
         shutil.copy(path, other / "panchroma")
     with (other / "panchroma/offline/settings.py").open("a") as file:
@@ -139,7 +149,9 @@ def test_an_interrupt_leaves_no_file_of_a_worker_that_was_killed(tmp_path: Path,
     assert not list(out.iterdir())
 
 
-def test_a_scheduler_that_does_not_answer_is_usage(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_does_not_answer_is_usage(
+    tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(module, "_SECONDS", 1)
     options = ("-o", out, "--scheduler", "tcp://127.0.0.1:1")
     (line,) = run("render", save_shot(tmp_path / "a.dng"), *options, code=2).errors

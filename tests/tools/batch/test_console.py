@@ -52,8 +52,12 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_terminal_shows_a_bar_whatever_the_file_is_called_and_results_go_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Square brackets are markup to rich, and what goes to stdout belongs above its bar, unless it is told otherwise."""
+def test_a_terminal_shows_a_bar_whatever_the_file_is_called_and_results_go_elsewhere(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Square brackets are markup to rich, and what goes to stdout belongs above its bar, unless it
+    is told otherwise.
+    """
     terminal, file = Terminal(), io.StringIO()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(sys, "stdout", file)

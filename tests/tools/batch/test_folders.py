@@ -25,7 +25,9 @@ def test_files_come_as_given_and_folders_in_order_with_all_below_them(tmp_path: 
     touch(tmp_path, "in/b.dng", "in/A.DNG", "in/sub/c.d.dng", "lone/z.dng")
     found = search([str(tmp_path / "lone/z.dng"), str(tmp_path / "in"), "missing.dng"], DNGS)
     assert (found.failures, found.left_out) == ([], [])
-    below = [Source(f"{tmp_path}/in/{name}", Path(name)) for name in ("A.DNG", "b.dng", "sub/c.d.dng")]
+    below = [
+        Source(f"{tmp_path}/in/{name}", Path(name)) for name in ("A.DNG", "b.dng", "sub/c.d.dng")
+    ]
     assert found.sources == [Source(f"{tmp_path}/lone/z.dng"), *below, Source("missing.dng")]
 
 
@@ -62,36 +64,54 @@ def shots(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", [("preview",), ("render", "--preset", "paper"), ("inspect",)])
-def test_commands_take_a_folder_of_shots_alike(shots: Path, out: Path, command: tuple[str, ...]) -> None:
+def test_commands_take_a_folder_of_shots_alike(
+    shots: Path, out: Path, command: tuple[str, ...]
+) -> None:
     output = () if command == ("inspect",) else ("-o", out)
     outcome = run(*command, shots, *output, "--json", code=0)
     assert f"{shots}: left out notes.txt" in outcome.err
     assert "linear.dng: not a mosaic of Panchroma" in outcome.err
-    foreign = {Path(each["source"]).relative_to(shots).as_posix(): "foreign" in each for each in outcome.records}
+    foreign = {
+        Path(each["source"]).relative_to(shots).as_posix(): "foreign" in each
+        for each in outcome.records
+    }
     assert foreign == {"a.dng": False, "sub/a.dng": False, "linear.dng": True}
     if output:
-        made = {Path(name).with_suffix("").as_posix() for name in contents(out) if not name.startswith(".")}
+        made = {
+            Path(name).with_suffix("").as_posix()
+            for name in contents(out)
+            if not name.startswith(".")
+        }
         assert made == {"a", "sub/a"}
     # A file that the user names has to be a shot.
     named = run(*command, shots / "linear.dng", *output)
     assert_refused(named, "not a mosaic of Panchroma", name=str(shots / "linear.dng"))
 
 
-def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_it_is_named(tmp_path: Path, out: Path) -> None:
+def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_it_is_named(
+    tmp_path: Path, out: Path
+) -> None:
     folder = tmp_path / "photographs"
     folder.mkdir()
     for number in range(5):
         write_dng(folder / f"DSC_{number}.NEF", np.full((108, 108), 300 + number, np.uint16))
         Image.new("RGB", (54, 54), (number, 9, 9)).save(folder / f"DSC_{number}.JPG")
     Image.new("RGB", (54, 54)).save(folder / "DSC_0_edited.tif")
-    note = f"{folder}: left out DSC_0.JPG, DSC_1.JPG, DSC_2.JPG and 2 more files beside a camera RAW of the same name"
+    note = (
+        f"{folder}: left out DSC_0.JPG, DSC_1.JPG, DSC_2.JPG and 2 more files beside a "
+        "camera RAW of the same name"
+    )
     stems = {"DSC_0_edited", *(f"DSC_{number}" for number in range(5))}
     outcome = run("simulate", folder, "-o", out, "--truth", code=0)
     assert outcome.err.count("JPG") == 3
     assert note in outcome.err
-    assert set(contents(out)) == {f"{stem}.{ending}" for stem in stems for ending in ("dng", "truth.tif", "truth.png")}
+    assert set(contents(out)) == {
+        f"{stem}.{ending}" for stem in stems for ending in ("dng", "truth.tif", "truth.png")
+    }
     scenes, notes = expand([str(folder)], out)
-    assert {Path(name).name for name in scenes} == {f"{stem}.NEF" for stem in stems if stem[-1] != "d"} | {"DSC_0_edited.tif"}
+    assert {Path(name).name for name in scenes} == {
+        f"{stem}.NEF" for stem in stems if stem[-1] != "d"
+    } | {"DSC_0_edited.tif"}
     assert notes == [note]
     assert expand([str(folder), str(folder / "DSC_1.JPG")], out)[0][-1] == str(folder / "DSC_1.JPG")
     run("simulate", folder / "DSC_1.JPG", "-o", out / "named", code=0)
@@ -99,4 +119,6 @@ def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_
     run("simulate", folder, "-o", folder, "--truth", code=0)
     assert {Path(name).suffix for name in expand([str(folder)], out)[0]} == {".NEF", ".tif"}
     inspected = run("inspect", folder, "--json", code=0).records
-    assert [Path(record["source"]).name for record in inspected] == sorted(f"{stem}.dng" for stem in stems)
+    assert [Path(record["source"]).name for record in inspected] == sorted(
+        f"{stem}.dng" for stem in stems
+    )

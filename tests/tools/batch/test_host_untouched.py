@@ -1,4 +1,6 @@
-"""A library changes nothing of the program that uses it: neither an import nor a call does, not even meanwhile."""
+"""A library changes nothing of the program that uses it: neither an import nor a call does, not
+even meanwhile.
+"""
 
 import os
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""Many files one after the other: which results may be written, and what the failure of one means for the rest."""
+"""Many files one after the other: which results may be written, and what the failure of one means
+for the rest.
+"""
 
 import errno
 import json
@@ -24,16 +26,25 @@ def write(job: Job, listener: StageProgress) -> Outcome:
     return Outcome({"size": len(job.source)})
 
 
-def do(sources: Sequence[object], folder: Path, work: Work = write, *, overwrite: bool = False) -> int:
+def do(
+    sources: Sequence[object], folder: Path, work: Work = write, *, overwrite: bool = False
+) -> int:
     """Jobs that write their source's name; the exit code."""
-    jobs = plan([Source(str(source)) for source in sources], lambda source: [f"{Path(source).stem}.out"], folder)
+    jobs = plan(
+        [Source(str(source)) for source in sources],
+        lambda source: [f"{Path(source).stem}.out"],
+        folder,
+    )
     return run_jobs(jobs, work, Console(json=True), overwrite=overwrite)
 
 
 def test_every_job_is_done(tmp_path: Path, capsys: Said) -> None:
     assert do(["one.in", "sub/two.in"], tmp_path) == 0
     assert sorted(path.read_text() for path in tmp_path.iterdir()) == ["one.in", "sub/two.in"]
-    records = '{"source": "one.in", "ok": true, "size": 6}\n{"source": "sub/two.in", "ok": true, "size": 10}\n'
+    records = (
+        '{"source": "one.in", "ok": true, "size": 6}\n{"source": "sub/two.in", "ok": '
+        'true, "size": 10}\n'
+    )
     assert capsys.readouterr() == (records, "")
 
 
@@ -48,7 +59,9 @@ def test_every_job_is_done(tmp_path: Path, capsys: Said) -> None:
         (IndexError("odd"), "a fault of Panchroma, please report it: IndexError in parallel.py:"),
     ],
 )
-def test_one_failure_is_one_line_and_the_rest_goes_on(tmp_path: Path, capsys: Said, error: Exception, line: str) -> None:
+def test_one_failure_is_one_line_and_the_rest_goes_on(
+    tmp_path: Path, capsys: Said, error: Exception, line: str
+) -> None:
     def work(job: Job, listener: StageProgress) -> Outcome:
         if job.source == "bad.in":
             raise error
@@ -63,7 +76,10 @@ def test_one_failure_is_one_line_and_the_rest_goes_on(tmp_path: Path, capsys: Sa
 
 
 def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path) -> None:
-    for error in (KeyboardInterrupt(), StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe"))):
+    for error in (
+        KeyboardInterrupt(),
+        StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe")),
+    ):
 
         def work(job: Job, listener: StageProgress, error: BaseException = error) -> NoReturn:
             raise error
@@ -72,7 +88,8 @@ def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path)
             do(["one.in", "two.in"], tmp_path, work)
 
 
-# --- what may be written --------------------------------------------------------------------------------------------------------
+# --- what may be written
+# --------------------------------------------------------------------------------------------------
 
 
 def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Said) -> None:
@@ -86,20 +103,25 @@ def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Said) -
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_two_sources_of_one_stem_do_not_share_a_result(tmp_path: Path, capsys: Said, overwrite: bool) -> None:
+def test_two_sources_of_one_stem_do_not_share_a_result(
+    tmp_path: Path, capsys: Said, overwrite: bool
+) -> None:
     assert do(["a/shot.in", "b/shot.in", "c/SHOT.in"], tmp_path, overwrite=overwrite) == 1
     assert (tmp_path / "shot.out").read_text() == "a/shot.in"
     assert len(list(tmp_path.iterdir())) == 1
     lines = capsys.readouterr().err.splitlines()
     same = "the result would have the same name as that of a/shot.in"
-    assert [same in line for line in lines] == [True, True]  # on many disks names that differ only in case are one file
+    # on many disks names that differ only in case are one file
+    assert [same in line for line in lines] == [True, True]
     assert do(["one.in", "one.in"], tmp_path, overwrite=True) == 1
     assert "one.in: is given twice" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("link", ["itself", "symbolic", "hard", "folder"])
-def test_an_input_is_never_replaced(tmp_path: Path, capsys: Said, link: str, overwrite: bool) -> None:
+def test_an_input_is_never_replaced(
+    tmp_path: Path, capsys: Said, link: str, overwrite: bool
+) -> None:
     source, folder = tmp_path / "shot.out", tmp_path
     source.write_text("precious")
     if link != "itself":
@@ -123,7 +145,11 @@ def test_a_folder_in_the_place_of_a_result_is_refused(tmp_path: Path, capsys: Sa
 
 
 def test_results_go_to_the_top_and_subfolders_are_mirrored() -> None:
-    sources = [Source("lone/z.in"), Source("in/A.IN", Path("A.IN")), Source("in/sub/c.d.in", Path("sub/c.d.in"))]
+    sources = [
+        Source("lone/z.in"),
+        Source("in/A.IN", Path("A.IN")),
+        Source("in/sub/c.d.in", Path("sub/c.d.in")),
+    ]
     assert plan(sources, lambda source: [f"{Path(source).stem}.out"], Path("out")) == [
         Job("lone/z.in", (Path("out/z.out"),)),
         Job("in/A.IN", (Path("out/A.out"),), found=True),
@@ -131,7 +157,8 @@ def test_results_go_to_the_top_and_subfolders_are_mirrored() -> None:
     ]
 
 
-# --- the output folder ----------------------------------------------------------------------------------------------------------
+# --- the output folder
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> None:
@@ -153,7 +180,9 @@ def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> No
         (".", "no permission to write in this folder; choose another"),
     ],
 )
-def test_no_other_output_folder_is_taken(tmp_path: Path, name: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_other_output_folder_is_taken(
+    tmp_path: Path, name: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("os.access", lambda *_: False)  # root may write everywhere
     (tmp_path / "file").touch()
     (tmp_path / "link").symlink_to("nowhere")

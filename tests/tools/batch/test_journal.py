@@ -1,4 +1,6 @@
-"""The journal: what was written is read, by others too, a cut-off line costs nothing but itself; and what its keys depend on."""
+"""The journal: what was written is read, by others too, a cut-off line costs nothing but itself;
+and what its keys depend on.
+"""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -46,10 +48,17 @@ def test_a_torn_line_is_no_entry_and_spoils_none(tmp_path: Path, kept: int) -> N
     path.write_bytes(first + second[:kept])
     assert reader.of("b.tif") == []
     Journal(tmp_path).append(entry("c.tif"))
-    assert [bool(reader.of(name)) for name in ("a.tif", "b.tif", "c.tif")] == [True, kept == -1, True]
+    assert [bool(reader.of(name)) for name in ("a.tif", "b.tif", "c.tif")] == [
+        True,
+        kept == -1,
+        True,
+    ]
 
 
-@pytest.mark.parametrize("line", [b"[1]", b"{}", b'{"format": 2}', b"\xff\0", b"[" * 9999, b'{"format": 1, "output": 3}', b""])
+@pytest.mark.parametrize(
+    "line",
+    [b"[1]", b"{}", b'{"format": 2}', b"\xff\0", b"[" * 9999, b'{"format": 1, "output": 3}', b""],
+)
 def test_lines_of_others_are_not_believed(tmp_path: Path, line: bytes) -> None:
     (tmp_path / NAME).write_bytes(line + b"\n")
     journal = Journal(tmp_path)
@@ -58,7 +67,9 @@ def test_lines_of_others_are_not_believed(tmp_path: Path, line: bytes) -> None:
 
 
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
-def test_a_link_in_the_place_of_the_journal_changes_no_original(tmp_path: Path, link: Callable[[Path, Path], None]) -> None:
+def test_a_link_in_the_place_of_the_journal_changes_no_original(
+    tmp_path: Path, link: Callable[[Path, Path], None]
+) -> None:
     original = tmp_path / "shot.dng"
     original.write_bytes(b"a photograph")
     link(tmp_path / NAME, original)
@@ -80,8 +91,13 @@ def test_a_key_tells_every_part_and_a_digest_every_byte(tmp_path: Path) -> None:
     assert len({key(a=1, b=2), key(a=1, b=3), key(a=2, b=1), key(a=1)}) == 4
     assert key(a=1, b=2) == key(b=2, a=1)
     (tmp_path / "one").write_bytes(b"12")
-    assert digest(tmp_path / "one") == "6b51d431df5d7f141cbececcf79edf3dd861c3b4069f0b11661a3eefacbba918"
-    assert [digest(path) for path in (tmp_path, tmp_path / "none", "/dev/zero", "x" * 300, "nul\0")] == [None] * 5
+    assert (
+        digest(tmp_path / "one")
+        == "6b51d431df5d7f141cbececcf79edf3dd861c3b4069f0b11661a3eefacbba918"
+    )
+    assert [
+        digest(path) for path in (tmp_path, tmp_path / "none", "/dev/zero", "x" * 300, "nul\0")
+    ] == [None] * 5
 
 
 def test_a_lock_that_a_dead_process_left_is_taken_over(tmp_path: Path) -> None:
@@ -118,7 +134,8 @@ def test_a_line_that_no_render_has_written_ends_the_reading(tmp_path: Path) -> N
         Journal(tmp_path).of("a.tif")
 
 
-# --- keys ------------------------------------------------------------------------------------------------------------------------
+# --- keys
+# --------------------------------------------------------------------------------------------------
 
 EVEN = Shading((((1.0,) * 4,) * 4,) * 4, (13, 17), 35, 0.01)
 CALIBRATION = SensorCalibration.of_bits(
@@ -152,16 +169,24 @@ def key_of(order: Order) -> str:
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_every_field_that_changes_a_picture_changes_its_key(order: Order, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_field_that_changes_a_picture_changes_its_key(
+    order: Order, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(offline.PRESETS, "changed", offline.PAPER)  # whose name it is
     changed = dict(one_field_changed(order))
-    assert {"camera.calibration.shading.focal_length", "camera.measured", "kind.quality", "white.kind"} <= changed.keys()
+    assert {
+        "camera.calibration.shading.focal_length",
+        "camera.measured",
+        "kind.quality",
+        "white.kind",
+    } <= changed.keys()
     whole = key_of(order)
     same = {name for name, other in changed.items() if _key_in(order.folder, other) == whole}
     assert same == NO_MATTER[type(order)]
     assert NO_MATTER[type(order)] == order.no_matter
     keys = [_key_in(order.folder, other) for other in changed.values()]
-    assert len(set(keys) - {whole}) == len(changed) - len(same)  # no two of them are the same either
+    # no two of them are the same either
+    assert len(set(keys) - {whole}) == len(changed) - len(same)
 
 
 def _key_in(folder: Path, order: Order) -> str:
@@ -173,7 +198,9 @@ def _key_in(folder: Path, order: Order) -> str:
 def test_every_setting_of_the_render_changes_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
     keys = {key_of(Order(**WHOLE))}
     settings = dict(one_field_changed(offline.BEST))
-    assert {each.name for each in fields(offline.BEST)} == {name.partition(".")[0] for name in settings}
+    assert {each.name for each in fields(offline.BEST)} == {
+        name.partition(".")[0] for name in settings
+    }
     for other in settings.values():
         monkeypatch.setitem(offline.PRESETS, "best", other)
         keys.add(key_of(Order(**WHOLE)))

@@ -34,7 +34,10 @@ def seen(mosaic: Mosaic, settings: RenderSettings = BEST) -> list[float]:
 
 @pytest.mark.parametrize("settings", [BEST, PAPER])
 def test_corners_are_those_of_a_render_without_shading(settings: RenderSettings) -> None:
-    even, undone = seen(photographed(scene(), 0.0), settings), seen(photographed(scene(), 0.0, shading=DARK), settings)
+    even, undone = (
+        seen(photographed(scene(), 0.0), settings),
+        seen(photographed(scene(), 0.0, shading=DARK), settings),
+    )
     assert min(np.subtract(undone[:3], even[:3])) > -0.3  # dB
     assert undone[3] - even[3] < 0.2  # dE2000
 
@@ -44,7 +47,9 @@ def white(light: float, shading: Shading | None) -> FloatArray:
     rgb = np.full((*SHAPE, 3), 0.3, np.float32)
     rgb[30:90, 30:90] = np.array([1.0, 0.8, 0.6], np.float32) * light
     sensor = SensorCalibration.of_bits(12, headroom=False, neutral=(1.0, 0.8, 0.6), shading=shading)
-    return render(simulate_sensor(rgb, CfaPattern.bayer(6), sensor, 1.0, np.random.default_rng(0))).rgb[45:75, 45:75]
+    return render(
+        simulate_sensor(rgb, CfaPattern.bayer(6), sensor, 1.0, np.random.default_rng(0))
+    ).rgb[45:75, 45:75]
 
 
 def test_saturation_is_judged_before_the_gain() -> None:

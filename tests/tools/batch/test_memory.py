@@ -10,7 +10,9 @@ from panchroma.tools.batch.memory import available_memory
 from tests.python import run_python
 
 
-def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_container_may_have_less_than_the_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(control_groups, "_USUAL", tmp_path)
     everything = available_memory()
     assert everything > 2**20
@@ -50,7 +52,11 @@ def limited(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return process
 
 
-FIRST = ("first version/slurm/uid_0/job 1/step_0", "first version/slurm/uid_0/job 1", "first version")
+FIRST = (
+    "first version/slurm/uid_0/job 1/step_0",
+    "first version/slurm/uid_0/job 1",
+    "first version",
+)
 SECOND = ("second/system.slice/job.scope/step/task", "second/system.slice", "second")
 
 
@@ -78,7 +84,8 @@ def test_the_limit_of_a_job_counts_in_whichever_of_its_groups_it_is(
 def test_a_limit_of_the_process_counts(kind: str) -> None:
     script = (
         "import resource; from panchroma.tools.batch.memory import available_memory\n"
-        f"resource.setrlimit(resource.{kind}, (3 << 30, resource.RLIM_INFINITY)); print(available_memory())"
+        f"resource.setrlimit(resource.{kind}, (3 << 30, resource.RLIM_INFINITY)); "
+        "print(available_memory())"
     )
     assert 2**30 < int(run_python(script)) < 3 * 2**30
 

@@ -1,4 +1,6 @@
-"""Work in parallel: each item once, a dead process costs one, none left behind; and several commands in one folder."""
+"""Work in parallel: each item once, a dead process costs one, none left behind; and several
+commands in one folder.
+"""
 
 import multiprocessing
 import os
@@ -49,7 +51,9 @@ def linger(folder: Path, item: int, listener: StageProgress) -> None:
     time.sleep(60)
 
 
-def pool(function: Callable[[Any, StageProgress], Any], items: Iterable[Any], note: Note = print) -> Iterator[tuple[Any, Any]]:
+def pool(
+    function: Callable[[Any, StageProgress], Any], items: Iterable[Any], note: Note = print
+) -> Iterator[tuple[Any, Any]]:
     with processes(2, "use fewer `jobs`") as executor:
         yield from executor.run(function, list(items), note)
 
@@ -58,7 +62,9 @@ def test_items_are_shared_by_processes_that_stay_and_an_error_stops_no_other() -
     notes: list[str] = []
     found = dict(pool(double, range(-1, 20), notes.append))
     assert (str(found.pop(-1)), type(found.pop(0))) == ("is negative", MemoryError)
-    assert {item: result[0] for item, result in found.items()} == {item: 2 * item for item in range(1, 20)}
+    assert {item: result[0] for item, result in found.items()} == {
+        item: 2 * item for item in range(1, 20)
+    }
     used = {result[1] for result in found.values()}
     assert os.getpid() not in used
     assert len(used) <= 2
@@ -81,7 +87,9 @@ def test_processes_that_die_before_they_have_an_item_are_started_again() -> None
     assert {item: result[0] for item, result in found.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
-def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     for verbose in (False, True):
         console = Console(verbose=verbose)
         for _, error in pool(odd, [1, 2, 3]):
@@ -114,7 +122,12 @@ def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert [duration(seconds) for seconds in (0.2, 40, 700, 12000)] == ["1 s", "40 s", "12 min", "3 h 20 min"]
+    assert [duration(seconds) for seconds in (0.2, 40, 700, 12000)] == [
+        "1 s",
+        "40 s",
+        "12 min",
+        "3 h 20 min",
+    ]
     times, said = iter([0.0, 40.0, 50.0]), list[str]()
     monkeypatch.setattr("panchroma.tools.batch.parallel.time.monotonic", lambda: next(times))
     monkeypatch.setattr(StageProgress, "remark", lambda _, text: said.append(text))
@@ -127,25 +140,38 @@ def test_processes_give_the_same_bytes_as_one_and_are_as_many_as_fit(tmp_path: P
     shots = [save_shot(tmp_path / "shots" / f"{seed}.dng", seed) for seed in range(3)]
     shots.append(save_shot(tmp_path / "shots" / "large.dng", 9, (1200, 1200)))
     (tmp_path / "shots" / "bad.dng").write_text("no picture")
-    small, large = (needed_memory(read_dng(shot), PictureKind.of("npy"), PAPER) for shot in (shots[0], shots[-1]))
+    small, large = (
+        needed_memory(read_dng(shot), PictureKind.of("npy"), PAPER)
+        for shot in (shots[0], shots[-1])
+    )
     before = contents(tmp_path / "shots")
     for jobs, limit in (("1", 3 * large), ("2", 3 * large), ("3", large + small)):
         options = ("--jobs", jobs, "--max-memory", str(limit), "-f", "npy", "--preset", "paper")
-        outcome = run("render", tmp_path / "shots", "-o", tmp_path / jobs, "--json", *options, code=1)
+        outcome = run(
+            "render", tmp_path / "shots", "-o", tmp_path / jobs, "--json", *options, code=1
+        )
         assert sum(record["ok"] for record in outcome.records) == len(shots), outcome.err
         assert len(outcome.errors) == 1
         assert ("memory is enough for 1 at a time" in outcome.err) == (limit < 2 * large)
-    one, two, limited = ({name: data for name, data in contents(tmp_path / jobs).items() if name != NAME} for jobs in "123")
+    one, two, limited = (
+        {name: data for name, data in contents(tmp_path / jobs).items() if name != NAME}
+        for jobs in "123"
+    )
     assert one == two == limited
     assert len(one) == len(shots)
     assert contents(tmp_path / "shots") == before
 
 
-def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Path, out: Path) -> None:
+def test_several_commands_share_a_folder_and_each_file_is_made_once(
+    tmp_path: Path, out: Path
+) -> None:
     count = 12
     for seed in range(count):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed)
-    running = [start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--jobs", "1") for _ in range(3)]
+    running = [
+        start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--jobs", "1")
+        for _ in range(3)
+    ]
     records = [record for process in running for record in ended(process, code=0).records]
     made = [record["output"] for record in records if not record.get("current")]
     assert sorted(made) == sorted(str(out / f"{seed}.tif") for seed in range(count))

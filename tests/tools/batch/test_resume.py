@@ -1,4 +1,6 @@
-"""`render --resume`: what is current stays as it is, what is ours and is not is made anew, and what is a user's is never lost."""
+"""`render --resume`: what is current stays as it is, what is ours and is not is made anew, and what
+is a user's is never lost.
+"""
 
 import json
 import os
@@ -34,7 +36,8 @@ def current(outcome: Outcome) -> set[str]:
 def test_a_folder_is_rendered_and_then_current(shots: Path, out: Path) -> None:
     before = contents(shots)
     (out / "sub").mkdir()
-    for name in (".a.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.lock"):  # of killed processes
+    # of killed processes
+    for name in (".a.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.lock"):
         (out / name).touch()
     outcome = render(shots, out)
     assert (outcome.code, current(outcome)) == (0, set())
@@ -49,7 +52,9 @@ def test_a_folder_is_rendered_and_then_current(shots: Path, out: Path) -> None:
     assert contents(out) == made
 
 
-def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_limit_changes_no_picture_and_holds_in_every_process(
+    shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     render(shots, out)
     monkeypatch.setenv("PANCHROMA_MAX_PIXELS", "221")
     assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
@@ -58,18 +63,23 @@ def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out:
     assert (outcome.code, outcome.err.count("the limit is 220")) == (1, 3), outcome.err
 
 
-def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(shots: Path, out: Path) -> None:
+def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(
+    shots: Path, out: Path
+) -> None:
     render(shots, out)
     for seed in (8, 9):
         (shots / "a.dng").unlink()
         save_shot(shots / "a.dng", seed)
         os.utime(shots / "b.dng")
         assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
-    assert results(out) == {"a.tif", "b.tif", "sub"}  # the old a.tif was ours to the byte: no copy of it
+    # the old a.tif was ours to the byte: no copy of it
+    assert results(out) == {"a.tif", "b.tif", "sub"}
 
 
 @pytest.mark.parametrize("damage", ["torn", "retouched", "empty"])
-def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(shots: Path, out: Path, damage: str) -> None:
+def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(
+    shots: Path, out: Path, damage: str
+) -> None:
     render(shots, out)
     made = contents(out)
     old = {"torn": made["a.tif"][:99], "retouched": made["a.tif"] + b"!", "empty": b""}[damage]
@@ -79,13 +89,18 @@ def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(shots: Path, 
         assert (outcome.code, current(outcome)) == (0, {"b.tif", "c.tif"})
         assert f"a.tif: has changed since it was made; it is kept as {name}" in outcome.err
         assert (out / "a.tif").read_bytes() == made["a.tif"]
-    assert [(out / name).read_bytes() for name in ("a.tif.bak", "a.tif.bak2")] == [old + b"a.tif.bak", old + b"a.tif.bak2"]
+    assert [(out / name).read_bytes() for name in ("a.tif.bak", "a.tif.bak2")] == [
+        old + b"a.tif.bak",
+        old + b"a.tif.bak2",
+    ]
 
 
 def test_a_file_that_no_render_made_stays(shots: Path, out: Path) -> None:
     (out / "a.tif").write_text("mine")
     outcome = render(shots, out, "--resume")
-    assert_refused(outcome, "exists already, and no render noted that it made it", name=str(out / "a.tif"))
+    assert_refused(
+        outcome, "exists already, and no render noted that it made it", name=str(out / "a.tif")
+    )
     assert (out / "a.tif").read_text() == "mine"
     assert results(out) == {"a.tif", "b.tif", "sub"}
     assert render(shots, out, "--resume", "--overwrite").code == 0
@@ -93,8 +108,12 @@ def test_a_file_that_no_render_made_stays(shots: Path, out: Path) -> None:
     assert results(out) == {"a.tif", "b.tif", "sub"}
 
 
-def test_a_run_cut_off_between_journal_and_picture_goes_on(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the one moment when a line is there and its file is not, and again when the file it replaces still is."""
+def test_a_run_cut_off_between_journal_and_picture_goes_on(
+    shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the one moment when a line is there and its file is not, and again when the file it
+    replaces still is.
+    """
 
     def cut(*_: object) -> None:
         raise KeyboardInterrupt
@@ -126,7 +145,9 @@ def test_one_that_is_missing_is_made_and_a_dry_run_says_so(shots: Path, out: Pat
     assert (out / "b.tif").read_bytes() == made
 
 
-def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(shots: Path, out: Path, tmp_path: Path) -> None:
+def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(
+    shots: Path, out: Path, tmp_path: Path
+) -> None:
     render(shots, out)
     made = contents(out)
     save_shot(tmp_path / "more" / "a.dng", 7)
@@ -140,23 +161,35 @@ def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(shots: Path,
     assert (outcome.code, current(outcome)) == (0, set())
 
 
-def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shot_that_changes_while_it_is_read_is_refused(
+    shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def late(path: str, max_pixels: int) -> object:
         mosaic = read_dng(path, max_pixels=max_pixels)
         Path(path).write_bytes(Path(path).read_bytes() + b"!")
         return mosaic
 
     monkeypatch.setattr("panchroma.tools.batch.order.read_dng", late)
-    assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
+    assert_refused(
+        run("render", shots / "a.dng", "-o", out),
+        "has changed while it was read",
+        name=str(shots / "a.dng"),
+    )
     assert results(out) == set()
 
 
-def test_what_has_its_size_and_time_is_not_read(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_has_its_size_and_time_is_not_read(
+    shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     render(shots, out)
     with monkeypatch.context() as patched:
         patched.setattr(attempt, "digest", lambda _: pytest.fail("a file was read"))
         assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
     lines = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
-    older = [{name: value for name, value in line.items() if name not in ("input", "stamp")} for line in lines]
-    (out / NAME).write_text("".join(f"{json.dumps(line)}\n" for line in older))  # of a journal of earlier versions
+    older = [
+        {name: value for name, value in line.items() if name not in ("input", "stamp")}
+        for line in lines
+    ]
+    # of a journal of earlier versions
+    (out / NAME).write_text("".join(f"{json.dumps(line)}\n" for line in older))
     assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}

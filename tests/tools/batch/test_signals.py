@@ -1,4 +1,6 @@
-"""Signals that end a program, in order. What a command in the middle of its work does: see tests/faults."""
+"""Signals that end a program, in order. What a command in the middle of its work does: see
+tests/faults.
+"""
 
 import ctypes
 import os
@@ -15,7 +17,9 @@ from panchroma.tools.batch.signals import Terminated, orderly_end
 from tests.tools.command import spawn
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
 def test_a_signal_becomes_an_interruption_with_its_code(number: signal.Signals, code: int) -> None:
     before = signal.getsignal(number)
     with pytest.raises(Terminated) as caught, orderly_end():

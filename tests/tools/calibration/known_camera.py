@@ -1,4 +1,6 @@
-"""A camera whose truth is known, for tests: its frames, and where the built-in chart lies in them."""
+"""A camera whose truth is known, for tests: its frames, and where the built-in chart lies in
+them.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -20,7 +22,11 @@ from panchroma.tools.simulation.sensor import simulate_sensor
 
 NOISE = NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4))
 TRUTH = SensorCalibration(
-    gamma=(0.9, 1.1, 0.8), noise=NOISE, black_level=(256.0, 257.0, 255.0, 258.0), white_level=4095, sensor="bench"
+    gamma=(0.9, 1.1, 0.8),
+    noise=NOISE,
+    black_level=(256.0, 257.0, 255.0, 258.0),
+    white_level=4095,
+    sensor="bench",
 )
 # What a shot says of itself before calibration.
 BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)
@@ -48,9 +54,15 @@ def chart() -> Scene:
 
 
 def frame(
-    rgb: ArrayLike, period: int = 6, seed: int = 0, says: SensorCalibration = BLIND, pattern: CfaPattern | None = None
+    rgb: ArrayLike,
+    period: int = 6,
+    seed: int = 0,
+    says: SensorCalibration = BLIND,
+    pattern: CfaPattern | None = None,
 ) -> Mosaic:
-    """A frame of the true sensor looking at (H, W, 3), whose file says `says`. pattern: None = Bayer blocks of this period."""
+    """A frame of the true sensor looking at (H, W, 3), whose file says `says`. pattern: None =
+    Bayer blocks of this period.
+    """
     pattern = pattern or CfaPattern.bayer(period)
     light, random = np.asarray(rgb, np.float32), np.random.default_rng(seed)
     taken = simulate_sensor(light, pattern, TRUTH, 1.0, random)
@@ -81,7 +93,12 @@ def save(path: Path, mosaic: Mosaic) -> Path:
     return path
 
 
-def cgats(values: ArrayLike, columns: str = "XYZ_X XYZ_Y XYZ_Z", names: Sequence[str] = (), header: str = "CTI3") -> str:
+def cgats(
+    values: ArrayLike,
+    columns: str = "XYZ_X XYZ_Y XYZ_Z",
+    names: Sequence[str] = (),
+    header: str = "CTI3",
+) -> str:
     """A CGATS file; names: of the patches, by default A1 to F4 in reading order."""
     names = names or [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
     texts = [" ".join(f"{value:.6f}" for value in row) for row in np.asarray(values)]

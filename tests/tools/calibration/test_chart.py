@@ -11,7 +11,12 @@ from panchroma.shared.colorimetry import D50, Matrix, as_rows
 from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.chart.find import chart_at, find_chart
 from panchroma.tools.calibration.chart.place import ChartPlace, least_pitch
-from panchroma.tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault, white_balanced
+from panchroma.tools.calibration.colour_matrix import (
+    UNEVEN,
+    fit_colour,
+    grey_row_fault,
+    white_balanced,
+)
 from panchroma.tools.io.colour import lab_to_xyz, xyz_to_lab
 from panchroma.tools.io.colour_difference import delta_e_2000, lab_slopes
 from panchroma.tools.simulation.load import load_scene
@@ -163,12 +168,23 @@ def at(corners: Matrix, scene: FloatArray) -> object:
     [
         (lambda: find_chart(frame(wall()), REFERENCE), "no ColorChecker was found"),
         (lambda: find_chart(frame(chart().rgb[:, ::-1]), REFERENCE), "no ColorChecker was found"),
-        (lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE), "no ColorChecker was found whole inside the frame"),
-        (lambda: find_chart(shot_of("chart/g2_cut_off.crw"), REFERENCE), "no ColorChecker was found whole inside the frame"),
-        (lambda: find_chart(shot_of("chart/s40_cut_off.crw"), REFERENCE), "no ColorChecker was found whole inside the frame"),
+        (
+            lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE),
+            "no ColorChecker was found whole inside the frame",
+        ),
+        (
+            lambda: find_chart(shot_of("chart/g2_cut_off.crw"), REFERENCE),
+            "no ColorChecker was found whole inside the frame",
+        ),
+        (
+            lambda: find_chart(shot_of("chart/s40_cut_off.crw"), REFERENCE),
+            "no ColorChecker was found whole inside the frame",
+        ),
         (lambda: find_chart(far(), REFERENCE), f"too small.*period 8 needs {least_pitch(8)}"),
         (
-            lambda: chart_at(far(), tuple((x / 4 + 120, y / 4 + 100) for x, y in CORNERS), REFERENCE),
+            lambda: chart_at(
+                far(), tuple((x / 4 + 120, y / 4 + 100) for x, y in CORNERS), REFERENCE
+            ),
             f"too small.*period 8 needs {least_pitch(8)}",
         ),
         (lambda: at(as_rows(rectangle(5, 5, 300, 200)), chart().rgb), "there is no ColorChecker"),

@@ -1,4 +1,6 @@
-"""95 % are 95 %: a small part of `tests.benchmarks.coverage`, on cameras whose black and lens are not what is assumed."""
+"""95 % are 95 %: a small part of `tests.benchmarks.coverage`, on cameras whose black and lens are
+not what is assumed.
+"""
 
 import re
 from dataclasses import replace
@@ -22,8 +24,12 @@ SIMPLE = SimulatedCamera(
 )
 
 
-def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks: SimulatedCamera | None = None) -> Frames:
-    """Shots of the chart, in this light, and four dark frames, of another camera if one is given."""
+def frames_of(
+    camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks: SimulatedCamera | None = None
+) -> Frames:
+    """Shots of the chart, in this light, and four dark frames, of another camera if one is
+    given.
+    """
     random, frames = np.random.default_rng(5), Frames()
     for each in range(number):
         frames.mosaics[f"chart{each}"] = camera.shot(charts() * np.array(light), random)
@@ -34,7 +40,9 @@ def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks:
 
 
 def test_intervals_hold_whatever_was_not_measured() -> None:
-    """Without black level and shading as unknowns, 71 and 75 % of gamma were covered, and off by 3.7 and 1.3 half widths."""
+    """Without black level and shading as unknowns, 71 and 75 % of gamma were covered, and off by
+    3.7 and 1.3 half widths.
+    """
     for kind, counts in campaign(range(4), ["chart+dark", "chart+flat1"]).items():
         off = np.abs(counts.off["gamma"])
         assert off.size or counts.refused + counts.unfit == 4, kind

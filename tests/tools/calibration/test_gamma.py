@@ -1,4 +1,6 @@
-"""Gamma of charts: true whatever the file says, within its interval, refused where it is not determined."""
+"""Gamma of charts: true whatever the file says, within its interval, refused where it is not
+determined.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -8,13 +10,30 @@ import pytest
 
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.errors import InputError
-from panchroma.tools.calibration.gamma import GammaFit, check_determined, combined, fit_gamma, reconciled, unknowns
+from panchroma.tools.calibration.gamma import (
+    GammaFit,
+    check_determined,
+    combined,
+    fit_gamma,
+    reconciled,
+    unknowns,
+)
 from panchroma.tools.calibration.measure import measure_chart
 from panchroma.tools.calibration.samples import PlaceSamples, patch_samples
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import photograph
-from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, WIDTH, chart, frame, measured, true_place
+from tests.tools.calibration.known_camera import (
+    BLIND,
+    NOISE,
+    REFERENCE,
+    TRUTH,
+    WIDTH,
+    chart,
+    frame,
+    measured,
+    true_place,
+)
 from tests.tools.calibration.test_coverage import SIMPLE
 
 GAMMA = np.array(TRUTH.gamma)
@@ -24,7 +43,9 @@ COUNT = (9, 18, 9, 300)
 
 
 def places(colours: Any, gamma: Any, sigma: float, count: Any, seed: int) -> PlaceSamples:
-    """Made-up statistics: true channel levels (N, C), panchromatic levels by Eq. 7, Gaussian noise of the means."""
+    """Made-up statistics: true channel levels (N, C), panchromatic levels by Eq. 7, Gaussian noise
+    of the means.
+    """
     rng = np.random.default_rng(seed)
     true = np.concatenate([colours, (colours @ np.asarray(gamma))[:, None]], axis=1)
     number = np.broadcast_to(np.asarray(count, float), true.shape)
@@ -71,7 +92,8 @@ def test_least_squares_would_come_out_too_small_and_this_does_not() -> None:
     error = np.std(estimates, axis=0) / np.sqrt(60)
     assert (np.abs(estimates.mean(axis=0) - GAMMA) < 4 * error + 0.004).all()
     plain = [np.linalg.lstsq(each.mean[:, :3], each.mean[:, 3], rcond=None)[0] for each in noisy]
-    assert np.abs(np.mean(plain, axis=0) - GAMMA).max() > 0.02  # the tempting wrong way is seen to be wrong
+    # the tempting wrong way is seen to be wrong
+    assert np.abs(np.mean(plain, axis=0) - GAMMA).max() > 0.02
     assert 0.86 < np.mean([np.abs(fit.gamma - GAMMA) <= fit.half_width for fit in fits]) < 0.995
 
 
@@ -138,7 +160,9 @@ def test_fits_add_up_by_their_information_and_quarrels_widen_the_interval() -> N
 
 
 def test_gamma_of_a_small_chart_in_a_photograph_is_known_to_five_per_cent() -> None:
-    """A fifth of the frame wide, beside the middle; nothing is known of black level and shading but what the shot states."""
+    """A fifth of the frame wide, beside the middle; nothing is known of black level and shading but
+    what the shot states.
+    """
     says, pattern = SensorCalibration.of_bits(12), CfaPattern.bayer(6)
     rgb = load_scene(str(photograph("raw/indoor1.dng"))).rgb
     taken = simulate_additive(rgb, pattern, says, 0.003, np.random.default_rng(0))
@@ -148,7 +172,9 @@ def test_gamma_of_a_small_chart_in_a_photograph_is_known_to_five_per_cent() -> N
 
 
 def test_a_chart_in_a_corner_tells_gamma_there_whatever_the_lens_does() -> None:
-    """In the middle nothing measures gamma; an interval that covered this would be too wide to be of use."""
+    """In the middle nothing measures gamma; an interval that covered this would be too wide to be
+    of use.
+    """
     falls = np.zeros((4, 4))
     falls[0, 0], falls[2, 0] = 0.1, -0.04
     camera = replace(SIMPLE, falls=falls)

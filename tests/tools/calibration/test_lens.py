@@ -35,7 +35,8 @@ def flats(
     shape: tuple[int, int] = SHAPE,
     saturated: float = 0.0,
 ) -> list[tuple[str, Mosaic]]:
-    """Flat frames of a surface whose light, of all or of each channel, is given over places from -1 to 1, half the diagonal.
+    """Flat frames of a surface whose light, of all or of each channel, is given over places from -1
+    to 1, half the diagonal.
 
     saturated: share of the red samples that are clipped, the brightest ones.
     """
@@ -113,7 +114,10 @@ def waves(down: DoubleArray, right: DoubleArray) -> DoubleArray:
 @pytest.mark.parametrize(
     ("frames", "words"),
     [
-        ({"light": 3.0}, "all are clipped; flat[01].dng is least so, in .* samples of W; expose less"),
+        (
+            {"light": 3.0},
+            "all are clipped; flat[01].dng is least so, in .* samples of W; expose less",
+        ),
         ({"saturated": 0.1}, "all are clipped; flat[01].dng is least so, in .* samples of R"),
         ({"light": 0.02}, "too dark, and tell the shading only to"),
         ({"light": 0.0003}, "dark"),

@@ -1,4 +1,6 @@
-"""From measurements to a camera: what is measured replaces what was known, and what was not measured stays."""
+"""From measurements to a camera: what is measured replaces what was known, and what was not
+measured stays.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -17,7 +19,15 @@ from panchroma.tools.calibration.samples import PlaceSamples
 from panchroma.tools.calibration.shading import ShadingResult
 from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.scenes import darker_corners
-from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, chart, frame, true_place
+from tests.tools.calibration.known_camera import (
+    BLIND,
+    NOISE,
+    REFERENCE,
+    TRUTH,
+    chart,
+    frame,
+    true_place,
+)
 
 PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)
 CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")
@@ -53,7 +63,10 @@ def concluded(old: Camera | None = None, says: dict[str, Any] | None = None, **s
 def test_a_new_gamma_rescales_noise_that_was_measured_before() -> None:
     """Noise is in scene units; in codes it is the same."""
     known = replace(BLIND, noise=NOISE)
-    for new in (concluded(shots=[shot()], says={"noise": NOISE}), concluded(Camera(known, PATTERN), shots=[shot()])):
+    for new in (
+        concluded(shots=[shot()], says={"noise": NOISE}),
+        concluded(Camera(known, PATTERN), shots=[shot()]),
+    ):
         ratio = new.calibration.full_scale / known.full_scale
         assert abs(ratio - 1) > 0.05
         for name in ("shot", "read"):
@@ -86,7 +99,9 @@ def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
     assert "corner" not in measured.measured["shading"]
 
 
-@pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])
+@pytest.mark.parametrize(
+    ("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")]
+)
 def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
     other = REFERENCE * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
     outcome = conclude(Measurements(other, base_of(), dark=DARK, flats=FLAT, shots=[shot()]))
@@ -115,7 +130,9 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
         (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
     ],
 )
-def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
+def test_channels_that_are_exchanged_show_on_the_chart(
+    right: CfaPattern, wrong: CfaPattern, names: str
+) -> None:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
     taken = simulate_sensor(light, right, true, 1.0, np.random.default_rng(0))

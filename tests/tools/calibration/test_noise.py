@@ -1,4 +1,6 @@
-"""Black level, noise and defects from dark and flat frames: what they show, and which of them are refused."""
+"""Black level, noise and defects from dark and flat frames: what they show, and which of them are
+refused.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -13,7 +15,15 @@ from panchroma.tools.calibration.dark_frames import measure_dark
 from panchroma.tools.calibration.measure import Measurements
 from panchroma.tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
 from panchroma.tools.simulation.sensor import simulate_sensor
-from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame, with_code
+from tests.tools.calibration.known_camera import (
+    BLIND,
+    NOISE,
+    REFERENCE,
+    TRUTH,
+    edited,
+    frame,
+    with_code,
+)
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)
@@ -76,7 +86,9 @@ def test_gain_and_read_noise_of_flats_and_darks() -> None:
 
 
 def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
-    """Shot noise hides it: 5 % are out of reach, but the interval is honest and the warning names the remedy."""
+    """Shot noise hides it: 5 % are out of reach, but the interval is honest and the warning names
+    the remedy.
+    """
     frames = flats(0.02, 0.3, 0.8)
     seen, _ = measure_flats(frames)
     noise = noise_of_flats(seen, BLIND, None)
@@ -113,7 +125,9 @@ def test_one_exposure_is_enough_only_with_dark_frames() -> None:
 
 
 def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
-    """Rounding hides a read noise of 0.2 codes: what is left after Sheppard's correction would be 0."""
+    """Rounding hides a read noise of 0.2 codes: what is left after Sheppard's correction would
+    be 0.
+    """
     blunt = replace(BLIND, noise=NoiseModel((2e-4,) * 4, (0.2 * FULL / 3839,) * 4))
     black, bayer = np.zeros((*SHAPE, 3), np.float32), CfaPattern.bayer()
     randoms = [np.random.default_rng(seed) for seed in range(2)]
@@ -186,7 +200,9 @@ def test_a_shadow_on_flats_is_no_list_of_dead_pixels() -> None:
 
 
 def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
-    """Flat frames alone, black 40 codes off: the variance at the assumed black is negative by the line."""
+    """Flat frames alone, black 40 codes off: the variance at the assumed black is negative by the
+    line.
+    """
     wrong = replace(BLIND, black_level=tuple(black - 100 for black in BLIND.black_level))
     frames = [Mosaic(each.codes, each.pattern, wrong) for each in flats(0.1, 0.3, 0.8)]
     seen, _ = measure_flats(frames)

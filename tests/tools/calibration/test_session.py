@@ -1,4 +1,6 @@
-"""Frames that do not belong together, or are of another kind than they are given as, are refused with that reason."""
+"""Frames that do not belong together, or are of another kind than they are given as, are refused
+with that reason.
+"""
 
 import re
 from collections.abc import Callable, Mapping
@@ -17,7 +19,18 @@ from panchroma.tools.calibration.conclude import Result, conclude
 from panchroma.tools.calibration.files import check_same
 from panchroma.tools.calibration.measure import Measurements, Session
 from tests.scenes import darker_corners
-from tests.tools.calibration.known_camera import BLIND, HEIGHT, NOISE, REFERENCE, WIDTH, chart, edited, frame, stating, true_place
+from tests.tools.calibration.known_camera import (
+    BLIND,
+    HEIGHT,
+    NOISE,
+    REFERENCE,
+    WIDTH,
+    chart,
+    edited,
+    frame,
+    stating,
+    true_place,
+)
 
 SHAPE = (HEIGHT, WIDTH)
 EVEN = np.ones((*SHAPE, 3))
@@ -31,7 +44,9 @@ def taken(kind: str, seed: int = 0) -> Mosaic:
     return frame(scenes[kind], seed=10 + seed)
 
 
-def several(kind: str, number: int, edit: Callable[[Mosaic], Mosaic] = lambda mosaic: mosaic) -> dict[str, Mosaic]:
+def several(
+    kind: str, number: int, edit: Callable[[Mosaic], Mosaic] = lambda mosaic: mosaic
+) -> dict[str, Mosaic]:
     return {f"{kind}{seed}.dng": edit(taken(kind, seed)) for seed in range(number)}
 
 
@@ -66,7 +81,10 @@ OTHERS: dict[str, tuple[Callable[[Mosaic], Mosaic], str]] = {
         "its pattern is RGB period 6 .* that of chart0.dng is RGB period 6",
     ),
     "other bits": (of_ten_bits, "its number of bits is 10, that of chart0.dng is 12"),
-    "another sensor": (lambda mosaic: stating(mosaic, sensor="other"), "its sensor is other, that of chart0.dng is bench"),
+    "another sensor": (
+        lambda mosaic: stating(mosaic, sensor="other"),
+        "its sensor is other, that of chart0.dng is bench",
+    ),
 }
 
 

@@ -1,4 +1,6 @@
-"""A camera calibrated under two lights, with measured sensitivities: colours under a third light, and what is refused."""
+"""A camera calibrated under two lights, with measured sensitivities: colours under a third light,
+and what is refused.
+"""
 
 import re
 import shutil
@@ -44,11 +46,18 @@ def chart(camera: str, light: str) -> DoubleArray:
 
 @pytest.fixture(scope="module", params=CAMERAS)
 def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    """A camera, and the folder of its charts under A and D65 and of what `calibrate` makes of them."""
+    """A camera, and the folder of its charts under A and D65 and of what `calibrate` makes of
+    them.
+    """
     folder = tmp_path_factory.mktemp("lights")
     for light in ("A", "D65"):
         save(folder / f"{light}.dng", frame(chart(request.param, light)))
-    lights = ("--chart-light", f"a={folder / 'A.dng'}", "--chart-light", f"d65={folder / 'D65.dng'}")
+    lights = (
+        "--chart-light",
+        f"a={folder / 'A.dng'}",
+        "--chart-light",
+        f"d65={folder / 'D65.dng'}",
+    )
     run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder, code=0)
     return request.param, folder
 
@@ -67,7 +76,10 @@ def test_a_third_light_has_nearly_the_colours_of_its_own_matrix(bench: Bench) ->
     assert two.lights is not None
     assert two.neutral is None
     single, (warm, cold) = replace(two, lights=None), two.lights
-    alone = [replace(single, camera_to_xyz=each.camera_to_xyz, neutral=each.neutral) for each in (warm, cold)]
+    alone = [
+        replace(single, camera_to_xyz=each.camera_to_xyz, neutral=each.neutral)
+        for each in (warm, cold)
+    ]
     lost = []
     for light in THIRD:
         read = readings(camera, light)
@@ -87,7 +99,9 @@ def test_it_is_shown_and_a_shot_states_both_matrices(bench: Bench, tmp_path: Pat
     shot = save(tmp_path / "shot.dng", known.calibrated(frame(chart(camera, "4000"))))
     assert read_dng(shot).calibration.lights == known.calibration.lights
     with TiffFile(shot) as file:
-        tags = {number: file.pages.first.tags[number].value for number in (50721, 50722, 50778, 50779)}
+        tags = {
+            number: file.pages.first.tags[number].value for number in (50721, 50722, 50778, 50779)
+        }
     assert (tags[50778], tags[50779]) == (17, 21)
     for number, light in zip((50721, 50722), known.calibration.lights or (), strict=True):
         over, under = np.array(tags[number], float).reshape(-1, 2).T
@@ -98,7 +112,9 @@ def test_it_is_shown_and_a_shot_states_both_matrices(bench: Bench, tmp_path: Pat
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
 def test_raw_developers_show_the_colours_of_our_own_picture(bench: Bench, tmp_path: Path) -> None:
-    """LibRaw takes the matrix for the light nearest to daylight, whatever the shot's; so the file states the one of the shot."""
+    """LibRaw takes the matrix for the light nearest to daylight, whatever the shot's; so the file
+    states the one of the shot.
+    """
     camera, folder = bench
     shot = save(tmp_path / "shot.dng", frame(chart(camera, "4000")))
     white = 1 / readings(camera, "4000")[list(GREYS)].mean(axis=0)
@@ -107,7 +123,13 @@ def test_raw_developers_show_the_colours_of_our_own_picture(bench: Bench, tmp_pa
     for kind in ("png", "dng"):
         run("render", shot, "-o", tmp_path / kind, "-f", kind, *words, code=0)
     with rawpy.imread(str(tmp_path / "dng" / "shot.dng")) as raw:
-        plain = rawpy.Params(gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=True, output_bps=16)
+        plain = rawpy.Params(
+            gamma=(1, 1),
+            no_auto_bright=True,
+            adjust_maximum_thr=0.0,
+            use_camera_wb=True,
+            output_bps=16,
+        )
         theirs = raw.postprocess(plain)
     ours = imagecodecs.png_decode((tmp_path / "png" / "shot.png").read_bytes())
     difference = np.abs(255 * encode_srgb((theirs / 65535).astype(np.float32)) - ours)

@@ -1,6 +1,8 @@
-"""Aravis' own GigE Vision camera, alone with its clients in a network of its own: no packet leaves the machine, no port is taken.
+"""Aravis' own GigE Vision camera, alone with its clients in a network of its own: no packet leaves
+the machine, no port is taken.
 
-The library is called by ctypes: the program under test has its own way to it. Registers are those of arvfakecamera.h.
+The library is called by ctypes: the program under test has its own way to it. Registers are those
+of arvfakecamera.h.
 """
 
 import ctypes
@@ -18,22 +20,37 @@ LIBRARY = "libaravis-0.8.so.0"
 ALONE = ("unshare", "--map-root-user", "--net")
 _WIDTH, _HEIGHT, _FORMAT = 0x100, 0x104, 0x128
 _FILL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_uint32] * 3)
-_GAIN = '<Float Name="Gain" NameSpace="Standard"><Value>0</Value><Min>0</Min><Max>48</Max><Unit>dB</Unit></Float>'
+_GAIN = (
+    '<Float Name="Gain" '
+    'NameSpace="Standard"><Value>0</Value><Min>0</Min><Max>48</Max><Unit>dB</Unit></Float>'
+)
 
 
 class FakeCamera:
     """A camera that sends one frame again and again.
 
-    folder: for its files. size: rows, columns. name, code: its format's, see PFNC. lost: packets of 1000 that it loses.
-    `beside` is what a command has to be started with, to be in the same network.
+    folder: for its files. size: rows, columns. name, code: its format's, see PFNC. lost: packets of
+    1000 that it loses. `beside` is what a command has to be started with, to be in the same
+    network.
     """
 
-    def __init__(self, folder: Path, size: tuple[int, int], name: str, code: int, frame: bytes, lost: int = 0) -> None:
+    def __init__(
+        self, folder: Path, size: tuple[int, int], name: str, code: int, frame: bytes, lost: int = 0
+    ) -> None:
         (folder / "frame").write_bytes(frame)
         said = json.dumps([str(folder), *size, name, code, lost])
-        self.process = subprocess.Popen([*ALONE, sys.executable, __file__, said], stdout=subprocess.PIPE)
+        self.process = subprocess.Popen(
+            [*ALONE, sys.executable, __file__, said], stdout=subprocess.PIPE
+        )
         assert self.process.stdout.readline() == b"up\n"
-        self.beside = ("nsenter", "--target", str(self.process.pid), "--user", "--net", "--preserve-credentials")
+        self.beside = (
+            "nsenter",
+            "--target",
+            str(self.process.pid),
+            "--user",
+            "--net",
+            "--preserve-credentials",
+        )
 
     def kill(self) -> None:
         """As if somebody had pulled its plug."""
@@ -46,18 +63,33 @@ def serve(folder: Path, height: int, width: int, name: str, code: int, lost: int
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:  # SIOCSIFFLAGS: up
         fcntl.ioctl(any_socket, 0x8914, struct.pack("16sh22x", b"lo", 1))
     aravis, frame = ctypes.CDLL(LIBRARY), (folder / "frame").read_bytes()
-    for function in ("fake_camera_new", "fake_camera_get_genicam_xml", "gv_fake_camera_new", "gv_fake_camera_get_fake_camera"):
+    for function in (
+        "fake_camera_new",
+        "fake_camera_get_genicam_xml",
+        "gv_fake_camera_new",
+        "gv_fake_camera_get_fake_camera",
+    ):
         getattr(aravis, f"arv_{function}").restype = ctypes.c_void_p
     aravis.arv_buffer_get_data.restype = ctypes.c_void_p
     size = ctypes.c_size_t()
     described = ctypes.c_void_p(aravis.arv_fake_camera_new(b"described"))
-    xml = ctypes.string_at(aravis.arv_fake_camera_get_genicam_xml(described, ctypes.byref(size)), size.value).decode()
-    entry = "" if name == "Mono8" else f'<EnumEntry Name="{name}" NameSpace="Standard"><Value>{code}</Value></EnumEntry>'
+    xml = ctypes.string_at(
+        aravis.arv_fake_camera_get_genicam_xml(described, ctypes.byref(size)), size.value
+    ).decode()
+    entry = (
+        ""
+        if name == "Mono8"
+        else f'<EnumEntry Name="{name}" NameSpace="Standard"><Value>{code}</Value></EnumEntry>'
+    )
     before, mono, after = xml.partition('<EnumEntry Name="Mono8"')
-    (folder / "camera.xml").write_text((before + entry + mono + after).replace("<Category", f"{_GAIN}<Category", 1))
+    (folder / "camera.xml").write_text(
+        (before + entry + mono + after).replace("<Category", f"{_GAIN}<Category", 1)
+    )
     aravis.arv_set_fake_camera_genicam_filename(str(folder / "camera.xml").encode())
     camera = ctypes.c_void_p(aravis.arv_gv_fake_camera_new(b"127.0.0.1", b"GV01"))
-    ctypes.CDLL("libgobject-2.0.so.0").g_object_set(camera, b"gvsp-lost-ratio", ctypes.c_double(lost / 1000), None)
+    ctypes.CDLL("libgobject-2.0.so.0").g_object_set(
+        camera, b"gvsp-lost-ratio", ctypes.c_double(lost / 1000), None
+    )
     sensor = ctypes.c_void_p(aravis.arv_gv_fake_camera_get_fake_camera(camera))
     for register, value in ((_WIDTH, width), (_HEIGHT, height), (_FORMAT, code)):
         aravis.arv_fake_camera_write_register(sensor, register, value)

@@ -23,7 +23,11 @@ from tests.tools.capture.fake_camera import ALONE, LIBRARY, FakeCamera
 from tests.tools.command import Outcome, ended, run, shots, spawn, start
 
 # PFNC's name and code, ours, bits.
-MONO8, MONO12, MONO12P = ("Mono8", 0x01080001, "u8", 8), ("Mono12", 0x01100005, "u16", 12), ("Mono12p", 0x010C0047, "mono12p", 12)
+MONO8, MONO12, MONO12P = (
+    ("Mono8", 0x01080001, "u8", 8),
+    ("Mono12", 0x01100005, "u16", 12),
+    ("Mono12p", 0x010C0047, "mono12p", 12),
+)
 SCF1WGWR12P = ("SCF1WGWR12p", 0x010C0079, "mono12p", 12)
 SOURCE = "genicam:127.0.0.1"
 TILE = ["--pattern", "K=6", "--origin", "2,1"]
@@ -40,7 +44,9 @@ def missing() -> str:
     except (OSError, InputError) as error:
         return str(error)
     tools = shutil.which("unshare") and shutil.which("nsenter")
-    alone = tools and subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
+    alone = (
+        tools and subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
+    )
     return "" if alone else "a network of its own (unshare --net) is not to be had"
 
 
@@ -53,9 +59,13 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
     """Connects a camera of this pattern."""
     cameras = []
 
-    def plugged(kind: tuple[str, int, str, int] = MONO12, pattern: CfaPattern = PATTERN, lost: int = 0) -> FakeCamera:
+    def plugged(
+        kind: tuple[str, int, str, int] = MONO12, pattern: CfaPattern = PATTERN, lost: int = 0
+    ) -> FakeCamera:
         name, code, ours, bits = kind
-        cameras.append(FakeCamera(tmp_path, SIZE, name, code, pack(codes(pattern, bits), ours), lost))
+        cameras.append(
+            FakeCamera(tmp_path, SIZE, name, code, pack(codes(pattern, bits), ours), lost)
+        )
         return cameras[-1]
 
     yield plugged
@@ -63,7 +73,9 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
         camera.kill()
 
 
-def capture(camera: FakeCamera, *arguments: str | Path, source: str = SOURCE, code: int | None = None) -> Outcome:
+def capture(
+    camera: FakeCamera, *arguments: str | Path, source: str = SOURCE, code: int | None = None
+) -> Outcome:
     return spawn("capture", source, *arguments, before=camera.beside, code=code)
 
 
@@ -81,9 +93,14 @@ def test_shots_have_the_cameras_samples_and_settings(
 ) -> None:
     camera, link, (name, _, _, bits) = plug(kind), tmp_path / "latest", kind
     settings = ["--exposure-time", "1/50", "--gain", "6", "--fps", "25"]
-    outcome = capture(camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings, code=0)
+    outcome = capture(
+        camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings, code=0
+    )
     assert "incomplete" not in outcome.err
-    assert f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second" in outcome.err
+    assert (
+        f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second"
+        in outcome.err
+    )
     assert link.resolve() == shots(out)[-1]
     for path in shots(out):
         mosaic = read_dng(path)
@@ -91,24 +108,37 @@ def test_shots_have_the_cameras_samples_and_settings(
         assert mosaic.pattern == PATTERN
         assert mosaic.calibration.bits == bits
         told = mosaic.metadata
-        assert (told.make, told.model, told.exposure_time, told.iso) == ("Aravis", "Fake", 0.02, 200)
+        assert (told.make, told.model, told.exposure_time, told.iso) == (
+            "Aravis",
+            "Fake",
+            0.02,
+            200,
+        )
         assert told.description == "gain 6 dB, 25 frames a second"
     assert len(shots(out)) == 2
 
 
 @needs_camera
-def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(plug: Plug, out: Path) -> None:
+def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(
+    plug: Plug, out: Path
+) -> None:
     pattern = CfaPattern.of_letters("WGWR/GWRW/WBWG/BWGW")
     camera = plug(SCF1WGWR12P, pattern)
     capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01", code=0)
     assert len(shots(out)) == 3
-    assert {read_dng(path).pattern.letters_from((0, 0)) for path in shots(out)} == {pattern.letters_from((0, 0))}
-    assert "the camera says where its filters are" in capture(camera, "-o", out, "--pattern", "paper", code=2).err
+    assert {read_dng(path).pattern.letters_from((0, 0)) for path in shots(out)} == {
+        pattern.letters_from((0, 0))
+    }
+    assert (
+        "the camera says where its filters are"
+        in capture(camera, "-o", out, "--pattern", "paper", code=2).err
+    )
 
 
 @needs_camera
 def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path) -> None:
-    outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50", code=0)  # one frame of four arrives whole
+    # one frame of four arrives whole
+    outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50", code=0)
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
     found = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
     assert found, outcome.err
@@ -124,7 +154,11 @@ def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> Non
     third = capturing(camera, out)  # at once: the first has let it go
     camera.process.kill()
     told = ended(third, code=1).err
-    assert re.search(r"panchroma: genicam:127\.0\.0\.1: the camera is gone after \d+ whole frames: it was unplugged", told)
+    assert re.search(
+        r"panchroma: genicam:127\.0\.0\.1: the camera is gone after \d+ whole frames: it was "
+        r"unplugged",
+        told,
+    )
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
     assert {path.suffix for path in out.iterdir()} == {".dng"}
 
@@ -135,7 +169,10 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
     camera = plug()
     first = capturing(camera, out)
     ended(first, signal.SIGKILL)
-    while "another program has the camera" in (outcome := capture(camera, "-o", out, *TILE, "--frames", "1")).err:
+    while (
+        "another program has the camera"
+        in (outcome := capture(camera, "-o", out, *TILE, "--frames", "1")).err
+    ):
         time.sleep(0.2)
     assert outcome.code == 0, outcome.err
 
@@ -151,9 +188,15 @@ def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> Non
 @needs_camera
 def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Path) -> None:
     camera = plug()
-    assert capture(camera, source="genicam:", code=0).out == "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
+    assert (
+        capture(camera, source="genicam:", code=0).out
+        == "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
+    )
     for wrong, words in (
-        (["--pixel-format", "RGB8"], "the camera's format 'RGB8' cannot be used; choose one with --pixel-format: Mono12"),
+        (
+            ["--pixel-format", "RGB8"],
+            "the camera's format 'RGB8' cannot be used; choose one with --pixel-format: Mono12",
+        ),
         (["--gain", "-3"], "--gain is -3; the camera takes 0 to 48"),
         (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
         (["--width", "64"], "--width does not go with genicam:127.0.0.1: the camera says it"),

@@ -24,8 +24,12 @@ def tile_of(letters: str, origin: tuple[int, int] = (0, 0)) -> tuple[str, ...]:
     return tuple("".join(row) for row in np.roll(rows, origin, (0, 1)).tolist())
 
 
-def taken(scene: FloatArray, tile: tuple[str, ...], sigma: float = 0.01, channels: str = "RGB") -> CodeArray:
-    """A scene through the filters of a tile; panchromatic pixels read the sum of the channels, as in the paper."""
+def taken(
+    scene: FloatArray, tile: tuple[str, ...], sigma: float = 0.01, channels: str = "RGB"
+) -> CodeArray:
+    """A scene through the filters of a tile; panchromatic pixels read the sum of the channels, as
+    in the paper.
+    """
     planes = np.concatenate([scene, scene.sum(axis=2, keepdims=True)], axis=2)
     size, period = scene.shape[:2], len(tile)
     which = np.array([[(channels + "W").index(letter) for letter in row] for row in tile])
@@ -39,7 +43,11 @@ def same_sites(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     """Whether the same sites of two tiles are alike, and the same ones panchromatic."""
     first, second = ("".join(tile) for tile in (one, other))
     exchanged = dict(zip(first, second, strict=False))
-    return len(first) == len(second) and "".join(exchanged[each] for each in first) == second and exchanged.get("W", "W") == "W"
+    return (
+        len(first) == len(second)
+        and "".join(exchanged[each] for each in first) == second
+        and exchanged.get("W", "W") == "W"
+    )
 
 
 @cache
@@ -52,19 +60,26 @@ def picture(name: str) -> FloatArray:
     [
         *((name, name, "RGB") for name in TILES),
         *((f"K={period}", f"K={period}", "RGB") for period in (3, 4, 5, *range(7, 17))),
-        *((f"K={period}", "/".join(CfaPattern.bayer(period, "GRBG").tile), "RGB") for period in (3, 4, 5, *range(7, 17))),
+        *(
+            (f"K={period}", "/".join(CfaPattern.bayer(period, "GRBG").tile), "RGB")
+            for period in (3, 4, 5, *range(7, 17))
+        ),
         *((name, letters, "RGB") for name, letters in DENSE.items()),
         *(("", letters, "RGB") for letters in (SPARSE, "RWWG/WWWW/WBWW/WWWW")),
         ("", "CMWWW/CYWWW/YWWWW/WWWWW/WWWWW", "CMY"),
     ],
 )
 def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channels: str) -> None:
-    """Those without panchromatic pixels have no pattern; those without a name show which sites are alike."""
+    """Those without panchromatic pixels have no pattern; those without a name show which sites are
+    alike.
+    """
     period = len(tile_of(letters))
     rows = range(period) if period <= 6 else (1, period - 2)
     for origin in ((row, (3 * row + 1) % period) for row in rows) if name else [(2, 3)]:
         tile = tile_of(letters, origin)
-        identity = identify(taken(SCENE if name and period <= 6 else LARGE, tile, channels=channels))
+        identity = identify(
+            taken(SCENE if name and period <= 6 else LARGE, tile, channels=channels)
+        )
         assert identity.name == name, origin
         assert same_sites(identity.tile, tile), origin
         assert identity.light.shape == (period, period)
@@ -85,12 +100,20 @@ def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letter
 def test_four_dense_colours_are_taken_for_no_other_tile(letters: str, name: str) -> None:
     """Yellow sites are alike and the brightest, but they do not see the sum of the others."""
     red, green, blue = np.moveaxis(picture(name) if name else LARGE, 2, 0)
-    identity = identify(taken(np.stack([green + blue, red + blue, red + green, green], axis=2), tile_of(letters), channels="CMYG"))
+    identity = identify(
+        taken(
+            np.stack([green + blue, red + blue, red + green, green], axis=2),
+            tile_of(letters),
+            channels="CMYG",
+        )
+    )
     assert (identity.name, identity.separation) == ("", 0.0)
     assert {*"".join(identity.tile)} <= {"W", UNKNOWN}
 
 
-@pytest.mark.parametrize(("name", "sigma"), [("linear/intel_tau_003.png", 0.01), ("linear/intel_tau_012.png", 0.03)])
+@pytest.mark.parametrize(
+    ("name", "sigma"), [("linear/intel_tau_003.png", 0.01), ("linear/intel_tau_012.png", 0.03)]
+)
 def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) -> None:
     """What they do not show is left open: colours of the largest tiles."""
     for known in [*TILES.values(), "K=3", "K=8", "K=16", *DENSE.values()]:
@@ -108,9 +131,14 @@ def test_black_level_and_gain_do_not_matter() -> None:
 
 def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None:
     grey = SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2)
-    assert identify(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name == "Kodak"
+    assert (
+        identify(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name
+        == "Kodak"
+    )
     identity = identify(taken(grey, tile_of("paper", (1, 4))))
-    assert identity.tile == tuple(row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4)))
+    assert identity.tile == tuple(
+        row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4))
+    )
     assert pattern_of(identity.tile) is None
 
 

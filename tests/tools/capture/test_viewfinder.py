@@ -33,7 +33,9 @@ SIZE = (20, 30)
 
 
 SENSOR = Sensor(
-    FrameLayout(SIZE[1], SIZE[0], "u16"), CfaPattern.bayer(), SensorCalibration(black_level=(0.0,) * 4, white_level=1023)
+    FrameLayout(SIZE[1], SIZE[0], "u16"),
+    CfaPattern.bayer(),
+    SensorCalibration(black_level=(0.0,) * 4, white_level=1023),
 )
 
 
@@ -43,7 +45,11 @@ def grey(mosaic: Mosaic) -> ByteArray:
 
 def noise(mosaic: Mosaic) -> ByteArray:
     """A large picture, for a small frame: some 4 MB of JPEG."""
-    return np.random.default_rng(int(mosaic.codes[0, 0])).integers(0, 256, (1500, 2000, 3)).astype(np.uint8)
+    return (
+        np.random.default_rng(int(mosaic.codes[0, 0]))
+        .integers(0, 256, (1500, 2000, 3))
+        .astype(np.uint8)
+    )
 
 
 def codes(number: int) -> Any:
@@ -116,7 +122,9 @@ def test_the_stream_shows_each_picture(shown: Served) -> None:
     for number in range(3):
         picture = imagecodecs.jpeg8_decode(next(stream))
         assert picture.shape == (*SIZE, 3)
-        this, another = (abs(picture - codes(each)[..., None] / 4).mean() for each in (number, number + 1))
+        this, another = (
+            abs(picture - codes(each)[..., None] / 4).mean() for each in (number, number + 1)
+        )
         assert this < 12  # JPEG of noise
         assert another > 60
         show(shown.finder, number + 1)
@@ -131,12 +139,20 @@ def test_frames_are_shown_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
         shown.append(int(mosaic.codes[0, 0]))
 
     monkeypatch.setattr(finder, "show", show)
-    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(20)), SENSOR, grey, finder, refused.append)
+    show_frames(
+        (RawFrame.now(codes(number).tobytes()) for number in range(20)),
+        SENSOR,
+        grey,
+        finder,
+        refused.append,
+    )
     assert shown == [int(codes(number)[0, 0]) for number in range(20)]
     assert refused == []
 
 
-def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_stream_breaks() -> None:
+def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_stream_breaks() -> (
+    None
+):
     def frames() -> Iterator[RawFrame]:
         for number in range(5):
             yield RawFrame.now(codes(number).tobytes()[: None if number != 2 else -1])
@@ -150,7 +166,15 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_st
 
 
 def test_the_figures(served: Served) -> None:
-    none = {"frames": 0, "fps": 0.0, "latency_ms": 0.0, "dropped": 7, "width": 0, "height": 0, "can_save": True}
+    none = {
+        "frames": 0,
+        "fps": 0.0,
+        "latency_ms": 0.0,
+        "dropped": 7,
+        "width": 0,
+        "height": 0,
+        "can_save": True,
+    }
     assert served.facts("/status") == (200, none | {"silent": True, "clipped": 0.0})
     for number in range(3):
         show(served.finder, number)
@@ -160,7 +184,9 @@ def test_the_figures(served: Served) -> None:
 
 
 @pytest.mark.parametrize(("interval", "rate"), [(0.05, 20.0), (2.5, 0.4), (30.0, 1 / 30)])
-def test_a_camera_is_silent_by_its_own_interval(monkeypatch: pytest.MonkeyPatch, interval: float, rate: float) -> None:
+def test_a_camera_is_silent_by_its_own_interval(
+    monkeypatch: pytest.MonkeyPatch, interval: float, rate: float
+) -> None:
     now = 100.0
     monkeypatch.setattr(viewfinder, "monotonic", lambda: now)
     finder = Viewfinder(lambda: 0)
@@ -186,9 +212,15 @@ def test_the_part_of_the_samples_that_is_clipped(part: float) -> None:
     assert finder.status()["clipped"] == pytest.approx(part, abs=0.02)
 
 
-def test_the_button_saves_the_frame_that_is_shown_and_its_picture(served: Served, tmp_path: Path) -> None:
+def test_the_button_saves_the_frame_that_is_shown_and_its_picture(
+    served: Served, tmp_path: Path
+) -> None:
     for number in range(3):
-        show(served.finder, number, lambda mosaic: np.full((5, 7, 3), int(mosaic.codes[0, 0]) >> 2, np.uint8))
+        show(
+            served.finder,
+            number,
+            lambda mosaic: np.full((5, 7, 3), int(mosaic.codes[0, 0]) >> 2, np.uint8),
+        )
     for _ in range(2):
         status, facts = served.facts("/capture", "POST", Origin=f"http://127.0.0.1:{served.port}")
         assert status == 200
@@ -199,8 +231,13 @@ def test_the_button_saves_the_frame_that_is_shown_and_its_picture(served: Served
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_what_cannot_be_saved_is_told(served: Served, tmp_path: Path, full_disk: Callable[[], None]) -> None:
-    assert served.facts("/capture", "POST") == (409, {"error": "there is no frame: the camera has not begun, or has ended"})
+def test_what_cannot_be_saved_is_told(
+    served: Served, tmp_path: Path, full_disk: Callable[[], None]
+) -> None:
+    assert served.facts("/capture", "POST") == (
+        409,
+        {"error": "there is no frame: the camera has not begun, or has ended"},
+    )
     show(served.finder, 0)
     full_disk()
     status, facts = served.facts("/capture", "POST")
@@ -219,21 +256,52 @@ HEADERS = {
 
 @pytest.mark.parametrize(
     ("path", "kind"),
-    [("/", "text/html"), ("/?again", "text/html"), ("/style.css", "text/css"), ("/script.js", "text/javascript")],
+    [
+        ("/", "text/html"),
+        ("/?again", "text/html"),
+        ("/style.css", "text/css"),
+        ("/script.js", "text/javascript"),
+    ],
 )
 def test_the_page_is_for_this_site_alone(served: Served, path: str, kind: str) -> None:
     answer = served.ask(path)
     assert answer.status == 200
-    assert [name for name, value in (HEADERS | {"Content-Type": kind}).items() if not re.match(value, answer.headers[name])] == []
+    assert [
+        name
+        for name, value in (HEADERS | {"Content-Type": kind}).items()
+        if not re.match(value, answer.headers[name])
+    ] == []
     assert len(answer.read()) == int(answer.headers["Content-Length"])
 
 
 LOOKED = [("GET", "/"), ("GET", "/status"), ("GET", "/stream.mjpg"), ("POST", "/capture")]
-OWN = ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:8000", "192.168.1.7:8000", socket.gethostname()]
+OWN = [
+    "127.0.0.1",
+    "localhost:8000",
+    "LOCALHOST",
+    "[::1]:8000",
+    "192.168.1.7:8000",
+    socket.gethostname(),
+]
 # An attacker's page reaches this server under the attacker's name: DNS rebinding.
-FOREIGN = ["evil.example", "evil.example:{port}", "localhost.evil.example", "127.0.0.1.evil.example", "", "[::1"]
+FOREIGN = [
+    "evil.example",
+    "evil.example:{port}",
+    "localhost.evil.example",
+    "127.0.0.1.evil.example",
+    "",
+    "[::1",
+]
 ORIGINS = ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"]
-PLACES = ["/index.html", "/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/page/style.css", "/secret", "*"]
+PLACES = [
+    "/index.html",
+    "/../server.py",
+    "/%2e%2e/server.py",
+    "//etc/passwd",
+    "/page/style.css",
+    "/secret",
+    "*",
+]
 
 
 @pytest.mark.parametrize(
@@ -248,7 +316,9 @@ PLACES = ["/index.html", "/../server.py", "/%2e%2e/server.py", "//etc/passwd", "
         ("PUT", "/capture", {}, 501),
     ],
 )
-def test_who_may_ask_for_what(shown: Served, tmp_path: Path, method: str, path: str, headers: dict[str, str], status: int) -> None:
+def test_who_may_ask_for_what(
+    shown: Served, tmp_path: Path, method: str, path: str, headers: dict[str, str], status: int
+) -> None:
     """Nothing is saved for another site's name or page, and there is nothing but the page."""
     (tmp_path / "secret").touch()
     asked = {name: value.format(port=shown.port) for name, value in headers.items()}
@@ -271,21 +341,38 @@ def test_a_watcher_that_does_not_read_holds_up_nobody(served: Served) -> None:
 def test_seats_are_few_and_come_free(shown: Served) -> None:
     watchers = [shown.ask("/stream.mjpg") for _ in range(8)]
     assert [watcher.status for watcher in watchers] == [200] * 8
-    assert shown.facts("/stream.mjpg") == (503, {"error": "8 people look through this camera already"})
+    assert shown.facts("/stream.mjpg") == (
+        503,
+        {"error": "8 people look through this camera already"},
+    )
     watchers.pop().close()
     assert shown.ask("/stream.mjpg").status == 200  # though no picture is sent meanwhile
 
 
-def test_the_full_name_of_the_machine_and_allowed_names_are_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_full_name_of_the_machine_and_allowed_names_are_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     server._full_name.cache_clear()
     monkeypatch.setattr(socket, "getfqdn", lambda: "Camera.fritz.box")
     with closing(Served(tmp_path, "Camera.example.org", "gate.example")) as running:
         show(running.finder, 0)
-        for host in ("camera.fritz.box:8000", "CAMERA.example.org", "camera.example.org.:443", "gate.example"):
+        for host in (
+            "camera.fritz.box:8000",
+            "CAMERA.example.org",
+            "camera.example.org.:443",
+            "gate.example",
+        ):
             assert running.ask("/status", Host=host).status == 200
-        for host in ("camera.fritz.box.evil.example", "x.camera.example.org", "example.org", ".", ""):
+        for host in (
+            "camera.fritz.box.evil.example",
+            "x.camera.example.org",
+            "example.org",
+            ".",
+            "",
+        ):
             assert running.ask("/status", Host=host).status == 421
-        for host in (f"127.0.0.1:{running.port}", "camera.example.org"):  # proxies pass on another one, or the same
+        # proxies pass on another one, or the same
+        for host in (f"127.0.0.1:{running.port}", "camera.example.org"):
             for origin, status in (
                 ("https://camera.example.org", 200),
                 ("https://camera.example.org:8443", 200),
@@ -301,7 +388,9 @@ def test_the_full_name_of_the_machine_and_allowed_names_are_its_own(tmp_path: Pa
 def test_the_page_has_relative_links_alone(served: Served) -> None:
     """So that a proxy may serve it below a path."""
     page = served.ask("/").read().decode() + served.ask("/script.js").read().decode()
-    links = re.findall(r"""(?:src|href)="([^"]*)"|fetch\("([^"]*)"|picture\.src = `([^`]*)`""", page)
+    links = re.findall(
+        r"""(?:src|href)="([^"]*)"|fetch\("([^"]*)"|picture\.src = `([^`]*)`""", page
+    )
     assert len(links) == 8
     assert [link for link in map("".join, links) if link.startswith("/") or "//" in link] == []
 
@@ -330,7 +419,9 @@ def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path)
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "192.0.2.1"])
 def test_an_address_that_is_taken_or_not_ours(served: Served, host: str) -> None:
-    with pytest.raises(OutputError, match=f"{host} port {served.port}: nothing can be served there"):
+    with pytest.raises(
+        OutputError, match=f"{host} port {served.port}: nothing can be served there"
+    ):
         ViewfinderServer((host, served.port), served.finder, print)
 
 
@@ -338,11 +429,15 @@ def test_an_address_that_is_taken_or_not_ours(served: Served, host: str) -> None
     ("width", "period", "scale"),
     [(1440, 6, 1), (1441, 6, 2), (4056, 4, 4), (9000, 4, 4)],
 )
-def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: int, scale: int) -> None:
+def test_the_picture_fits_the_page_where_the_pattern_allows(
+    width: int, period: int, scale: int
+) -> None:
     assert fitting_scale(width, CfaPattern.bayer(period)) == scale
 
 
-def test_what_goes_wrong_in_a_handler_is_reported(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_goes_wrong_in_a_handler_is_reported(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Viewfinder, "status", lambda _: 1 / 0)
     with pytest.raises((RemoteDisconnected, ConnectionError)):
         served.ask("/status")

@@ -1,4 +1,6 @@
-"""`panchroma burst`: frames in, one picture out; what does not fit is named, and nothing is lost."""
+"""`panchroma burst`: frames in, one picture out; what does not fit is named, and nothing is
+lost.
+"""
 
 import re
 import shutil
@@ -12,7 +14,14 @@ import tifffile
 
 from panchroma.offline import PRESETS, render
 from panchroma.offline.burst import merge_burst, render_burst_bands
-from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from panchroma.shared import (
+    CaptureMetadata,
+    CfaPattern,
+    Mosaic,
+    SensorCalibration,
+    read_dng,
+    write_dng,
+)
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -48,37 +57,67 @@ def frame(folder: Path, number: int) -> Path:
     return folder / f"{STEM}-{number}.dng"
 
 
-def merged(frames: Path | Sequence[Path], out: Path, *options: str | Path, code: int | None = 0) -> Outcome:
+def merged(
+    frames: Path | Sequence[Path], out: Path, *options: str | Path, code: int | None = 0
+) -> Outcome:
     return run(
-        "burst", *([frames] if isinstance(frames, Path) else frames), "-o", out, "--preset", "unlearned", *options, code=code
+        "burst",
+        *([frames] if isinstance(frames, Path) else frames),
+        "-o",
+        out,
+        "--preset",
+        "unlearned",
+        *options,
+        code=code,
     )
 
 
-# --- what is made ---------------------------------------------------------------------------------------------------------------
+# --- what is made
+# --------------------------------------------------------------------------------------------------
 
 
-def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_frame(frames: Path, out: Path) -> None:
+def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_frame(
+    frames: Path, out: Path
+) -> None:
     for number in (1, 2, 3):
         path = frame(frames, number)
         save_mosaic(path, replace(read_dng(path), metadata=CaptureMetadata(iso=100 * number)))
-    (record,) = run("burst", frames, "-o", out, *MEASURED, "--reference", frame(frames, 2), "--json", code=0).records
+    (record,) = run(
+        "burst", frames, "-o", out, *MEASURED, "--reference", frame(frames, 2), "--json", code=0
+    ).records
     assert results(out) == {f"{STEM}.tif"}
-    burst = merge_burst([read_dng(frame(frames, number)) for number in (1, 2, 3)], UNLEARNED, reference=1)
+    burst = merge_burst(
+        [read_dng(frame(frames, number)) for number in (1, 2, 3)], UNLEARNED, reference=1
+    )
     with tifffile.TiffFile(out / f"{STEM}.tif") as file:
-        assert np.array_equal(file.asarray(), np.concatenate(list(render_burst_bands(burst, UNLEARNED))))
-        assert file.pages.first.tags["ExifTag"].value["ISOSpeedRatings"] == 200  # that of its reference
-    assert (record["ok"], record["reference"], record["source"]) == (True, str(frame(frames, 2)), str(frame(frames, 1)))
+        assert np.array_equal(
+            file.asarray(), np.concatenate(list(render_burst_bands(burst, UNLEARNED)))
+        )
+        # that of its reference
+        assert file.pages.first.tags["ExifTag"].value["ISOSpeedRatings"] == 200
+    assert (record["ok"], record["reference"], record["source"]) == (
+        True,
+        str(frame(frames, 2)),
+        str(frame(frames, 1)),
+    )
     for fate, judged, number in zip(record["frames"], burst.frames, (1, 2, 3), strict=True):
-        assert (fate["source"], fate["used"], fate["reason"]) == (str(frame(frames, number)), True, "")
+        assert (fate["source"], fate["used"], fate["reason"]) == (
+            str(frame(frames, number)),
+            True,
+            "",
+        )
         assert (fate["down"], fate["right"]) == pytest.approx(judged.motion.shift, abs=1e-3)
         assert fate["gain"] == pytest.approx(1, abs=0.02)
 
 
-# --- known shifts ---------------------------------------------------------------------------------------------------------------
+# --- known shifts
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: Path) -> None:
-    """Nine frames, two pixels apart: luminance and colour are known everywhere, if each frame is put where it was taken."""
+    """Nine frames, two pixels apart: luminance and colour are known everywhere, if each frame is
+    put where it was taken.
+    """
     scene, sensor = builtin_scene(180, 130).rgb, (CfaPattern.bayer(), SensorCalibration.of_bits(14))
     places = [(x, y) for y in (0, 2, 4) for x in (0, 2, 4)]
     shots = [tmp_path / f"step-{number}.dng" for number in range(1, 10)]
@@ -92,18 +131,25 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     assert psnr(tifffile.imread(out / "step.tif"), truth) > psnr(alone, truth) + 3
 
 
-# --- which frames ---------------------------------------------------------------------------------------------------------------
+# --- which frames
+# --------------------------------------------------------------------------------------------------
 
 
 LEFT_OUT: dict[str, Callable[[Mosaic], Mosaic]] = {
-    "it has 120 x 90 pixels, the others ": lambda shot: replace(shot, samples=shot.codes[:90, :120]),
-    "its filters are arranged otherwise": lambda shot: replace(shot, pattern=CfaPattern.bayer(6, "GBRG")),
+    "it has 120 x 90 pixels, the others ": lambda shot: replace(
+        shot, samples=shot.codes[:90, :120]
+    ),
+    "its filters are arranged otherwise": lambda shot: replace(
+        shot, pattern=CfaPattern.bayer(6, "GBRG")
+    ),
     "it was taken with another camera": lambda shot: stating(shot, gamma=(0.9, 1.0, 1.1)),
 }
 
 
 @pytest.mark.parametrize("reason", LEFT_OUT)
-def test_a_frame_that_does_not_fit_is_left_out_by_name(frames: Path, out: Path, reason: str, tmp_path: Path) -> None:
+def test_a_frame_that_does_not_fit_is_left_out_by_name(
+    frames: Path, out: Path, reason: str, tmp_path: Path
+) -> None:
     odd = save_mosaic(frame(frames, 2), LEFT_OUT[reason](read_dng(frame(frames, 2))))
     outcome = merged(frames, out, "--json")
     assert f"{odd}: is left out: {reason}" in outcome.err
@@ -121,10 +167,16 @@ def test_copies_and_frames_of_another_scene_are_left_out_by_name(frames: Path, o
     noise = np.random.default_rng(0).integers(300, 3800, original.shape, np.uint16)
     odd = save_mosaic(frame(frames, 4), replace(original, samples=noise))  # as sharp as any
     copy = frame(frames, 5)
-    write_dng(copy, replace(original, metadata=CaptureMetadata(iso=50)), np.ones((8, 8, 3), np.uint8))  # another preview
+    # another preview
+    write_dng(
+        copy, replace(original, metadata=CaptureMetadata(iso=50)), np.ones((8, 8, 3), np.uint8)
+    )
     outcome = merged(frames, out)
     assert re.findall(r"([^/ ]+): is left out: ", outcome.err) == [odd.name, copy.name]
-    assert f"{copy}: is left out: it is a copy of {frame(frames, 2)}: its samples are the same" in outcome.err
+    assert (
+        f"{copy}: is left out: it is a copy of {frame(frames, 2)}: its samples are the same"
+        in outcome.err
+    )
     assert f"3 of 5 frames, reference {STEM}-1.dng" in outcome.out
     outcome = merged(frames, out, "--overwrite", "--reference", copy)
     assert f"{frame(frames, 2)}: is left out: it is a copy of {copy}: " in outcome.err
@@ -139,16 +191,27 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     assert results(out) == {f"{STEM}.tif"}
     for options in (("--dry-run", "--overwrite"), ("--resume",)):
         assert_refused(merged(frames, out, *options, code=1), name=str(cut))
-    assert_refused(merged(frames, out, "--reference", cut, "--overwrite", code=1), "name another `reference`", name=str(cut))
+    assert_refused(
+        merged(frames, out, "--reference", cut, "--overwrite", code=1),
+        "name another `reference`",
+        name=str(cut),
+    )
 
 
-# --- what is there already ------------------------------------------------------------------------------------------------------
+# --- what is there already
+# --------------------------------------------------------------------------------------------------
 
 
 def test_what_exists_stays(taken: Path, out: Path) -> None:
     (out / f"{STEM}.tif").write_text("mine")
-    assert_refused(run("burst", taken, "-o", out), "exists already; use `overwrite=True`", name=f"{out / STEM}.tif")
-    assert_refused(run("burst", taken, "-o", out, "--resume"), "no render noted", name=f"{out / STEM}.tif")
+    assert_refused(
+        run("burst", taken, "-o", out),
+        "exists already; use `overwrite=True`",
+        name=f"{out / STEM}.tif",
+    )
+    assert_refused(
+        run("burst", taken, "-o", out, "--resume"), "no render noted", name=f"{out / STEM}.tif"
+    )
     assert contents(out) == {f"{STEM}.tif": b"mine"}
 
 
@@ -161,7 +224,11 @@ def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
     assert not merged(frames, out, *resume).records[0].get("current")
     merged(frames, out, "--resume")
     assert merged(frames, out, *resume).records[0].get("current")
-    for more in (("--reference", frame(frames, 2)), ("--exposure", "1"), ("--shifts", "0,0 0,1 1,0")):
+    for more in (
+        ("--reference", frame(frames, 2)),
+        ("--exposure", "1"),
+        ("--shifts", "0,0 0,1 1,0"),
+    ):
         assert not merged(frames, out, *resume, *more).records[0].get("current")
     picture.write_text("edited")
     save_shot(frame(frames, 4), shape=(60, 70))

@@ -17,7 +17,16 @@ from panchroma.tools.calibration.reference import check_order, read_reference
 from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.colour import xyz_to_lab
 from panchroma.tools.simulation.sensor import typical_noise
-from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, cgats, chart, frame, save, true_place
+from tests.tools.calibration.known_camera import (
+    BLIND,
+    NOISE,
+    TRUTH,
+    cgats,
+    chart,
+    frame,
+    save,
+    true_place,
+)
 from tests.tools.command import repeated, run
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
@@ -111,7 +120,9 @@ def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) ->
 
 
 def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) -> None:
-    """The only chart is of another period, and is skipped: then there is no camera. Without a chart the verdict says so."""
+    """The only chart is of another period, and is skipped: then there is no camera. Without a chart
+    the verdict says so.
+    """
     other, output = save(tmp_path / "other.dng", frame(chart().rgb, 8)), tmp_path / "camera.json"
     darks = repeated("--dark", (folder / "dark0.dng", folder / "dark1.dng"))
     outcome = run("calibrate", other, *darks, "-o", output, "--json")
@@ -122,7 +133,9 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     assert record["verdict"] == "use it with care"
     assert any("gamma was not measured" in warning for warning in record["warnings"])
     calibrated(folder, tmp_path / "again.json", "dark")
-    assert (tmp_path / "again.json").read_bytes() == output.read_bytes(), "equal frames make equal files"
+    assert (tmp_path / "again.json").read_bytes() == output.read_bytes(), (
+        "equal frames make equal files"
+    )
     # A gamma that is known already stays, whatever becomes of further charts.
     calibrated(folder, output, "chart")
     known = read_camera(output).calibration.gamma
@@ -145,7 +158,9 @@ def camera(measured: dict[str, Any], **changes: Any) -> Camera:
         (camera({"black_level": {"standard_error": [1.0] * 3}}), BLIND, ERROR),
     ],
 )
-def test_another_sensor_and_a_damaged_file_are_not_updated(known: Camera, says: Any, words: str, tmp_path: Path) -> None:
+def test_another_sensor_and_a_damaged_file_are_not_updated(
+    known: Camera, says: Any, words: str, tmp_path: Path
+) -> None:
     path = tmp_path / "camera.json"
     write_camera(path, known)
     text = path.read_text()
@@ -157,7 +172,11 @@ def test_another_sensor_and_a_damaged_file_are_not_updated(known: Camera, says: 
 def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     """As the README tells a newcomer who has no camera."""
     frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
-    for kind, light, seed in (("chart", 1, 0), *product(["dark"], [1], (1, 2, 3, 4)), *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
+    for kind, light, seed in (
+        ("chart", 1, 0),
+        *product(["dark"], [1], (1, 2, 3, 4)),
+        *product(["flat"], (0.1, 0.3, 0.6), (1, 2)),
+    ):
         to = tmp_path / f"{kind}{light}-{seed}"
         words = ["--light", str(light), "--seed", str(seed)]
         run("simulate", f"{kind}:720x480", "-o", to, *words, code=0)
@@ -220,7 +239,10 @@ WRONG = {
     "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
     "says D65": (cgats(REFERENCE, header='W "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
     "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
-    "one pair": (cgats(100 * REFERENCE[ONE_PAIR]), "colour of B2 .* is that of A3 .* and 2 patches"),
+    "one pair": (
+        cgats(100 * REFERENCE[ONE_PAIR]),
+        "colour of B2 .* is that of A3 .* and 2 patches",
+    ),
 }
 
 

@@ -1,4 +1,5 @@
-"""`panchroma capture`: streams, folders and the built-in sensor become shots, and none of their frames is lost unsaid.
+"""`panchroma capture`: streams, folders and the built-in sensor become shots, and none of their
+frames is lost unsaid.
 
 What is in a shot, how it is named and what a first frame proves: tests/device/capture.
 """
@@ -42,7 +43,9 @@ def frame(seed: int) -> bytes:
 
 def photographed(scene: FloatArray, stride: int = 0, seed: int = 0) -> bytes:
     """A frame of a scene, in raw12, which shows the pattern."""
-    codes = simulate_additive(scene, CfaPattern.bayer(6), CALIBRATION, 0.01, np.random.default_rng(seed)).codes
+    codes = simulate_additive(
+        scene, CfaPattern.bayer(6), CALIBRATION, 0.01, np.random.default_rng(seed)
+    ).codes
     return pack(codes, "raw12", stride)
 
 
@@ -76,15 +79,23 @@ def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     latest = tmp_path / "latest"
-    done = from_recording(b"".join(map(frame, range(3))), "-o", out, *LAYOUT, "--json", "--latest", latest, code=0)
+    done = from_recording(
+        b"".join(map(frame, range(3))), "-o", out, *LAYOUT, "--json", "--latest", latest, code=0
+    )
     assert [record["output"] for record in done.records] == [str(path) for path in shots(out)]
-    assert all(record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0 for record in done.records)
+    assert all(
+        record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0
+        for record in done.records
+    )
     assert [record["dropped"] for record in done.records] == [0, 0, 0]
     assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(3)]
     assert {read_dng(path).calibration for path in shots(out)} == {CALIBRATION}
     assert latest.resolve() == shots(out)[-1]
     lines = done.err.splitlines()
-    assert "no `camera`: black level 256 and white level 4095 are assumed, and the white balance is estimated" in lines
+    assert (
+        "no `camera`: black level 256 and white level 4095 are assumed, and the white balance is "
+        "estimated" in lines
+    )
     assert lines[-1] == "3 saved, 0 dropped"
 
 
@@ -96,25 +107,39 @@ def test_a_stream_that_is_cut_keeps_its_whole_frames_and_fails(out: Path) -> Non
 
 
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:
-    assert "-: ended after 1 of 2 shots" in from_recording(frame(0), "-o", out, *LAYOUT, "--frames", "2", code=1).err
+    assert (
+        "-: ended after 1 of 2 shots"
+        in from_recording(frame(0), "-o", out, *LAYOUT, "--frames", "2", code=1).err
+    )
     assert len(shots(out)) == 1
 
 
 def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path) -> None:
     data = 6 * photographed(builtin_scene(*SHOWN[::-1]).rgb, stride=224)
     done = from_recording(data, "-o", out, *DESCRIBED, code=1)
-    assert "; run `panchroma identify FRAME --size 128x96 --pixel-format raw12 --stride 192`" in done.err
+    assert (
+        "; run `panchroma identify FRAME --size 128x96 --pixel-format raw12 --stride 192`"
+        in done.err
+    )
     assert "If the description is right, add `unchecked`" in done.err
-    assert "likely `stride=256`" in from_recording(bytes(256 * 96), "-o", out, *DESCRIBED, code=2).err
+    assert (
+        "likely `stride=256`" in from_recording(bytes(256 * 96), "-o", out, *DESCRIBED, code=2).err
+    )
     assert shots(out) == []
     from_recording(data, "-o", out, *DESCRIBED, "--unchecked", code=0)
     assert len(shots(out)) == len(data) // (96 * 192)
 
 
-@pytest.mark.parametrize(("options", "black"), [(["--unchecked"], 256.0), (["--black", "16"], 16.0)])
-def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out: Path, options: list[str], black: float) -> None:
+@pytest.mark.parametrize(
+    ("options", "black"), [(["--unchecked"], 256.0), (["--black", "16"], 16.0)]
+)
+def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(
+    out: Path, options: list[str], black: float
+) -> None:
     """`calibrate --dark` needs them; without the options frames are refused."""
-    data = 2 * pack(np.random.default_rng(0).normal(16, 3, SHOWN).round().clip(0).astype(np.uint16), "raw12", 0)
+    data = 2 * pack(
+        np.random.default_rng(0).normal(16, 3, SHOWN).round().clip(0).astype(np.uint16), "raw12", 0
+    )
     from_recording(data, "-o", out, *DESCRIBED, code=1)
     done = from_recording(data, "-o", out, *DESCRIBED, *options, code=0)
     assert [read_dng(path).calibration.black_level for path in shots(out)] == [(black,) * 4] * 2
@@ -128,7 +153,9 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
         (signal.SIGINT, 130, ("--burst", "3"), "0 saved, 3 dropped\n"),
     ],
 )
-def test_a_signal_ends_a_silent_camera(out: Path, number: signal.Signals, code: int, burst: tuple[str, ...], said: str) -> None:
+def test_a_signal_ends_a_silent_camera(
+    out: Path, number: signal.Signals, code: int, burst: tuple[str, ...], said: str
+) -> None:
     process = start("capture", "-", "-o", out, *LAYOUT, *burst, stdin=subprocess.PIPE)
     process.stdin.buffer.write(frame(0))  # type: ignore[attr-defined]
     process.stdin.flush()
@@ -158,7 +185,18 @@ def test_a_signal_waits_for_the_frame_in_hand(
 
 
 def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
-    run("builtin:96x64@50", "-o", out, "--frames", "3", "--pattern", "K=4", "--origin", "1,2", code=0)
+    run(
+        "builtin:96x64@50",
+        "-o",
+        out,
+        "--frames",
+        "3",
+        "--pattern",
+        "K=4",
+        "--origin",
+        "1,2",
+        code=0,
+    )
     one, two, three = (read_dng(path) for path in shots(out))
     assert (one.shape, one.pattern) == ((64, 96), CfaPattern.bayer(4, origin=(1, 2)))
     assert None not in (one.calibration.camera_to_xyz, one.calibration.noise)
@@ -166,7 +204,9 @@ def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
 
 
 def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) -> None:
-    camera = SensorCalibration(gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine")
+    camera = SensorCalibration(
+        gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine"
+    )
     file = tmp_path / "camera.json"
     file.write_text(json.dumps(camera.to_json()))
     done = from_recording(frame(0), "-o", out, *LAYOUT, "--camera", file, code=0)
@@ -175,32 +215,62 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    "maps", [{"shading": {"gain": [[[1.0] * 4] * 4] * 4, "size": [20, 30]}}, {"size": [20, 30]}, {"defects": [[3, 29], [19, 3]]}]
+    "maps",
+    [
+        {"shading": {"gain": [[[1.0] * 4] * 4] * 4, "size": [20, 30]}},
+        {"size": [20, 30]},
+        {"defects": [[3, 29], [19, 3]]},
+    ],
 )
-def test_frames_of_another_size_than_the_camera_file_s_are_refused(out: Path, tmp_path: Path, maps: dict[str, Any]) -> None:
+def test_frames_of_another_size_than_the_camera_file_s_are_refused(
+    out: Path, tmp_path: Path, maps: dict[str, Any]
+) -> None:
     file = tmp_path / "camera.json"
     file.write_text(json.dumps(SensorCalibration.of_bits(12).to_json() | maps))
     options = ("-o", out, "--camera", file)
-    for source, described in (("-", ("--pixel-format", "raw12", "--size", "26x18")), ("builtin:26x18@9", ())):
-        done = from_recording(b"", *options, *described, code=2) if described else run(source, *options, code=2)
-        assert f"{source}: the frames have 26 x 18 pixels, those of the camera file 30 x 20" in done.err
+    for source, described in (
+        ("-", ("--pixel-format", "raw12", "--size", "26x18")),
+        ("builtin:26x18@9", ()),
+    ):
+        done = (
+            from_recording(b"", *options, *described, code=2)
+            if described
+            else run(source, *options, code=2)
+        )
+        assert (
+            f"{source}: the frames have 26 x 18 pixels, those of the camera file 30 x 20"
+            in done.err
+        )
         assert 'take a copy of this one without "size", "shading"' in done.err
     run("builtin:30x20@9", *options, "--frames", "1", code=0)
 
 
 def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> None:
-    done = from_recording(b"".join(map(frame, range(40))), "-o", out, *LAYOUT, "--burst", "12", code=0)
+    done = from_recording(
+        b"".join(map(frame, range(40))), "-o", out, *LAYOUT, "--burst", "12", code=0
+    )
     assert done.err.endswith("12 saved, 0 dropped\n")
     (stem,) = {path.stem.rpartition("-")[0] for path in shots(out)}
-    assert [path.stem.removeprefix(stem) for path in shots(out)] == [f"-{number:02}" for number in range(1, 13)]
+    assert [path.stem.removeprefix(stem) for path in shots(out)] == [
+        f"-{number:02}" for number in range(1, 13)
+    ]
     assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(12)]
 
 
-def test_a_burst_of_more_files_than_may_be_open_is_refused_before_it_is_taken(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_burst_of_more_files_than_may_be_open_is_refused_before_it_is_taken(
+    out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     limits = resource.getrlimit
-    monkeypatch.setattr(resource, "getrlimit", lambda which: (256, 4096) if which == resource.RLIMIT_NOFILE else limits(which))
+    monkeypatch.setattr(
+        resource,
+        "getrlimit",
+        lambda which: (256, 4096) if which == resource.RLIMIT_NOFILE else limits(which),
+    )
     done = run("builtin:64x48@9", "-o", out, "--burst", "250", code=2)
-    assert "--burst is 250, and a program may open 256 files here; take fewer, or allow more: ulimit -n 314" in done.err
+    assert (
+        "--burst is 250, and a program may open 256 files here; take fewer, or allow more: "
+        "ulimit -n 314" in done.err
+    )
     assert names(out) == set()
 
 
@@ -214,7 +284,8 @@ def test_a_folder_s_frames_become_shots_and_stay(out: Path, frames: Path) -> Non
     assert heard.err.endswith("1 saved, 0 dropped, 1 failed\n")
 
 
-# --- a stream that slips -------------------------------------------------------------------------------------------------------
+# --- a stream that slips
+# --------------------------------------------------------------------------------------------------
 
 MOVING = ("--size", "310x220", "--pixel-format", "raw12")
 LINE = 465  # bytes
@@ -225,31 +296,50 @@ SLIPPED = "the stream has lost or gained bytes; start the camera again"
 def moving(count: int) -> list[bytes]:
     """Frames of a scene that moves."""
     scene = builtin_scene(400, 280).rgb
-    return [photographed(scene[5 * n : 5 * n + 220, 9 * n : 9 * n + 310], seed=n) for n in range(count)]
+    return [
+        photographed(scene[5 * n : 5 * n + 220, 9 * n : 9 * n + 310], seed=n) for n in range(count)
+    ]
 
 
 def unpacked(frame: bytes) -> bytes:
     return FrameLayout(310, 220, "raw12").unpack(frame).tobytes()
 
 
-@pytest.mark.parametrize(("place", "lost"), [(100 * LINE, LINE), (30001, 1), (0, 3), (44444, 4096), (20000, -LINE), (777, -3)])
-def test_a_stream_that_loses_or_gains_bytes_ends_at_once_and_its_shots_are_right(out: Path, place: int, lost: int) -> None:
+@pytest.mark.parametrize(
+    ("place", "lost"),
+    [(100 * LINE, LINE), (30001, 1), (0, 3), (44444, 4096), (20000, -LINE), (777, -3)],
+)
+def test_a_stream_that_loses_or_gains_bytes_ends_at_once_and_its_shots_are_right(
+    out: Path, place: int, lost: int
+) -> None:
     frames = moving(8)
     slipped = frames[5][:place] + b"\xa5" * -lost + frames[5][place + max(lost, 0) :]
-    done = from_recording(b"".join([*frames[:5], slipped, *frames[6:], *frames]), "-o", out, *MOVING, code=1)
+    done = from_recording(
+        b"".join([*frames[:5], slipped, *frames[6:], *frames]), "-o", out, *MOVING, code=1
+    )
     assert codes(out) == [unpacked(frame) for frame in frames[:5]]
     assert SLIPPED in done.err
-    assert f"{shots(out)[-1]}: its last rows may be wrong; all shots before it are right" in done.err
+    assert (
+        f"{shots(out)[-1]}: its last rows may be wrong; all shots before it are right" in done.err
+    )
 
 
 @pytest.mark.parametrize("lost", [LINE, 1])
 def test_shots_in_the_dark_before_a_slip_is_seen_are_named(out: Path, lost: int) -> None:
-    frames, dark = moving(3), pack(np.random.default_rng(0).normal(256, 3, (220, 310)).round().astype(np.uint16), "raw12")
+    frames, dark = (
+        moving(3),
+        pack(
+            np.random.default_rng(0).normal(256, 3, (220, 310)).round().astype(np.uint16), "raw12"
+        ),
+    )
     data = b"".join([*frames, dark * 2, dark[lost:], dark, *frames])
     done = from_recording(data, "-o", out, *MOVING, code=1)
     saved = shots(out)
     assert len(saved) == (5 if lost == 1 else 7)  # single bytes are seen in the dark
-    assert f"{len(saved) - 2} shots may be wrong, {saved[2]} to {saved[-1]}; all before them are right" in done.err
+    assert (
+        f"{len(saved) - 2} shots may be wrong, {saved[2]} to {saved[-1]}; all before them are right"
+        in done.err
+    )
 
 
 def test_of_a_burst_that_slips_nothing_is_saved(out: Path) -> None:
@@ -266,4 +356,6 @@ def test_a_file_that_is_not_like_those_before_it_is_refused_alone(out: Path, fra
         os.utime(frames / f"{number}.raw", (number, number))
     done = run(frames, "-o", out, *MOVING, "--frames", "4", code=1)
     assert codes(out) == [unpacked(frame) for frame in scene]
-    assert done.errors[0].partition(": ")[2].startswith(f"{frames / '3.raw'}: the frame does not show")
+    assert (
+        done.errors[0].partition(": ")[2].startswith(f"{frames / '3.raw'}: the frame does not show")
+    )

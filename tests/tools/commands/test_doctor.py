@@ -1,4 +1,6 @@
-"""`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a remedy."""
+"""`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a
+remedy.
+"""
 
 import errno
 from collections.abc import Callable
@@ -31,27 +33,48 @@ def test_this_installation_is_well() -> None:
     outcome = run("doctor", "--json", code=0)
     states = {record["check"]: record["state"] for record in outcome.records}
     assert {name for name, state in states.items() if state == BAD} == set()
-    assert {"Python", "onnxruntime", "OpenCV", "preview", "kernel cache", "processors", "memory", "writing"} <= set(states)
-    assert [record for record in outcome.records if record["state"] != GOOD and not record["remedy"]] == []
+    assert {
+        "Python",
+        "onnxruntime",
+        "OpenCV",
+        "preview",
+        "kernel cache",
+        "processors",
+        "memory",
+        "writing",
+    } <= set(states)
+    assert [
+        record for record in outcome.records if record["state"] != GOOD and not record["remedy"]
+    ] == []
     said = outcome.err.splitlines()
     assert len([line for line in said if line.startswith("ok      preview ")]) == 1
     assert said[-1] == "all is well" or said[-1].endswith("optional things missing")
 
 
 def test_a_camera_is_well_with_the_base_alone() -> None:
-    """Packages that the installation has but that are hidden count as broken here; what a camera needs does not."""
+    """Packages that the installation has but that are hidden count as broken here; what a camera
+    needs does not.
+    """
     done = camera("doctor")
     lines = done.stdout.decode().splitlines()
     for name in ("numpy", "tifffile", "imagecodecs", "onnxruntime", "preview", "writing"):
-        assert [line for line in lines if line.startswith(f"ok      {name} ")], (name, done.stdout, done.stderr)
+        assert [line for line in lines if line.startswith(f"ok      {name} ")], (
+            name,
+            done.stdout,
+            done.stderr,
+        )
 
 
 def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def version(name: str) -> str | None:
-        return {"rawpy": None, "numpy": None, "onnxruntime": "1.21.0"}.get(name, package_version(name))
+        return {"rawpy": None, "numpy": None, "onnxruntime": "1.21.0"}.get(
+            name, package_version(name)
+        )
 
     monkeypatch.setattr(doctor, "package_version", version)
-    assert only("rawpy") == Finding("rawpy", MISSING, f"not installed: {doctor._EXTRAS['tools'][1]}", doctor.ALL)
+    assert only("rawpy") == Finding(
+        "rawpy", MISSING, f"not installed: {doctor._EXTRAS['tools'][1]}", doctor.ALL
+    )
     assert only("numpy").state == BAD
     remedy = "pip install 'onnxruntime>=1.22.1'"
     assert only("onnxruntime") == Finding("onnxruntime", BAD, "1.21.0, older than 1.22.1", remedy)
@@ -67,19 +90,31 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
         (("opencv-python", "opencv-contrib-python-headless"), BAD, "overwrite each other"),
     ],
 )
-def test_there_is_one_opencv(installed: tuple[str, ...], state: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "package_version", lambda name: "5.0" if name in installed else None)
+def test_there_is_one_opencv(
+    installed: tuple[str, ...], state: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        doctor, "package_version", lambda name: "5.0" if name in installed else None
+    )
     finding = only("OpenCV")
     assert (finding.state, words in finding.found) == (state, True)
     assert all(f"-y {' '.join(installed)} &&" in finding.remedy for _ in installed if state == BAD)
 
 
 def test_what_fails_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("panchroma.device.Preview.run", failing(RuntimeError("illegal instruction")))
-    assert (only("preview").state, only("preview").found) == (BAD, "does not run: illegal instruction")
+    monkeypatch.setattr(
+        "panchroma.device.Preview.run", failing(RuntimeError("illegal instruction"))
+    )
+    assert (only("preview").state, only("preview").found) == (
+        BAD,
+        "does not run: illegal instruction",
+    )
     (tmp_path / "file").touch()
     monkeypatch.setattr("panchroma.offline.kernel_cache", lambda: tmp_path / "file" / "below")
-    assert (only("kernel cache").state, "NUMBA_CACHE_DIR" in only("kernel cache").remedy) == (BAD, True)
+    assert (only("kernel cache").state, "NUMBA_CACHE_DIR" in only("kernel cache").remedy) == (
+        BAD,
+        True,
+    )
     monkeypatch.setattr(doctor, "available_memory", lambda: 100 * 2**20)
     assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
     monkeypatch.setattr(doctor, "write_durably", failing(OSError(28, "No space left on device")))
@@ -87,7 +122,9 @@ def test_what_fails_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("number", [errno.EINVAL, errno.EIO])
-def test_a_folder_that_cannot_be_synced_is_said_and_not_wrong(unsynced_folders: Callable[[int], None], number: int) -> None:
+def test_a_folder_that_cannot_be_synced_is_said_and_not_wrong(
+    unsynced_folders: Callable[[int], None], number: int
+) -> None:
     unsynced_folders(number)
     finding = only("writing")
     assert (finding.state, "cannot be synced" in finding.found, finding.remedy) == (GOOD, True, "")
@@ -100,6 +137,8 @@ def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch)
     assert (compiled.state, compiled.found[:13]) == (GOOD, "1 kernels in ")
     assert (again.state, again.found) == (GOOD, "all kernels were compiled already")
     assert (kept_nowhere.state, kept_nowhere.found) == (BAD, "could not keep mix")
-    monkeypatch.setattr("panchroma.offline.kernels_to_compile", failing(RuntimeError("no locator available")))
+    monkeypatch.setattr(
+        "panchroma.offline.kernels_to_compile", failing(RuntimeError("no locator available"))
+    )
     finding = doctor._compiled(Console(quiet=True))
     assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)

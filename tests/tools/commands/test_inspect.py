@@ -1,4 +1,6 @@
-"""`panchroma inspect`: every fact of a shot, for people and for machines. Bad shots: see test_render."""
+"""`panchroma inspect`: every fact of a shot, for people and for machines. Bad shots: see
+test_render.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
+from panchroma.shared import (
+    CaptureMetadata,
+    CfaPattern,
+    Mosaic,
+    NoiseModel,
+    SensorCalibration,
+    write_dng,
+)
 from panchroma.shared.dng import read_preview
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.command import run
@@ -41,7 +50,9 @@ def test_machines_get_every_fact(tmp_path: Path) -> None:
     assert 0 < facts["saturated"] < 1
     assert facts["preview_bytes"] == len(read_preview(path))
     assert facts["metadata"]["taken"] == METADATA.taken.isoformat()
-    known = {name: value for name, value in vars(METADATA).items() if name not in ("taken", "place")}
+    known = {
+        name: value for name, value in vars(METADATA).items() if name not in ("taken", "place")
+    }
     assert {name: facts["metadata"][name] for name in known} == pytest.approx(known)
     assert facts["metadata"]["place"] == pytest.approx([-33.857039, 151.211111], abs=1e-6)
 
@@ -52,7 +63,8 @@ TOLD = {
     "network": "rggb-k6",
     "levels": "black 256 257 258 259, white 3839",
     "gamma": "0.7 0.91 1.12  (RGB)",
-    "noise": "variance = 0.001 0.002 0.003 0.004 x signal + (0.01 0.005 0.00333333 0.0025)^2, scene units",
+    "noise": "variance = 0.001 0.002 0.003 0.004 x signal + (0.01 0.005 0.00333333 0.0025)^2, "
+    "scene units",
     "colour": "calibrated",
     "neutral": "0.5 0.6 0.7",
     "sensor": f"Prüfling 7, calibration {calibration().id}",
@@ -82,7 +94,11 @@ def test_people_get_them_with_their_units(tmp_path: Path) -> None:
         ({}, "noise", "unknown"),
         ({}, "colour", "no matrix"),
         ({}, "levels", "black 256, white 3839"),
-        ({"neutral": (0.5, 1, 0.7), "neutral_estimated": True}, "neutral", "0.5 1 0.7, estimated from the picture"),
+        (
+            {"neutral": (0.5, 1, 0.7), "neutral_estimated": True},
+            "neutral",
+            "0.5 1 0.7, estimated from the picture",
+        ),
         (CaptureMetadata(exposure_time=1.0), "exposure", "1 s"),
         (CaptureMetadata(exposure_time=1 / 3), "exposure", "1/3 s"),
         (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines  [31m"),
@@ -96,14 +112,19 @@ def test_what_is_not_known_or_all_alike_and_capture_data_with_units(
         if isinstance(fields, CaptureMetadata)
         else [SensorCalibration.of_bits(12, **fields)]
     )
-    path = save(tmp_path / "shot.dng", Mosaic(np.full((12, 12), 2000, np.uint16), CfaPattern.bayer(), *facts))
+    path = save(
+        tmp_path / "shot.dng",
+        Mosaic(np.full((12, 12), 2000, np.uint16), CfaPattern.bayer(), *facts),
+    )
     shown = rows(run("inspect", path, code=0).out)
     assert shown[name] == value
     assert {"exposure", "taken", "make", "orientation", "description"} & set(shown) <= {name}
 
 
 def test_a_shot_without_a_panchromatic_pixel_has_no_brightness(tmp_path: Path) -> None:
-    shot = Mosaic(np.full((2, 2), 900, np.uint16), CfaPattern.bayer(), SensorCalibration.of_bits(12))
+    shot = Mosaic(
+        np.full((2, 2), 900, np.uint16), CfaPattern.bayer(), SensorCalibration.of_bits(12)
+    )
     path = save(tmp_path / "shot.dng", shot)
     (facts,) = run("inspect", "--json", path).records
     assert (facts["mean_luminance"], facts["saturated"]) == (None, None)
@@ -113,7 +134,9 @@ def test_a_shot_without_a_panchromatic_pixel_has_no_brightness(tmp_path: Path) -
 def archive(folder: Path) -> list[Path]:
     """Shots and a rendered DNG in folders and below, and files that are none of them."""
     (folder / "a" / "b").mkdir(parents=True)
-    paths = [save(folder / "a" / name, mosaic(shape=(20, 30))) for name in ("1.dng", "2.DNG", "b/3.dng")]
+    paths = [
+        save(folder / "a" / name, mosaic(shape=(20, 30))) for name in ("1.dng", "2.DNG", "b/3.dng")
+    ]
     picture = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
     (folder / "4.dng").write_bytes(picture_dng(picture))
     (folder / "note.txt").write_text("no shot")
@@ -134,15 +157,25 @@ def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path) -> Non
         path.write_bytes(data)
     outcome = run("inspect", "--verify", "--json", tmp_path, code=1)
     assert {record["source"] for record in outcome.records} == set(map(str, paths))
-    assert {"source": str(paths[0]), "ok": True, "width": 30, "height": 20, "digest": "shot"} in outcome.records
-    assert sorted(record["source"] for record in outcome.records if not record["ok"]) == list(map(str, damaged))
+    assert {
+        "source": str(paths[0]),
+        "ok": True,
+        "width": 30,
+        "height": 20,
+        "digest": "shot",
+    } in outcome.records
+    assert sorted(record["source"] for record in outcome.records if not record["ok"]) == list(
+        map(str, damaged)
+    )
     assert "2 whole, 2 damaged" in outcome.err
     for path, line in zip(damaged, sorted(outcome.errors), strict=True):
         assert line.startswith(f"panchroma: {path}: damaged")
 
 
 def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
-    """A mosaic and a picture, as another maker's. One that has lost another name of ours is damaged."""
+    """A mosaic and a picture, as another maker's. One that has lost another name of ours is
+    damaged.
+    """
     shot, cut, _, picture = archive(tmp_path / "ours")
     others = [tmp_path / "theirs" / name for name in ("shot.dng", "picture.dng")]
     others[0].parent.mkdir()
@@ -151,12 +184,22 @@ def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
     counted = "4 whole, 0 damaged, 2 of other programs, without a digest to check\n"
     outcome = run("inspect", "--verify", tmp_path, code=0)
     assert (outcome.out, outcome.errors) == (counted, [])
-    assert all(f"{path}: not a DNG of Panchroma: it has no digest" in outcome.err for path in others)
+    assert all(
+        f"{path}: not a DNG of Panchroma: it has no digest" in outcome.err for path in others
+    )
     records = run("inspect", "--verify", tmp_path, "--json", code=0).records
-    assert {record["source"] for record in records if record.get("foreign")} == set(map(str, others))
+    assert {record["source"] for record in records if record.get("foreign")} == set(
+        map(str, others)
+    )
     outcome = run("inspect", "--verify", *others, code=1)  # they were named
-    assert (outcome.out, len(outcome.errors)) == ("0 whole, 0 damaged, 2 of other programs, without a digest to check\n", 2)
-    for lost, told in ((b"Panchroma\0", "1 whole, 0 damaged"), (b"Panchroma mosaic\0", "0 whole, 1 damaged")):
+    assert (outcome.out, len(outcome.errors)) == (
+        "0 whole, 0 damaged, 2 of other programs, without a digest to check\n",
+        2,
+    )
+    for lost, told in (
+        (b"Panchroma\0", "1 whole, 0 damaged"),
+        (b"Panchroma mosaic\0", "0 whole, 1 damaged"),
+    ):
         data = cut.read_bytes()
         assert lost in data
         cut.write_bytes(data.replace(lost, b"P" + bytes(len(lost) - 1)))
@@ -169,7 +212,11 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
     path.write_bytes(path.read_bytes().replace(jpeg, jpeg[:20] + bytes(len(jpeg) - 20)))
     outcome = run("inspect", "--verify", path, tmp_path / "absent.dng", code=1)
     assert [line.partition(": ")[2] for line in outcome.errors] == [
-        f"{path}: damaged: the preview: a JPEG without a frame: it is cut short or damaged; copy the file again",
+        f"{path}: damaged: the preview: a JPEG without a frame: it is cut short or damaged; copy "
+        "the file again",
         f"{tmp_path}/absent.dng: there is no such file; check the name",
     ]
-    assert outcome.out == f"0 whole, 1 damaged, 1 that cannot be read\n  {path}\n  {tmp_path}/absent.dng\n"
+    assert (
+        outcome.out
+        == f"0 whole, 1 damaged, 1 that cannot be read\n  {path}\n  {tmp_path}/absent.dng\n"
+    )

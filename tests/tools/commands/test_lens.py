@@ -17,11 +17,17 @@ SIZE, SHAPE = "450x300", (300, 450)
 LENS = lens_shading(1.5, 0.1, 4, SHAPE)
 
 
-def taken(folder: Path, name: str, source: str, *options: str, focal: float | None = None, **facts: Any) -> Path:
-    """Simulate a source in `folder/true`, and save the shot as `folder/name`, where its calibration states other facts."""
+def taken(
+    folder: Path, name: str, source: str, *options: str, focal: float | None = None, **facts: Any
+) -> Path:
+    """Simulate a source in `folder/true`, and save the shot as `folder/name`, where its calibration
+    states other facts.
+    """
     run("simulate", source, "-o", folder / "true", "--overwrite", "--light", "1", *options, code=0)
     shot = read_dng(folder / "true" / f"{source.replace(':', '-')}.dng")
-    return save(folder / name, replace(stating(shot, **facts), metadata=CaptureMetadata(focal_length=focal)))
+    return save(
+        folder / name, replace(stating(shot, **facts), metadata=CaptureMetadata(focal_length=focal))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -31,11 +37,27 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     lens = ("--shading", "1.5,10", "--light")
     for number in range(4):
         light, seed = ("0.2", "0.6")[number // 2], str(number)
-        taken(folder, f"flat{number}.dng", f"flat:{SIZE}", *lens, light, "--seed", seed, focal=35.0, shading=None)
+        taken(
+            folder,
+            f"flat{number}.dng",
+            f"flat:{SIZE}",
+            *lens,
+            light,
+            "--seed",
+            seed,
+            focal=35.0,
+            shading=None,
+        )
     taken(folder, "shot.dng", f"builtin:{SIZE}", *lens, "0.9", focal=50.0, shading=None)
     assert read_dng(folder / "true" / f"builtin-{SIZE}.dng").calibration.shading == LENS
     outcome = run(
-        "calibrate", *repeated("--flat", folder.glob("flat*.dng")), "-o", folder / "camera.json", "--report", folder, code=0
+        "calibrate",
+        *repeated("--flat", folder.glob("flat*.dng")),
+        "-o",
+        folder / "camera.json",
+        "--report",
+        folder,
+        code=0,
     )
     assert "shading: 1.4" in outcome.out
     return folder
@@ -50,7 +72,9 @@ def path(folder: Path, tmp_path: Path) -> Path:
 
 def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     camera = read_camera(folder / "camera.json")
-    np.testing.assert_allclose(camera.calibration.shading.of_plane(SHAPE, 0), LENS.of_plane(SHAPE, 0), rtol=0.02)
+    np.testing.assert_allclose(
+        camera.calibration.shading.of_plane(SHAPE, 0), LENS.of_plane(SHAPE, 0), rtol=0.02
+    )
     facts = camera.measured["shading"]
     assert (facts["frames"], facts["focal_length"]) == (4, 35)
     assert "bottom right" in (folder / "report.html").read_text("utf-8")
@@ -60,19 +84,30 @@ def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
 def test_commands_tell_another_focal_length(folder: Path, path: Path, tmp_path: Path) -> None:
     told = "shot.dng: taken at 50 mm, but its shading was measured at 35 mm"
     for command, *options in (("render", "-f", "npy"), ("preview",)):
-        assert told in run(command, folder / "shot.dng", "-o", tmp_path, "--camera", path, *options, code=0).err
+        assert (
+            told
+            in run(
+                command, folder / "shot.dng", "-o", tmp_path, "--camera", path, *options, code=0
+            ).err
+        )
     assert told in run("calibrate", folder / "shot.dng", "-o", path, "--update").err
 
 
-def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Path, tmp_path: Path) -> None:
-    """Light that is tilted: shading is not measured, and the reason is told; nor is what the shots say of it taken over.
+def test_refused_flat_frames_leave_what_is_known_of_noise(
+    folder: Path, path: Path, tmp_path: Path
+) -> None:
+    """Light that is tilted: shading is not measured, and the reason is told; nor is what the shots
+    say of it taken over.
 
     What a camera file knows of it stays.
     """
     slope = np.linspace(0.9, 1.1, SHAPE[1])
     for flat_path in folder.glob("flat*.dng"):
         flat = read_dng(flat_path)
-        save(tmp_path / flat_path.name, stating(edited(flat, lambda codes: (codes - 256) * slope + 256), shading=LENS))
+        save(
+            tmp_path / flat_path.name,
+            stating(edited(flat, lambda codes: (codes - 256) * slope + 256), shading=LENS),
+        )
     tilted, new = sorted(tmp_path.glob("flat*.dng")), tmp_path / "new.json"
     reason = "flat frames: the light is tilted"
     outcome = run("calibrate", *repeated("--flat", tilted), "-o", new, "--json", code=0)
@@ -85,16 +120,23 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Pa
     assert f"no shading was measured: {reason}" in refused.err
     kept = run("calibrate", *repeated("--flat", tilted), "-o", path, "--update")
     assert f"no shading was measured, and the one before is kept: {reason}" in kept.err
-    assert read_camera(path).calibration.shading == read_camera(folder / "camera.json").calibration.shading
+    assert (
+        read_camera(path).calibration.shading
+        == read_camera(folder / "camera.json").calibration.shading
+    )
 
 
 def test_one_flat_frame_tells_shading_and_no_noise(folder: Path, tmp_path: Path) -> None:
-    outcome = run("calibrate", "--flat", folder / "flat3.dng", "-o", tmp_path / "camera.json", code=0)
+    outcome = run(
+        "calibrate", "--flat", folder / "flat3.dng", "-o", tmp_path / "camera.json", code=0
+    )
     assert "no noise was measured: flat frames: no two unclipped frames" in outcome.err
     assert list(read_camera(tmp_path / "camera.json").measured) == ["shading"]
 
 
-def test_a_lens_is_simulated_once_and_not_beside_that_of_a_camera_file(folder: Path, tmp_path: Path) -> None:
+def test_a_lens_is_simulated_once_and_not_beside_that_of_a_camera_file(
+    folder: Path, tmp_path: Path
+) -> None:
     run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "0,0", code=0)
     assert read_dng(tmp_path / "flat-60x40.dng").calibration.shading is None
     camera = "--camera", folder / "camera.json", "--overwrite"

@@ -20,12 +20,16 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
         ("--pattern K=4", CfaPattern.of_letters(KODAK), CfaPattern.bayer(4)),
     ],
 )
-def test_the_pattern_that_options_describe(options: str, known: CfaPattern | None, expected: CfaPattern) -> None:
+def test_the_pattern_that_options_describe(
+    options: str, known: CfaPattern | None, expected: CfaPattern
+) -> None:
     parser = ArgumentParser()
     add(parser, "camera", "pattern", "origin")
     assert camera_of(parser.parse_args(options.split()), known) == (None, expected)
 
 
-@pytest.mark.parametrize(("text", "expected"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)])
+@pytest.mark.parametrize(
+    ("text", "expected"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)]
+)
 def test_light_may_be_a_fraction(text: str, expected: float) -> None:
     assert factor(text) == expected

@@ -1,4 +1,6 @@
-"""What is only looked at is not written to: a finished archive can be checked where nothing can be written."""
+"""What is only looked at is not written to: a finished archive can be checked where nothing can be
+written.
+"""
 
 from pathlib import Path
 
@@ -7,7 +9,8 @@ import pytest
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import contents, run, spawn
 
-# A disk below the first argument that can be read alone: whatever would write to it ends the program.
+# A disk below the first argument that can be read alone: whatever would write to it ends the
+# program.
 SCRIPT = """
 import os, sys
 
@@ -40,7 +43,17 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run("render", tmp_path / "shots", "-o", tmp_path / "pictures", "--preset", "paper", code=0)
     left = tmp_path / "pictures" / "below" / ".3.tif.12345678.panchroma.part"
     left.write_bytes(b"half of a picture, which the next run removes")
-    run("evaluate", "builtin:60x60", "-o", tmp_path / "results", "--methods", "bilinear", "--sigma", "0", code=0)
+    run(
+        "evaluate",
+        "builtin:60x60",
+        "-o",
+        tmp_path / "results",
+        "--methods",
+        "bilinear",
+        "--sigma",
+        "0",
+        code=0,
+    )
     return tmp_path
 
 
@@ -48,17 +61,28 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("line", "says"),
     [
         ("render shots -o pictures --preset paper --resume --dry-run", "3 up to date"),
-        ("render shots -o pictures --preset paper --resume --dry-run --scheduler tcp://localhost:1", "3 up to date"),
+        (
+            "render shots -o pictures --preset paper --resume --dry-run --scheduler tcp://localhost:1",
+            "3 up to date",
+        ),
         ("render shots -o new --dry-run", "3 to be made"),
         ("burst shots/1.dng shots/2.dng -o pictures -f png --dry-run", "shots/1.dng -> "),
         ("inspect --verify shots", "3 whole, 0 damaged"),
-        ("evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --dry-run", "0 results to make, 1 kept"),
-        ("evaluate builtin:60x60 -o new --methods bilinear --sigma 0 --dry-run", "1 results to make, 0 kept"),
+        (
+            "evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --dry-run",
+            "0 results to make, 1 kept",
+        ),
+        (
+            "evaluate builtin:60x60 -o new --methods bilinear --sigma 0 --dry-run",
+            "1 results to make, 0 kept",
+        ),
     ],
 )
 def test_a_dry_run_and_a_check_write_nothing(archive: Path, line: str, says: str) -> None:
     before = contents(archive)
-    words = (str(archive / word) if word.partition("/")[0] in PLACES else word for word in line.split())
+    words = (
+        str(archive / word) if word.partition("/")[0] in PLACES else word for word in line.split()
+    )
     outcome = spawn(f"{archive}/", *words, script=SCRIPT, code=0)
     assert says in outcome.out + outcome.err
     assert contents(archive) == before

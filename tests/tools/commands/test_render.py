@@ -1,4 +1,6 @@
-"""`panchroma render`: the command gives what the library gives, in every format, and a bad shot costs one line."""
+"""`panchroma render`: the command gives what the library gives, in every format, and a bad shot
+costs one line.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -39,10 +41,13 @@ def save(path: Path, codes: ArrayLike | None = None) -> Path:
     if codes is not None:
         samples[:] = codes
     metadata = CaptureMetadata(make="Contax", iso=400, orientation=6)
-    return save_mosaic(path, Mosaic(samples, CfaPattern.bayer(), SensorCalibration.of_bits(12), metadata))
+    return save_mosaic(
+        path, Mosaic(samples, CfaPattern.bayer(), SensorCalibration.of_bits(12), metadata)
+    )
 
 
-# --- what is made ---------------------------------------------------------------------------------------------------------------
+# --- what is made
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -53,14 +58,25 @@ def save(path: Path, codes: ArrayLike | None = None) -> Path:
         ("exr --space camera --bits 16", PictureKind.of("exr", 16, "camera")),
     ],
 )
-def test_the_file_is_what_the_library_writes(out: Path, tmp_path: Path, options: str, kind: PictureKind) -> None:
-    """Upright, with capture data; of the kind that is usual for the format, or the one that is asked for."""
+def test_the_file_is_what_the_library_writes(
+    out: Path, tmp_path: Path, options: str, kind: PictureKind
+) -> None:
+    """Upright, with capture data; of the kind that is usual for the format, or the one that is
+    asked for.
+    """
     exposure = 0.0 if kind.space == "camera" else 1.0
     shot = save(tmp_path / "shot.dng")
-    outcome = run("render", shot, "-o", out, "-f", *options.split(), "--exposure", str(exposure), code=0)
+    outcome = run(
+        "render", shot, "-o", out, "-f", *options.split(), "--exposure", str(exposure), code=0
+    )
     mosaic, path = read_dng(shot), out / f"shot{kind.suffix}"
-    rendering, development = render(mosaic), Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata, exposure)
-    assert path.read_bytes() == encode_picture(development.whitened(rendering.rgb, rendering.lost), development)
+    rendering, development = (
+        render(mosaic),
+        Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata, exposure),
+    )
+    assert path.read_bytes() == encode_picture(
+        development.whitened(rendering.rgb, rendering.lost), development
+    )
     assert results(out) == {path.name}
     rows, columns = (13, 17) if kind.space == "camera" else (17, 13)
     assert outcome.out.startswith(f"{path}: {columns} x {rows}, {kind.bits} bits, {kind.space}, ")
@@ -74,7 +90,12 @@ def test_formats_have_their_other_names(out: Path, shot: Path, name: str, ending
 
 def uncalibrated(path: Path, level: float = 0.8) -> Path:
     """A shot of a grey scene under coloured light by a sensor that nobody has calibrated."""
-    return save_mosaic(path, Mosaic(coloured_light(level=level).codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12)))
+    return save_mosaic(
+        path,
+        Mosaic(
+            coloured_light(level=level).codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12)
+        ),
+    )
 
 
 def cast(path: Path) -> float:
@@ -86,7 +107,11 @@ def cast(path: Path) -> float:
 def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) -> None:
     shot = uncalibrated(tmp_path / "a.dng")
     multipliers = ",".join(str(1 / level) for level in LIGHT)
-    for balance, balanced_ in (((), False), (("--wb", "auto"), True), (("--wb", multipliers), True)):
+    for balance, balanced_ in (
+        ((), False),
+        (("--wb", "auto"), True),
+        (("--wb", multipliers), True),
+    ):
         options = ("--preset", "paper", "--overwrite", *balance)
         outcome = run("render", shot, "-o", out, *options, "--json", code=0)
         assert (cast(out / "a.tif") < 0.03) == balanced_, options
@@ -100,11 +125,22 @@ def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) ->
 
 def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -> None:
     dim = uncalibrated(tmp_path / "dim.dng", level=0.004)
-    assert_refused(run("render", dim, "-o", out, "--wb", "auto"), "too dark, too bright or too small", name=str(dim))
-    assert_refused(run("render", dim, "-o", out, "--wb", "2,1"), "`wb` has 2 multipliers", "R, G, B", name=str(dim))
+    assert_refused(
+        run("render", dim, "-o", out, "--wb", "auto"),
+        "too dark, too bright or too small",
+        name=str(dim),
+    )
+    assert_refused(
+        run("render", dim, "-o", out, "--wb", "2,1"),
+        "`wb` has 2 multipliers",
+        "R, G, B",
+        name=str(dim),
+    )
 
 
-def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dry_run_checks_and_does_nothing(
+    out: Path, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(*_: object) -> None:
         raise AssertionError("rendered")
 
@@ -112,8 +148,13 @@ def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path
     (tmp_path / "text.dng").write_text("no picture")
     (out / "old.tif").write_text("old")
     old = save(tmp_path / "old.dng")
-    outcome = run("render", shot, tmp_path / "text.dng", old, "-o", out, "--dry-run", "--json", code=1)
-    found = {Path(record["source"]).name: (record["ok"], record.get("dry_run")) for record in outcome.records}
+    outcome = run(
+        "render", shot, tmp_path / "text.dng", old, "-o", out, "--dry-run", "--json", code=1
+    )
+    found = {
+        Path(record["source"]).name: (record["ok"], record.get("dry_run"))
+        for record in outcome.records
+    }
     assert found == {shot.name: (True, True), "text.dng": (False, None), "old.dng": (False, None)}
     assert f"{shot} -> {out / f'{STEM}.tif'}" in outcome.err
     assert results(out) == {"old.tif"}
@@ -125,7 +166,9 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
     assert record.pop("seconds") >= 0
     solvers = record.pop("solvers")
     assert list(solvers) == ["luminance", "medians", "affinity"]
-    assert all(0 < each["iterations"] <= 100 and 0 <= each["residual"] < 1e-2 for each in solvers.values())
+    assert all(
+        0 < each["iterations"] <= 100 and 0 <= each["residual"] < 1e-2 for each in solvers.values()
+    )
     assert record == {
         "source": str(shot),
         "ok": True,
@@ -142,19 +185,27 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
 
 def test_the_network_can_be_left_out(out: Path, shot: Path) -> None:
     for preset, network in (("best", "rggb-k6"), ("unlearned", None), ("paper", None)):
-        (record,) = run("render", shot, "-o", out, "--json", "--overwrite", *MEASURED[2:], "--preset", preset).records
+        (record,) = run(
+            "render", shot, "-o", out, "--json", "--overwrite", *MEASURED[2:], "--preset", preset
+        ).records
         assert record["learned"] == network
-        assert np.array_equal(tifffile.imread(out / f"{STEM}.tif"), render(read_dng(shot), PRESETS[preset]).rgb)
+        assert np.array_equal(
+            tifffile.imread(out / f"{STEM}.tif"), render(read_dng(shot), PRESETS[preset]).rgb
+        )
 
 
 def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
     words, unknown = "the noise level is unknown and ", save(tmp_path / "shot.dng")
     assert words + "estimated from the shot" in run("render", unknown, "-o", out).err
-    assert words + "taken as zero" in run("render", unknown, "-o", out, "--preset", "paper", "--overwrite").err
+    assert (
+        words + "taken as zero"
+        in run("render", unknown, "-o", out, "--preset", "paper", "--overwrite").err
+    )
     assert words not in run("render", shot, "-o", out, "--overwrite").err
 
 
-# --- what is refused ------------------------------------------------------------------------------------------------------------
+# --- what is refused
+# --------------------------------------------------------------------------------------------------
 
 
 def flipped(data: bytes, place: int) -> bytes:
@@ -162,7 +213,10 @@ def flipped(data: bytes, place: int) -> bytes:
 
 
 BAD_SHOTS: dict[str, tuple[Callable[[bytes], bytes], str]] = {
-    "bit flipped in the samples": (lambda data: flipped(data, data.find(b"\xff\xc3") + 300), "damaged: the samples differ"),
+    "bit flipped in the samples": (
+        lambda data: flipped(data, data.find(b"\xff\xc3") + 300),
+        "damaged: the samples differ",
+    ),
     "text": (lambda _: b"Hello\n", "not a DNG: it does not begin like a TIFF file; give a shot"),
 }
 
@@ -190,13 +244,17 @@ def test_a_bad_shot_costs_one_line_and_the_rest_goes_on(
         (4000, "every sample is saturated: there is no picture in it; expose less"),
     ],
 )
-def test_a_frame_without_a_picture_is_refused(out: Path, tmp_path: Path, code: int, words: str) -> None:
+def test_a_frame_without_a_picture_is_refused(
+    out: Path, tmp_path: Path, code: int, words: str
+) -> None:
     shot = save(tmp_path / "shot.dng", code)
     assert_refused(run("render", shot, "-o", out), words, name=str(shot))
     assert results(out) == set()
 
 
-def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_best(out: Path, tmp_path: Path) -> None:
+def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_best(
+    out: Path, tmp_path: Path
+) -> None:
     """`best` takes luminance from them; the published method has none to begin with."""
 
     clear = CfaPattern.bayer().panchromatic_mask((13, 17))
@@ -207,7 +265,9 @@ def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_b
     run("render", shot, "-o", out, "--bits", "32", "--space", "camera", code=0)
     calibration = read_dng(shot).calibration
     light = tifffile.imread(out / "shot.tif").astype(np.float64) @ np.array(calibration.gamma)
-    expected = (2400 - calibration.black_level[0]) * calibration.scale().max() * sum(calibration.gamma)
+    expected = (
+        (2400 - calibration.black_level[0]) * calibration.scale().max() * sum(calibration.gamma)
+    )
     assert abs(light.mean() / expected - 1) < 0.02
     assert expected > calibration.full_scale
 

@@ -26,7 +26,9 @@ NOISE = ("--size", "30x20", "--pixel-format", "u16", "--bits", "10", "--unchecke
 
 
 @contextmanager
-def viewing(*arguments: str | Path, source: str = "builtin:192x128@20", stdin: Any = subprocess.DEVNULL) -> Iterator[Any]:
+def viewing(
+    *arguments: str | Path, source: str = "builtin:192x128@20", stdin: Any = subprocess.DEVNULL
+) -> Iterator[Any]:
     """`panchroma view` in a process of its own, and the address of its page."""
     with start("view", source, "--bind", "127.0.0.1:0", *arguments, stdin=stdin) as process:
         try:
@@ -39,7 +41,9 @@ def viewing(*arguments: str | Path, source: str = "builtin:192x128@20", stdin: A
 
 
 def wait_for_pictures(url: str, number: int) -> None:
-    """Wait until so many have been shown: a frame that comes before the one before it is shown takes its place."""
+    """Wait until so many have been shown: a frame that comes before the one before it is shown
+    takes its place.
+    """
     for _ in range(600):
         with urlopen(f"{url}status", timeout=60) as answer:
             if json.load(answer)["frames"] >= number:
@@ -48,16 +52,29 @@ def wait_for_pictures(url: str, number: int) -> None:
     pytest.fail(f"{number} pictures are not shown")
 
 
-@pytest.mark.parametrize(("number", "code", "thread"), [(signal.SIGINT, 130, "main"), (signal.SIGTERM, 0, "another")])
-def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: int, thread: str) -> None:
+@pytest.mark.parametrize(
+    ("number", "code", "thread"), [(signal.SIGINT, 130, "main"), (signal.SIGTERM, 0, "another")]
+)
+def test_a_signal_ends_it_while_somebody_watches(
+    number: signal.Signals, code: int, thread: str
+) -> None:
     with viewing() as (process, url):
         host, _, port = url.removeprefix("http://").rstrip("/").partition(":")
         connection = HTTPConnection(host, int(port), timeout=60)
         connection.request("GET", "/stream.mjpg")
         stream = pictures(connection.getresponse())
         assert imagecodecs.jpeg8_decode(next(stream)).shape == (128, 192, 3)
-        others = (int(task.name) for task in Path(f"/proc/{process.pid}/task").iterdir() if task.name != str(process.pid))
-        assert ctypes.CDLL(None).tgkill(process.pid, process.pid if thread == "main" else next(others), number) == 0
+        others = (
+            int(task.name)
+            for task in Path(f"/proc/{process.pid}/task").iterdir()
+            if task.name != str(process.pid)
+        )
+        assert (
+            ctypes.CDLL(None).tgkill(
+                process.pid, process.pid if thread == "main" else next(others), number
+            )
+            == 0
+        )
         assert ended(process, code=code).err == ""
 
 
@@ -90,12 +107,17 @@ def test_a_stream_that_slips_ends_it() -> None:
 def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> None:
     """To whoever comes after its last frame, too."""
     reading, writing = os.pipe()
-    with Browser(tmp_path / "profile") as browser, viewing(*NOISE, source="-", stdin=reading) as (process, url):
+    with (
+        Browser(tmp_path / "profile") as browser,
+        viewing(*NOISE, source="-", stdin=reading) as (process, url),
+    ):
         os.close(reading)
         browser.open(url)
         browser.until("document.body?.dataset.state === 'waiting'")
         for number in range(2):
-            os.write(writing, np.maximum(codes(number), 1023 * (number == 1)).astype("<u2").tobytes())
+            os.write(
+                writing, np.maximum(codes(number), 1023 * (number == 1)).astype("<u2").tobytes()
+            )
             wait_for_pictures(url, number + 1)
         browser.until("document.body.dataset.state === 'silent'")
         for _ in range(2):
@@ -106,14 +128,22 @@ def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> Non
             browser.until("document.body?.dataset.state === 'silent'")
         ended(process, signal.SIGINT, code=130)
         browser.until("document.body.dataset.state === 'lost'")
-        assert {browser.evaluate(f"{name}.textContent") for name in ("rate", "latency", "dropped", "clipped")} == {"–"}
+        assert {
+            browser.evaluate(f"{name}.textContent")
+            for name in ("rate", "latency", "dropped", "clipped")
+        } == {"–"}
     os.close(writing)
 
 
 @pytest.mark.parametrize(("width", "height", "dark"), [(1280, 860, False), (390, 844, True)])
 def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int, dark: bool) -> None:
-    """The picture comes and moves, figures are there, the button saves, nothing sticks out, and a lost camera is told."""
-    with Browser(tmp_path / "profile", width, height, dark=dark) as browser, viewing("-o", out) as (process, url):
+    """The picture comes and moves, figures are there, the button saves, nothing sticks out, and a
+    lost camera is told.
+    """
+    with (
+        Browser(tmp_path / "profile", width, height, dark=dark) as browser,
+        viewing("-o", out) as (process, url),
+    ):
         browser.open(url)
         browser.until("document.body?.dataset.state === 'live'")
         assert browser.evaluate("picture.naturalWidth") == 192
@@ -122,13 +152,17 @@ def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int, dark: 
         assert browser.evaluate("dropped.textContent").isdigit()
         assert browser.evaluate("size.textContent") == "192 × 128"
         assert browser.evaluate(
-            "document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight <= innerHeight"
+            "document.documentElement.scrollWidth <= innerWidth && "
+            "document.documentElement.scrollHeight <= innerHeight"
         )
 
         ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
         assert ground == ("rgb(18, 18, 18)" if dark else "rgb(233, 233, 233)")
         browser.until("getComputedStyle(picture).opacity === '1'")  # it fades in
-        box = browser.evaluate("(({x, y, width, height}) => ({x, y, width, height, scale: 1}))(picture.getBoundingClientRect())")
+        box = browser.evaluate(
+            "(({x, y, width, height}) => ({x, y, width, height, scale: "
+            "1}))(picture.getBoundingClientRect())"
+        )
         one = imagecodecs.png_decode(browser.screenshot(box))
         assert one[..., :3].std(axis=(0, 1)).min() > 20  # a scene, not a ground
         moved = (imagecodecs.png_decode(browser.screenshot(box)) != one for _ in range(50))

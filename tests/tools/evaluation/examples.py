@@ -18,7 +18,9 @@ KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 
 
 def small_scene(rows: int, columns: int, seed: int) -> FloatArray:
-    """A scene of soft blobs with one edge in luminance and one in colour, float32 (rows, columns, 3)."""
+    """A scene of soft blobs with one edge in luminance and one in colour, float32 (rows,
+    columns, 3).
+    """
     from scipy.ndimage import gaussian_filter
 
     rng = np.random.default_rng(seed)
@@ -36,7 +38,12 @@ def pair(rows: int = 60, columns: int = 70, seed: int = 0) -> tuple[FloatArray, 
     return (truth + rng.normal(0, 0.05, truth.shape)).astype(np.float32), truth.astype(np.float32)
 
 
-def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlmmse"), count: int = 2, **changes: object) -> Study:
+def study_of(
+    folder: Path,
+    methods: tuple[str, ...] = ("paper", "bilinear", "dlmmse"),
+    count: int = 2,
+    **changes: object,
+) -> Study:
     """A study of `count` small scenes, which are written to `folder`."""
     scenes = []
     for seed in range(count):

@@ -1,4 +1,6 @@
-"""Squares that show where methods differ: chosen by the figures, and cut out of the whole picture."""
+"""Squares that show where methods differ: chosen by the figures, and cut out of the whole
+picture.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +26,8 @@ from panchroma.tools.evaluation.study import Study
 from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 
-INVISIBLE = 2e-3  # scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
+# scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
+INVISIBLE = 2e-3
 
 
 def large(folder: Path, **changes: object) -> Study:
@@ -34,14 +37,25 @@ def large(folder: Path, **changes: object) -> Study:
 
 
 @pytest.mark.parametrize(
-    ("level", "names"), [(PaperProtocol(0.03), ("paper", "bilinear", "dcb")), (SensorProtocol(0.25), ("preview", "dlmmse"))]
+    ("level", "names"),
+    [
+        (PaperProtocol(0.03), ("paper", "bilinear", "dcb")),
+        (SensorProtocol(0.25), ("preview", "dlmmse")),
+    ],
 )
-def test_a_square_is_cut_out_of_the_whole_rendering(tmp_path: Path, level: Protocol, names: tuple[str, ...]) -> None:
+def test_a_square_is_cut_out_of_the_whole_rendering(
+    tmp_path: Path, level: Protocol, names: tuple[str, ...]
+) -> None:
     study = large(tmp_path, methods=names, levels=(level,))
     scene = study.scenes[0]
-    light, crop = study.reading.scene(scene).rgb, Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW)
+    light, crop = (
+        study.reading.scene(scene).rgb,
+        Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW),
+    )
     whole = replace(crop, row=0, column=0, height=scene.rows, width=scene.columns)
-    for part, picture in zip(render_crop(study, crop, light), render_crop(study, whole, light), strict=True):
+    for part, picture in zip(
+        render_crop(study, crop, light), render_crop(study, whole, light), strict=True
+    ):
         assert part.shape == (WINDOW, WINDOW, 3)
         assert np.quantile(np.abs(part - picture[crop.part]), 0.99) < INVISIBLE
 
@@ -53,8 +67,14 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
     assert {crop.why for crop in crops} <= REASONS.keys()
     assert {crop.level for crop in crops} == set(study.levels)
     for crop in crops:
-        place = tuple(window_origins(size).index(at) for size, at in ((318, crop.row), (342, crop.column)))
-        errors = {cell.method: each.errors[place] for cell, each in figures.results.items() if cell.level == crop.level}
+        place = tuple(
+            window_origins(size).index(at) for size, at in ((318, crop.row), (342, crop.column))
+        )
+        errors = {
+            cell.method: each.errors[place]
+            for cell, each in figures.results.items()
+            if cell.level == crop.level
+        }
         ours, rival = crop.methods
         assert ours == "preview"
         assert crop.why != AHEAD or errors["preview"] < errors[rival]
@@ -77,14 +97,21 @@ def test_exhibits_show_truth_ours_and_the_best_rival(tmp_path: Path) -> None:
 
 
 def test_without_rivals_the_worst_places_are_shown(tmp_path: Path) -> None:
-    figures = measured(study_of(tmp_path, methods=("paper",), count=1, levels=PaperProtocol.levels((0.03,))), tmp_path)
+    figures = measured(
+        study_of(tmp_path, methods=("paper",), count=1, levels=PaperProtocol.levels((0.03,))),
+        tmp_path,
+    )
     assert [len(each.pictures) for each in render_crops(figures, alone())] == [2]
     figures = measured(study_of(tmp_path, methods=("bilinear",), count=1), tmp_path)
     assert render_crops(figures, alone()) == []
 
 
-def exhibit(study: Study, row: int = 15, column: int = 15, size: tuple[int, int] = (48, 60)) -> Exhibit:
-    return render_exhibit(study, Crop(study.scenes[0], study.levels[0], WORST, study.methods, row, column, *size))
+def exhibit(
+    study: Study, row: int = 15, column: int = 15, size: tuple[int, int] = (48, 60)
+) -> Exhibit:
+    return render_exhibit(
+        study, Crop(study.scenes[0], study.levels[0], WORST, study.methods, row, column, *size)
+    )
 
 
 def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
@@ -96,7 +123,9 @@ def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("tint", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.6)])
 def test_bright_squares_are_darkened(tmp_path: Path, tint: tuple[float, float, float]) -> None:
-    """A lit surface above display white, whatever white reads, in a scene that is dark elsewhere, is no white square."""
+    """A lit surface above display white, whatever white reads, in a scene that is dark elsewhere,
+    is no white square.
+    """
     scene = 0.02 * small_scene(318, 342, 0)
     scene[100:220, 100:220] = small_scene(120, 120, 1) * 0.5 + 1.0
     np.save(tmp_path / "scene0.npy", (scene * np.array(tint)).astype(np.float32))
@@ -116,4 +145,6 @@ def test_a_square_is_named_by_its_place_in_the_photograph(tmp_path: Path) -> Non
     row, column = (place - first for place, first in zip((100, 120), scene.origin, strict=True))
     crop = Crop(scene, study.levels[0], WORST, (), row, column, 50, 50)
     assert crop.place == "row 100, column 120"
-    np.testing.assert_array_equal(reading.scene(scene).rgb[crop.part], np.load(scene.source)[100:150, 120:170])
+    np.testing.assert_array_equal(
+        reading.scene(scene).rgb[crop.part], np.load(scene.source)[100:150, 120:170]
+    )

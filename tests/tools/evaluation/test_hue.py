@@ -21,7 +21,9 @@ def scene() -> FloatArray:
 
 @pytest.mark.parametrize("exposure", [0.05, 1.0])
 @pytest.mark.parametrize("light", [(1.0, 1.0, 1.0), (0.4, 1.0, 0.6)])
-def test_a_spot_of_another_colour_is_found_in_any_light(light: tuple[float, float, float], exposure: float) -> None:
+def test_a_spot_of_another_colour_is_found_in_any_light(
+    light: tuple[float, float, float], exposure: float
+) -> None:
     truth = scene()
     spoiled = truth.copy()
     spoiled[10:20, 30:45] = (0.5, 0.2, 0.2)
@@ -35,7 +37,9 @@ def test_noise_that_nobody_sees_is_no_wrong_hue() -> None:
     truth, black = scene(), np.zeros((40, 40, 3), np.float32)
     assert not wrong_hue(truth, truth).any()
     assert not wrong_hue(black, black).any()
-    assert not wrong_hue(truth + 0.002 * RNG.standard_normal(truth.shape).astype(np.float32), truth).any()
+    assert not wrong_hue(
+        truth + 0.002 * RNG.standard_normal(truth.shape).astype(np.float32), truth
+    ).any()
 
 
 def test_it_is_ten_of_ciede2000_on_a_balanced_picture() -> None:
@@ -43,7 +47,10 @@ def test_it_is_ten_of_ciede2000_on_a_balanced_picture() -> None:
     truth = scene() * np.array((0.5, 1.0, 0.7), np.float32)
     rendered = truth + RNG.normal(0, 0.03, truth.shape).astype(np.float32)
     to_xyz = np.array(SRGB_TO_XYZ)
-    balanced = [picture.astype(np.float64) / truth.mean(axis=(0, 1), dtype=np.float64) for picture in (rendered, truth)]
+    balanced = [
+        picture.astype(np.float64) / truth.mean(axis=(0, 1), dtype=np.float64)
+        for picture in (rendered, truth)
+    ]
     white = np.quantile((balanced[1] @ to_xyz.T)[..., 1], 0.99) / 0.9
     first, second = (xyz_to_lab(np.clip(picture / white, 0, 1) @ to_xyz.T) for picture in balanced)
     difference = delta_e_2000(first, second)
@@ -56,7 +63,9 @@ def patches(light: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> FloatArray:
     """Coloured patches that grow brighter to the right, float32 (150, 300, 3)."""
     colours = gaussian_filter(RNG.random((150, 300, 3)), (10, 10, 0))
     colours = 1 + 3 * (colours - colours.mean(axis=(0, 1))) / colours.std()
-    return (np.linspace(0.05, 0.5, 300)[:, None] * np.clip(colours, 0.1, 8) / 4 * light).astype(np.float32)
+    return (np.linspace(0.05, 0.5, 300)[:, None] * np.clip(colours, 0.1, 8) / 4 * light).astype(
+        np.float32
+    )
 
 
 def faded(truth: FloatArray, kept: FloatArray | float) -> FloatArray:

@@ -19,15 +19,24 @@ def literal(rendered: FloatArray, truth: FloatArray, patch: int, border: int) ->
     found = []
     for top in range(border, height - border - patch + 1):
         for left in range(border, width - border - patch + 1):
-            a, b = (picture[top : top + patch, left : left + patch].astype(float) for picture in (rendered, truth))
-            a_luminance, b_luminance = a.sum(axis=2, keepdims=True) / 3, b.sum(axis=2, keepdims=True) / 3
+            a, b = (
+                picture[top : top + patch, left : left + patch].astype(float)
+                for picture in (rendered, truth)
+            )
+            a_luminance, b_luminance = (
+                a.sum(axis=2, keepdims=True) / 3,
+                b.sum(axis=2, keepdims=True) / 3,
+            )
             pairs = ((a, b), (a_luminance, b_luminance), (a - a_luminance, b - b_luminance))
             found.append([10 * np.log10(1 / np.mean((x - y) ** 2)) for x, y in pairs])
     shape = (height - 2 * border - patch + 1, width - 2 * border - patch + 1, 3)
     return np.array(found).reshape(shape).transpose(2, 0, 1)
 
 
-@pytest.mark.parametrize(("rows", "columns", "patch", "border"), [(40, 43, 10, 15), (12, 17, 4, 2), (9, 8, 1, 0), (10, 10, 10, 0)])
+@pytest.mark.parametrize(
+    ("rows", "columns", "patch", "border"),
+    [(40, 43, 10, 15), (12, 17, 4, 2), (9, 8, 1, 0), (10, 10, 10, 0)],
+)
 def test_patches_follow_the_protocol(rows: int, columns: int, patch: int, border: int) -> None:
     rendered, truth = pair(rows, columns)
     expected = literal(rendered, truth, patch, border)
@@ -70,14 +79,20 @@ def test_what_cannot_be_compared_is_refused() -> None:
 
 def test_pooled_quantiles_are_those_of_all_patches() -> None:
     """Frames differ in size: every patch counts once."""
-    maps = [patch_psnr(*pair(rows, columns, seed)) for rows, columns, seed in ((60, 70, 0), (44, 41, 1), (90, 50, 2))]
+    maps = [
+        patch_psnr(*pair(rows, columns, seed))
+        for rows, columns, seed in ((60, 70, 0), (44, 41, 1), (90, 50, 2))
+    ]
     for plane in range(len(PLANES)):
         found = Histogram.pooled([Histogram.of(each[plane]) for each in maps]).quantiles()
         expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), QUANTILES)
         np.testing.assert_allclose(found, expected, atol=BIN)
 
 
-@pytest.mark.parametrize(("decibels", "expected"), [([CAP], (CAP,) * 4), ([-1e6], (-100,) * 4), (range(101), (10, 25, 50, 75))])
+@pytest.mark.parametrize(
+    ("decibels", "expected"),
+    [([CAP], (CAP,) * 4), ([-1e6], (-100,) * 4), (range(101), (10, 25, 50, 75))],
+)
 def test_extremes_are_kept(decibels: Sequence[float], expected: tuple[float, ...]) -> None:
     assert Histogram.of(np.array(decibels, float)).quantiles() == pytest.approx(expected, abs=BIN)
 
@@ -87,12 +102,17 @@ def test_measures_come_back_from_the_cache_as_they_were() -> None:
     measures = Measures.of(rendered, truth)
     assert measures.quality == quality(rendered, truth)
     again = Measures.decode(measures.encode())
-    assert (again.quality, again.psnr, again.wrong_hue) == (measures.quality, measures.psnr, measures.wrong_hue)
+    assert (again.quality, again.psnr, again.wrong_hue) == (
+        measures.quality,
+        measures.psnr,
+        measures.wrong_hue,
+    )
     np.testing.assert_array_equal(again.errors, measures.errors)
     np.testing.assert_array_equal(again.hues, measures.hues)
     for ours, theirs in zip(again.patches, measures.patches, strict=True):
         assert ours.quantiles() == theirs.quantiles()
-    with np.load(io.BytesIO(measures.encode())) as stored:  # as files of ALGORITHM 37 hold it: the last figure is of hues, too
+    # as files of ALGORITHM 37 hold it: the last figure is of hues, too
+    with np.load(io.BytesIO(measures.encode())) as stored:
         fields, old = dict(stored), io.BytesIO()
     np.savez_compressed(old, **(fields | {"whole": np.append(fields["whole"], 0.5)}))
     assert Measures.decode(old.getvalue()).wrong_hue == measures.wrong_hue
@@ -109,7 +129,9 @@ def test_square_errors_are_those_of_the_squares(shape: tuple[int, int]) -> None:
     assert errors.shape == (len(rows), len(columns))
     for (i, j), found in np.ndenumerate(errors):
         inside = tuple(
-            slice(start, min(start + WINDOW, size - BORDER)) for start, size in zip((rows[i], columns[j]), shape, strict=True)
+            slice(start, min(start + WINDOW, size - BORDER))
+            for start, size in zip((rows[i], columns[j]), shape, strict=True)
         )
-        assert found == pytest.approx(np.mean((rendered[inside] - truth[inside]) ** 2), rel=1e-4)  # float32
+        # float32
+        assert found == pytest.approx(np.mean((rendered[inside] - truth[inside]) ** 2), rel=1e-4)
     assert rows[-1] == max(BORDER, shape[0] - BORDER - WINDOW)

@@ -19,14 +19,24 @@ def write_png16(path: Path, codes: np.ndarray) -> None:
 
 def test_pictures_are_told_from_measurements(tmp_path: Path) -> None:
     codes = RNG.integers(0, 256, (60, 60, 3), dtype=np.uint8)
-    names = {"kodim07.png": "Kodak", "mcm03.png": "McMaster", "holiday.png": DEVELOPED, "holiday.jpg": DEVELOPED}
+    names = {
+        "kodim07.png": "Kodak",
+        "mcm03.png": "McMaster",
+        "holiday.png": DEVELOPED,
+        "holiday.jpg": DEVELOPED,
+    }
     for name in names:
         Image.fromarray(codes).save(tmp_path / name)
     tifffile.imwrite(tmp_path / "18.tif", RNG.integers(0, 256, (60, 60, 3), dtype=np.uint8))
     tifffile.imwrite(tmp_path / "17.tif", RNG.integers(0, 65536, (60, 60, 3), dtype=np.uint16))
     write_png16(tmp_path / "kodim08.png", RNG.integers(0, 65536, (60, 60, 3)))
     np.save(tmp_path / "light.npy", RNG.random((60, 60, 3)).astype(np.float32))
-    names |= {"18.tif": DEVELOPED, "17.tif": MEASURED, "kodim08.png": MEASURED, "light.npy": MEASURED}
+    names |= {
+        "18.tif": DEVELOPED,
+        "17.tif": MEASURED,
+        "kodim08.png": MEASURED,
+        "light.npy": MEASURED,
+    }
     for name, group in names.items():
         assert Reading().info(str(tmp_path / name)).group == group, name
     for source in ("builtin:90x60", "chart:240x180"):
@@ -60,11 +70,15 @@ def test_each_scene_is_measured_once_under_a_name_of_its_own(tmp_path: Path) -> 
 def test_white_is_estimated_where_a_measurement_does_not_say_it(tmp_path: Path) -> None:
     rgb = RNG.random((60, 60, 1)) * np.array([0.5, 1.0, 0.25])
     np.save(tmp_path / "green.npy", rgb.astype(np.float32))
-    assert Reading().info(str(tmp_path / "green.npy")).neutral == pytest.approx((0.5, 1.0, 0.25), rel=0.1)
+    assert Reading().info(str(tmp_path / "green.npy")).neutral == pytest.approx(
+        (0.5, 1.0, 0.25), rel=0.1
+    )
     assert Reading().info("builtin:90x60").neutral == (1.0, 1.0, 1.0)
 
 
-@pytest.mark.parametrize(("name", "black", "camera"), [("IMG_0277", 129, "Canon 5D"), ("8D5U5524", 0, "Canon 1D")])
+@pytest.mark.parametrize(
+    ("name", "black", "camera"), [("IMG_0277", 129, "Canon 5D"), ("8D5U5524", 0, "Canon 1D")]
+)
 def test_gehlers_set_is_recognised(tmp_path: Path, name: str, black: int, camera: str) -> None:
     codes = RNG.integers(100, 3700, (50, 60, 3))
     write_png16(tmp_path / f"{name}.png", codes)
@@ -76,7 +90,12 @@ def test_gehlers_set_is_recognised(tmp_path: Path, name: str, black: int, camera
 
 def test_other_pictures_are_not_taken_for_gehlers(tmp_path: Path) -> None:
     codes = RNG.integers(0, 4096, (50, 60, 3))
-    for name, pixels in (("IMG_0277", codes * 16), ("IMG_277", codes), ("holiday", codes), ("8D5U5524", codes[..., :1])):
+    for name, pixels in (
+        ("IMG_0277", codes * 16),
+        ("IMG_277", codes),
+        ("holiday", codes),
+        ("8D5U5524", codes[..., :1]),
+    ):
         write_png16(tmp_path / f"{name}.png", pixels)
         scene = load_scene(str(tmp_path / f"{name}.png"))
         np.testing.assert_allclose(scene.rgb[..., 0], pixels[..., 0] / 65535, atol=1e-6)

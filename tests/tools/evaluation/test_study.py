@@ -16,7 +16,15 @@ from panchroma.tools.evaluation.crops import WORST, Crop, render_exhibit
 from panchroma.tools.evaluation.figures import Place
 from panchroma.tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
-from panchroma.tools.evaluation.study import FOLDER, Cell, Study, collect, missing_cells, name_cell, work
+from panchroma.tools.evaluation.study import (
+    FOLDER,
+    Cell,
+    Study,
+    collect,
+    missing_cells,
+    name_cell,
+    work,
+)
 from panchroma.tools.simulation.noise import BayerShot, PaperProtocol, SensorProtocol
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
@@ -37,18 +45,26 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
     for seed in range(2):
         truth = small_scene(78, 90 + 12 * seed, seed)
         bayer = demosaic_bilinear(bayer_mosaic(truth, 0.03, np.random.default_rng(0)))
-        mosaic = simulate_additive(truth, CfaPattern.bayer(6), SensorCalibration(), 0.03, np.random.default_rng(0))
+        mosaic = simulate_additive(
+            truth, CfaPattern.bayer(6), SensorCalibration(), 0.03, np.random.default_rng(0)
+        )
         sparse = render(mosaic, PAPER).rgb
         for name, picture in (("bilinear", bayer), ("paper", sparse)):
             place = f"scene{seed}", NOISY, name
-            (found,) = (each for cell, each in figures.results.items() if (cell.scene.name, cell.level, cell.method) == place)
+            (found,) = (
+                each
+                for cell, each in figures.results.items()
+                if (cell.scene.name, cell.level, cell.method) == place
+            )
             assert found.quality == quality(picture, truth)
             assert found.psnr == whole_psnr(picture, truth, 15)
         maps.append(patch_psnr(sparse, truth))
     pooled = figures.of(Place(figures.groups[0], NOISY), "paper")
     for plane, name in enumerate(("rgb", "luminance", "chrominance")):
         expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), QUANTILES)
-        assert [pooled.values[f"{name}_q{round(100 * each)}"] for each in QUANTILES] == pytest.approx(expected, abs=0.01)
+        assert [
+            pooled.values[f"{name}_q{round(100 * each)}"] for each in QUANTILES
+        ] == pytest.approx(expected, abs=0.01)
 
 
 def test_finished_results_are_not_made_again(tmp_path: Path) -> None:
@@ -67,21 +83,33 @@ def test_finished_results_are_not_made_again(tmp_path: Path) -> None:
     assert len(missing_cells(twice, tmp_path)[0]) == 6
 
 
-def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_everything_that_changes_a_result_changes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     study = study_of(tmp_path, methods=("paper",), count=1)
     scene, method, tile = study.scenes[0], registry.methods()["dlmmse-wb"], study.tile
     whole = name_cell(scene, NOISY, method, tile, 0).name
     other: dict[str, str] = {"seed": name_cell(scene, NOISY, method, tile, 1).name}
     # Without noise any seed is the same, and so is a pattern under another name.
     quiet, same = PaperProtocol(0.0), replace(tile, name="mine")
-    assert name_cell(scene, quiet, method, same, 1).name == name_cell(scene, quiet, method, tile, 0).name
+    assert (
+        name_cell(scene, quiet, method, same, 1).name
+        == name_cell(scene, quiet, method, tile, 0).name
+    )
     for level in (PaperProtocol(0.02), SensorProtocol(0.03)):
         other[str(level)] = name_cell(scene, level, method, tile, 0).name
     for name, pattern in one_field_changed(tile.pattern):
-        other[f"pattern.{name}"] = name_cell(scene, NOISY, method, replace(tile, pattern=pattern), 0).name
+        other[f"pattern.{name}"] = name_cell(
+            scene, NOISY, method, replace(tile, pattern=pattern), 0
+        ).name
     for name in ("digest", "neutral"):
         other[name] = name_cell(replace(scene, **{name: CHANGED}), NOISY, method, tile, 0).name  # type: ignore[arg-type]
-    for name, change in {"name": "dcb", "version": 2, "balanced": False, "packages": ("numpy",)}.items():
+    for name, change in {
+        "name": "dcb",
+        "version": 2,
+        "balanced": False,
+        "packages": ("numpy",),
+    }.items():
         other[name] = name_cell(scene, NOISY, replace(method, **{name: change}), tile, 0).name  # type: ignore[arg-type]
     for place, name in ((PaperProtocol, "version"), (module, "MEASURING")):
         with monkeypatch.context() as changed:
@@ -89,26 +117,33 @@ def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path, monke
             other[f"{place} {name}"] = name_cell(scene, NOISY, method, tile, 0).name
     assert {"pattern.tile", "pattern.origin", "pattern.channels"} <= other.keys()
     assert len({whole, *other.values()}) == len(other) + 1
-    of_ours = {str(registry.methods()[name].version) for name in ("paper", "best", "unlearned", "preview")}
+    of_ours = {
+        str(registry.methods()[name].version) for name in ("paper", "best", "unlearned", "preview")
+    }
     assert len(of_ours) == 4
     assert sum(each.startswith(f"[{ALGORITHM}, ") for each in of_ours) == 3
 
 
 def test_names_of_results_stay(tmp_path: Path) -> None:
     """What an earlier version kept is found: the digest is of the same values in the same order."""
-    scene = replace(study_of(tmp_path, count=1).scenes[0], digest="0" * 32, neutral=(0.5, 1.0, 0.75))
+    scene = replace(
+        study_of(tmp_path, count=1).scenes[0], digest="0" * 32, neutral=(0.5, 1.0, 0.75)
+    )
     cell = name_cell(scene, NOISY, registry.methods()["dlmmse-wb"], None, 0)
     assert cell.name == "6952dcee70f1612e700820356446a8ac.npz"
 
 
-def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_kept(tmp_path: Path) -> None:
+def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_kept(
+    tmp_path: Path,
+) -> None:
     study = study_of(tmp_path)
     todo = missing_cells(study, tmp_path)[0]
     assert works(study, tmp_path, todo[:1]) == []
     path = Path(study.scenes[0].source)
     before = path.read_bytes()
     np.save(path, small_scene(78, 90, 7))
-    assert study_of(tmp_path).scenes[0].digest != study.scenes[0].digest  # a picture is listed as it is now
+    # a picture is listed as it is now
+    assert study_of(tmp_path).scenes[0].digest != study.scenes[0].digest
     study.reading.info(study.scenes[1].source)  # what was read of the first one is forgotten
     line = f"{path}: the picture has changed since the evaluation began; run it again"
     assert alone().measure(study, tmp_path, todo[1:]) == [line]
@@ -123,7 +158,9 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     assert line.startswith(f"{path}: there is no such file")
 
 
-def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_alone(tmp_path: Path) -> None:
+def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_alone(
+    tmp_path: Path,
+) -> None:
     def written(folder: Path, weight: float, name: str = "mine") -> tuple[str, Study]:
         folder.mkdir(exist_ok=True)
         path = of_quads(folder, [weight, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
@@ -155,7 +192,9 @@ def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_al
         assert line.startswith(f"{Path(path).with_suffix(end)}: ")
 
 
-def test_results_of_another_version_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_of_another_version_are_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A worker on another machine, or a package that was installed meanwhile."""
     study = study_of(tmp_path, methods=("dcb", "bilinear"))
     todo = missing_cells(study, tmp_path)[0]
@@ -166,7 +205,9 @@ def test_results_of_another_version_are_not_kept(tmp_path: Path, monkeypatch: py
 
 def test_every_method_of_ours_can_represent_us(tmp_path: Path) -> None:
     for name, method in registry.methods().items():
-        assert study_of(tmp_path, methods=("bilinear", name)).ours == (name if method.ours else None)
+        assert study_of(tmp_path, methods=("bilinear", name)).ours == (
+            name if method.ours else None
+        )
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
@@ -185,7 +226,9 @@ def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.M
 
     study = study_of(tmp_path, methods=("bilinear", "dlmmse"), count=1)
     todo = missing_cells(study, tmp_path)[0]
-    monkeypatch.setitem(registry.methods(), "dlmmse", replace(registry.methods()["dlmmse"], function=failing))
+    monkeypatch.setitem(
+        registry.methods(), "dlmmse", replace(registry.methods()["dlmmse"], function=failing)
+    )
     lines = works(study, tmp_path, todo)
     assert lines[0].endswith("scene0.npy: dlmmse, no noise: stopped at 500 iterations")
     assert (len(lines), len(collect(study, tmp_path))) == (2, 2)

@@ -28,13 +28,24 @@ def test_patterns_have_readable_names(tmp_path: Path) -> None:
 
 def test_each_pattern_is_there_once_under_a_name_of_its_own() -> None:
     other = Tile("K=6", CfaPattern.bayer(6, "BGGR"))
-    tiles = distinct_tiles([named("K=6"), named(KODAK), named("RGWW/GBWW/WWWW/WWWW"), named("K=4"), named(KODAK), other])
+    tiles = distinct_tiles(
+        [
+            named("K=6"),
+            named(KODAK),
+            named("RGWW/GBWW/WWWW/WWWW"),
+            named("K=4"),
+            named(KODAK),
+            other,
+        ]
+    )
     assert [tile.name for tile in tiles] == ["K=6", "Kodak", "K=4", "K=6 (2)"]
     assert [tile.period for tile in tiles] == [6, None, 4, None]
 
 
 def test_share_and_light() -> None:
-    """A colour pixel collects a third of the light of a panchromatic one; cyan, magenta and yellow ones two thirds."""
+    """A colour pixel collects a third of the light of a panchromatic one; cyan, magenta and yellow
+    ones two thirds.
+    """
     kodak = named(KODAK)
     assert (kodak.panchromatic_share, kodak.light) == (0.5, 2.0)
     assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency)
@@ -51,8 +62,13 @@ def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:
         for pattern in (CfaPattern.bayer(4), BROADBAND):
             filters = filters_of(pattern)
             mask = pattern.panchromatic_mask(white.shape[:2])
-            bright, black = (CameraPair(level, 0, light, pattern, None).sparse.signal[mask] for light in (white, dark))
-            found.append([each / filters.unit for each in (bright.mean(), bright.std(), black.std())])
+            bright, black = (
+                CameraPair(level, 0, light, pattern, None).sparse.signal[mask]
+                for light in (white, dark)
+            )
+            found.append(
+                [each / filters.unit for each in (bright.mean(), bright.std(), black.std())]
+            )
         np.testing.assert_allclose(found[1], found[0], rtol=0.01)
 
 

@@ -23,8 +23,14 @@ FIGURES = {
 @pytest.mark.parametrize("level", [NOISY, DARK])
 @pytest.mark.parametrize("name", ["bilinear", "dlmmse"])
 def test_figures_are_those_of_their_versions(name: str, level: Protocol) -> None:
-    """If they differ: raise the version beside the code that you changed, or kept results stay; then state the new figures."""
+    """If they differ: raise the version beside the code that you changed, or kept results stay;
+    then state the new figures.
+    """
     truth, method = small_scene(60, 66, 0), methods()[name]
-    found = Measures.of(method.render(CameraPair(level, 0, truth, Tile.of_period(6).pattern, None)), truth)
+    found = Measures.of(
+        method.render(CameraPair(level, 0, truth, Tile.of_period(6).pattern, None)), truth
+    )
     figures = (*found.quality.median, *found.psnr, found.errors[0, 0] * 1e5)
-    assert figures == pytest.approx(FIGURES[MEASURING, level.version, method.version, name, level], abs=0.002)
+    assert figures == pytest.approx(
+        FIGURES[MEASURING, level.version, method.version, name, level], abs=0.002
+    )

@@ -27,10 +27,14 @@ FOUR = SensorCalibration(
     camera_to_xyz=((0.9, 0.2, 0.1, 0.1), (0.4, 0.6, -0.1, 0.1), (0.0, -0.1, 1.0, 0.2)),
 )
 """A sensor of four channels with a colour matrix."""
-METADATA = replace(examples.METADATA, place=None, altitude=None)  # exiftool would ask by which method they were found
+# exiftool would ask by which method they were found
+METADATA = replace(examples.METADATA, place=None, altitude=None)
 SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
 KINDS = [
-    PictureKind(each.name, bits, space) for each in FORMATS.values() for space, depths in each.spaces.items() for bits in depths
+    PictureKind(each.name, bits, space)
+    for each in FORMATS.values()
+    for space, depths in each.spaces.items()
+    for bits in depths
 ]
 
 
@@ -39,9 +43,13 @@ def scene(shape: tuple[int, int], channels: int = 3, seed: int = 0) -> FloatArra
     return np.random.default_rng(seed).uniform(-0.1, 1.3, (*shape, channels)).astype(np.float32)
 
 
-def development(kind: PictureKind, shape: tuple[int, ...], orientation: int = 6, **changed: Any) -> Development:
+def development(
+    kind: PictureKind, shape: tuple[int, ...], orientation: int = 6, **changed: Any
+) -> Development:
     """How a rendering of `shape` becomes a picture; changed: fields of it."""
-    whole = Development(kind, (shape[0], shape[1]), CALIBRATION, replace(METADATA, orientation=orientation))
+    whole = Development(
+        kind, (shape[0], shape[1]), CALIBRATION, replace(METADATA, orientation=orientation)
+    )
     return replace(whole, **changed)
 
 
@@ -64,11 +72,16 @@ def picture_dng(
     metadata: CaptureMetadata = examples.METADATA,
 ) -> bytes:
     """A rendered picture (H, W, 3) as a linear DNG, with itself as the preview."""
-    shape, preview = (rgb.shape[0], rgb.shape[1]), (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8)
+    shape, preview = (
+        (rgb.shape[0], rgb.shape[1]),
+        (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8),
+    )
     parts = [encode_part(rgb[top : top + PART], shape) for top in range(0, shape[0], PART)]
     return encode_tiff(linear_dng(parts, preview, metadata, camera_to_xyz, neutral))
 
 
-def shown(rgb: FloatArray, space: str, orientation: int, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
+def shown(
+    rgb: FloatArray, space: str, orientation: int, calibration: SensorCalibration = CALIBRATION
+) -> FloatArray:
     """A picture as the file is to show it, before it is quantised."""
     return upright(ColourTransform.to_space(calibration, space).apply(rgb), orientation)

@@ -18,16 +18,21 @@ Fields = dict[int, tuple[int, Any]]
 
 
 def save(path: Path, light: Any, channels: str = "RGB") -> Path:
-    """Write samples (H, W, C), without loss where the format has none, in the format of the name's ending.
+    """Write samples (H, W, C), without loss where the format has none, in the format of the name's
+    ending.
 
-    channels: letters of planes that an EXR has by name; a TIFF has planes of grey for other ones than RGB.
+    channels: letters of planes that an EXR has by name; a TIFF has planes of grey for other ones
+    than RGB.
     """
     match path.suffix:
         case ".npy":
             np.save(path, light)
         case ".exr":
             header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-            planes = {letter: np.ascontiguousarray(light[..., index]) for index, letter in enumerate(channels)}
+            planes = {
+                letter: np.ascontiguousarray(light[..., index])
+                for index, letter in enumerate(channels)
+            }
             with OpenEXR.File(header, planes) as file:
                 file.write(str(path))
         case ".tif" if channels == "RGB":
@@ -46,7 +51,13 @@ def png(path: Path, samples: Any, **chunks: bytes) -> str:
     data = imagecodecs.png_encode(samples)
     for name, content in chunks.items():
         chunk = name.encode() + content
-        data = data[:33] + struct.pack(">I", len(content)) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[33:]
+        data = (
+            data[:33]
+            + struct.pack(">I", len(content))
+            + chunk
+            + struct.pack(">I", zlib.crc32(chunk))
+            + data[33:]
+        )
     path.write_bytes(data)
     return str(path)
 
@@ -71,9 +82,11 @@ def write_dng(
     above: Fields | None = None,
     **options: Any,
 ) -> str:
-    """A DNG with these samples; order: of its filters; fields: of their directory; options: of tifffile.
+    """A DNG with these samples; order: of its filters; fields: of their directory; options: of
+    tifffile.
 
-    above: fields of a first directory, which has a preview; None = that of the samples is the first.
+    above: fields of a first directory, which has a preview; None = that of the samples is the
+    first.
     """
     side, filters = round(len(order) ** 0.5), bytes("RGB".index(letter) for letter in order)
     pattern: Fields = {33421: (SHORT, (side, side)), 33422: (BYTE, filters)} if kind == CFA else {}
@@ -82,7 +95,12 @@ def write_dng(
     single = kind == LINEAR_RAW and samples.ndim == 2  # tifffile writes none
     with tifffile.TiffWriter(path, byteorder="<") as file:
         if above is not None:
-            preview: dict[str, Any] = {"photometric": "rgb", "subfiletype": 1, "subifds": 1, "extratags": _tags(first)}
+            preview: dict[str, Any] = {
+                "photometric": "rgb",
+                "subfiletype": 1,
+                "subifds": 1,
+                "extratags": _tags(first),
+            }
             file.write(np.zeros((8, 8, 3), np.uint8), metadata=None, **preview)
         options |= {"photometric": "minisblack" if single else kind, "extratags": tags}
         file.write(samples, metadata=None, **options)
@@ -97,5 +115,13 @@ def _tags(fields: Fields) -> list[Any]:
     for tag, (kind, values) in fields.items():
         numbers = 2 if kind in (RATIONAL, SRATIONAL) else 1  # of each value
         text = isinstance(values, str)
-        tags.append((tag, kind, 0 if text else len(values) // numbers, values if text else tuple(values), True))
+        tags.append(
+            (
+                tag,
+                kind,
+                0 if text else len(values) // numbers,
+                values if text else tuple(values),
+                True,
+            )
+        )
     return tags

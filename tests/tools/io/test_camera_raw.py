@@ -1,4 +1,6 @@
-"""Camera RAWs and linear DNGs: the step from quads to pixels, levels, colours, and sensors that have no quads."""
+"""Camera RAWs and linear DNGs: the step from quads to pixels, levels, colours, and sensors that
+have no quads.
+"""
 
 from datetime import datetime
 from io import BytesIO
@@ -19,7 +21,17 @@ from panchroma.shared.pattern import BAYER_ORDERS
 from panchroma.tools.io.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.load import load_scene
-from tests.tools.io.files import ASCII, LINEAR_RAW, LONG, RATIONAL, SHORT, SRATIONAL, Fields, rationals, write_dng
+from tests.tools.io.files import (
+    ASCII,
+    LINEAR_RAW,
+    LONG,
+    RATIONAL,
+    SHORT,
+    SRATIONAL,
+    Fields,
+    rationals,
+    write_dng,
+)
 
 # XYZ -> camera for D65, as a real camera's: Nikon D50 in the tables of dcraw.
 MATRIX = np.array([[7732, -2422, -789], [-8238, 15884, 2498], [-859, 783, 7330]]) / 10000
@@ -32,23 +44,35 @@ def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
 
 
 def noise(rows: int, columns: int, *more: int) -> CodeArray:
-    return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more), np.uint16)
+    return np.random.default_rng(rows * columns).integers(
+        200, 4000, (rows, columns, *more), np.uint16
+    )
 
 
-@pytest.mark.parametrize(("order", "rows", "columns"), [(BAYER_ORDERS[0], 60, 80), *((order, 61, 83) for order in BAYER_ORDERS)])
-def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: int, columns: int) -> None:
+@pytest.mark.parametrize(
+    ("order", "rows", "columns"),
+    [(BAYER_ORDERS[0], 60, 80), *((order, 61, 83) for order in BAYER_ORDERS)],
+)
+def test_quads_of_every_order_become_pixels(
+    tmp_path: Path, order: str, rows: int, columns: int
+) -> None:
     samples = noise(rows, columns)
     scene = loaded(tmp_path, samples, order, fields={50714: (SHORT, [100]), 50717: (SHORT, [4095])})
     assert scene.shape == (rows // 2, columns // 2)
     light = (samples - 100.0) / 3995
     for row, column in ((0, 0), (7, 13), (rows // 2 - 1, columns // 2 - 1)):
         quad = light[2 * row : 2 * row + 2, 2 * column : 2 * column + 2].ravel()
-        expected = [np.mean([value for value, letter in zip(quad, order, strict=True) if letter == channel]) for channel in "RGB"]
+        expected = [
+            np.mean([value for value, letter in zip(quad, order, strict=True) if letter == channel])
+            for channel in "RGB"
+        ]
         np.testing.assert_allclose(scene.rgb[row, column], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("order", BAYER_ORDERS)
-def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(tmp_path: Path, order: str) -> None:
+def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(
+    tmp_path: Path, order: str
+) -> None:
     y, x = np.indices((80, 96)).astype(np.float64)
     light = 2000 + 900 * np.sin(2 * np.pi * y / 23) * np.cos(2 * np.pi * x / 31)  # of all filters
     samples, fields = np.rint(light).astype(np.uint16), {50717: (SHORT, [4000])}
@@ -60,10 +84,16 @@ def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(tmp_path: Path
     np.testing.assert_array_equal(quads[..., 1], registered[..., 1])
 
 
-def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(tmp_path: Path) -> None:
+def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(
+    tmp_path: Path,
+) -> None:
     scenes = []
     for matrix in (MATRIX, np.eye(3)):
-        fields = {50721: (SRATIONAL, rationals(matrix)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals(NEUTRAL))}
+        fields = {
+            50721: (SRATIONAL, rationals(matrix)),
+            50778: (SHORT, [21]),
+            50728: (RATIONAL, rationals(NEUTRAL)),
+        }
         scenes.append(loaded(tmp_path, noise(60, 80), fields=fields))
         assert scenes[-1].neutral == pytest.approx(NEUTRAL, abs=1e-6)
     np.testing.assert_allclose(scenes[0].camera_to_xyz, camera_to_xyz(MATRIX, NEUTRAL), atol=1e-6)
@@ -72,12 +102,22 @@ def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(tmp
 
 
 @pytest.mark.parametrize("light", ["A", "D65"])
-def test_of_two_matrices_the_one_for_the_light_of_the_shot_counts(tmp_path: Path, light: str) -> None:
+def test_of_two_matrices_the_one_for_the_light_of_the_shot_counts(
+    tmp_path: Path, light: str
+) -> None:
     under = {"A": MATRIX + 0.05, "D65": MATRIX}
     neutral = under[light] @ xyz(*ILLUMINANTS[light])
     neutral /= neutral.max()
-    matrices = {50721: (SRATIONAL, rationals(under["A"])), 50722: (SRATIONAL, rationals(under["D65"]))}
-    fields = {**matrices, 50778: (SHORT, [17]), 50779: (SHORT, [21]), 50728: (RATIONAL, rationals(neutral))}
+    matrices = {
+        50721: (SRATIONAL, rationals(under["A"])),
+        50722: (SRATIONAL, rationals(under["D65"])),
+    }
+    fields = {
+        **matrices,
+        50778: (SHORT, [17]),
+        50779: (SHORT, [21]),
+        50728: (RATIONAL, rationals(neutral)),
+    }
     scene = loaded(tmp_path, noise(60, 80), fields=fields)
     expected = camera_to_xyz(under[light], tuple(neutral.tolist()), ILLUMINANTS[light])
     np.testing.assert_allclose(scene.camera_to_xyz, expected, atol=1e-3)  # fractions of four digits
@@ -101,7 +141,12 @@ def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None
 def test_capture_data(tmp_path: Path) -> None:
     texts = {271: "Maker", 272: "Model 1", 306: "2024:05:06 07:08:09", 315: "Somebody"}
     odd = {33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
-    fields = {**{tag: (2, text) for tag, text in texts.items()}, 33434: (RATIONAL, (1, 50)), 274: (SHORT, [6]), **odd}
+    fields = {
+        **{tag: (2, text) for tag, text in texts.items()},
+        33434: (RATIONAL, (1, 50)),
+        274: (SHORT, [6]),
+        **odd,
+    }
     metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
     assert (metadata.make, metadata.model, metadata.artist) == ("Maker", "Model 1", "Somebody")
     assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone
@@ -111,11 +156,15 @@ def test_capture_data(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", "<>")
-def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_holds(tmp_path: Path, order: Any) -> None:
+def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_holds(
+    tmp_path: Path, order: Any
+) -> None:
     held = []
     for make in ("First", "Second"):
         file, fields = BytesIO(), [(271, "s", 0, make, True)]
-        tifffile.imwrite(file, np.zeros((2, 2), np.uint8), byteorder=order, metadata=None, extratags=fields)
+        tifffile.imwrite(
+            file, np.zeros((2, 2), np.uint8), byteorder=order, metadata=None, extratags=fields
+        )
         held.append(file.getvalue())
     (tmp_path / "other.raf").write_bytes(b"FUJIFILMCCD-RAW II*" + held[0] + held[1])
     assert raw_directories(tmp_path / "other.raf").main[271].data == b"First\0"
@@ -132,13 +181,18 @@ def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_hold
 )
 def test_other_quads_are_refused(letters: bytes, pattern: list[list[int]], reason: str) -> None:
     """Sensors of which no file is at hand, as LibRaw describes them."""
-    colours: dict[str, Any] = {"num_colors": 4, "color_desc": letters, "raw_pattern": np.array(pattern, np.uint8)}
+    colours: dict[str, Any] = {
+        "num_colors": 4,
+        "color_desc": letters,
+        "raw_pattern": np.array(pattern, np.uint8),
+    }
     raw = SimpleNamespace(raw_type=rawpy.RawType.Flat, raw_image=1, **colours)
     with pytest.raises(InputError, match=reason):
         bayer_pattern(raw)
 
 
-# --- linear DNGs -----------------------------------------------------------------------------------------------------------------
+# --- linear DNGs
+# --------------------------------------------------------------------------------------------------
 
 SHAPE = (40, 52, 3)
 LOSSLESS = {"lossless": True, "predictor": 1, "bitspersample": 16}
@@ -156,9 +210,15 @@ def codes(dtype: Any = np.uint16, seed: int = 0) -> Any:
     return values.astype(dtype) if np.dtype(dtype).kind == "u" else (values / 65536).astype(dtype)
 
 
-def save(path: Path, samples: Any, fields: Fields | None = None, *, below: bool = True, **options: Any) -> str:
-    """A linear DNG, its samples in the first directory or below it; fields: of the samples' directory."""
-    where: Any = {"fields": fields, "above": CAMERA} if below else {"fields": {**CAMERA, **(fields or {})}}
+def save(
+    path: Path, samples: Any, fields: Fields | None = None, *, below: bool = True, **options: Any
+) -> str:
+    """A linear DNG, its samples in the first directory or below it; fields: of the samples'
+    directory.
+    """
+    where: Any = (
+        {"fields": fields, "above": CAMERA} if below else {"fields": {**CAMERA, **(fields or {})}}
+    )
     return write_dng(path, samples, kind=LINEAR_RAW, **where, **options)
 
 
@@ -171,16 +231,30 @@ def save(path: Path, samples: Any, fields: Fields | None = None, *, below: bool 
         (np.uint16, {"rowsperstrip": 7}),
         (np.uint16, {"compression": "deflate", "rowsperstrip": 16}),
         (np.uint16, {"compression": "deflate", "predictor": True, "tile": (32, 16)}),
-        (np.uint16, {"compression": "jpeg", "compressionargs": LOSSLESS, "tile": (32, 16), "bitspersample": 16}),
+        (
+            np.uint16,
+            {
+                "compression": "jpeg",
+                "compressionargs": LOSSLESS,
+                "tile": (32, 16),
+                "bitspersample": 16,
+            },
+        ),
         (np.float32, {}),
         (np.float32, {"compression": "deflate", "predictor": True, "tile": (16, 16)}),
         (np.float16, {"compression": "deflate", "predictor": True}),
     ],
 )
-def test_samples_of_every_lossless_kind(tmp_path: Path, dtype: Any, options: dict[str, Any], below: bool) -> None:
+def test_samples_of_every_lossless_kind(
+    tmp_path: Path, dtype: Any, options: dict[str, Any], below: bool
+) -> None:
     samples = codes(dtype)
     scene = load_scene(save(tmp_path / "x.dng", samples, below=below, **options))
-    np.testing.assert_allclose(scene.rgb, samples.astype(np.float64) / (65535 if samples.dtype.kind == "u" else 1), atol=1e-6)
+    np.testing.assert_allclose(
+        scene.rgb,
+        samples.astype(np.float64) / (65535 if samples.dtype.kind == "u" else 1),
+        atol=1e-6,
+    )
     assert scene.neutral == pytest.approx(NEUTRAL)
     assert not scene.neutral_estimated
     np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ NEUTRAL, D50, atol=1e-4)
@@ -199,11 +273,15 @@ def test_levels_table_and_active_area(tmp_path: Path) -> None:
     }
     path = save(tmp_path / "x.dng", samples, fields)
     levels = np.tile(black, (36, 24, 1)) + np.arange(48)[None, :, None] / 4
-    expected = (samples[2:38, 3:51] - levels) / (np.array((60000, 50000, 40000)) - levels.max(axis=(0, 1)))
+    expected = (samples[2:38, 3:51] - levels) / (
+        np.array((60000, 50000, 40000)) - levels.max(axis=(0, 1))
+    )
     np.testing.assert_allclose(load_scene(path).rgb, expected.clip(0), atol=1e-5)
     table = np.linspace(0, 65535, 4096).astype(int)
     short = np.random.default_rng(0).integers(0, 4000, SHAPE).astype(np.uint16)
-    path = save(tmp_path / "y.dng", short, {50712: (SHORT, table.tolist()), 50717: (SHORT, [65535])})
+    path = save(
+        tmp_path / "y.dng", short, {50712: (SHORT, table.tolist()), 50717: (SHORT, [65535])}
+    )
     np.testing.assert_allclose(load_scene(path).rgb, table[short] / 65535, atol=1e-6)
 
 
@@ -213,6 +291,9 @@ def test_the_rim_of_a_clipped_sky_has_no_colour_after_the_registration(tmp_path:
     seen = np.choose(y % 2 + x % 2, NEUTRAL) * light
     samples = np.minimum(np.rint(4000 * seen), 4000).astype(np.uint16)
     fields = {50717: (SHORT, [4000]), 50728: (RATIONAL, rationals(NEUTRAL))}
-    rgb = load_scene(write_dng(tmp_path / "a.dng", samples, "RGGB", fields=fields)).rgb[3:-3, 3:-3] / NEUTRAL
+    rgb = (
+        load_scene(write_dng(tmp_path / "a.dng", samples, "RGGB", fields=fields)).rgb[3:-3, 3:-3]
+        / NEUTRAL
+    )
     assert rgb.max() > 1
     assert (np.ptp(rgb, axis=2) / rgb.mean(axis=2)).max() < 0.05  # 0.5 without registration

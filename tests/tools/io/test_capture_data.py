@@ -1,4 +1,6 @@
-"""What exiftool shows of a source's author, place, time, lens and exposure, the shot and every result show too."""
+"""What exiftool shows of a source's author, place, time, lens and exposure, the shot and every
+result show too.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -29,13 +31,19 @@ KEPT = {
     "FNumber": "2.8",
     "ISO": "400",
 }
-"""Fields of Exif. exiftool also computes values from these, and shows what depends on the pixels."""
+"""Fields of Exif. exiftool also computes values from these, and shows what depends on the
+pixels.
+"""
 WRITTEN = {**KEPT, "Make": "Canon", "Model": "Canon EOS 5D", "Flash": "16"}
 
 
 def shown(path: Path) -> dict[str, Any]:
     found = fields(path, "-n", *(f"-EXIF:{name}" for name in KEPT))
-    return {name: round(value, 7) if isinstance(value, float) else value for name, value in found.items() if name in KEPT}
+    return {
+        name: round(value, 7) if isinstance(value, float) else value
+        for name, value in found.items()
+        if name in KEPT
+    }
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
@@ -44,7 +52,13 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "in").mkdir()
     source = tmp_path / "in" / f"source{suffix}"
     Image.fromarray(np.kron(colours, np.ones((8, 8, 1), np.uint8))).save(source)
-    exiftool("-q", "-n", "-overwrite_original", *(f"-EXIF:{name}={value}" for name, value in WRITTEN.items()), source)
+    exiftool(
+        "-q",
+        "-n",
+        "-overwrite_original",
+        *(f"-EXIF:{name}={value}" for name, value in WRITTEN.items()),
+        source,
+    )
     expected = shown(source)
     assert len(expected) == len(KEPT)
     run("simulate", source, "-o", tmp_path / "out", code=0)
@@ -52,11 +66,15 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     assert shown(shot) == expected
     (facts,) = run("inspect", "--json", shot).records
     assert (facts["metadata"]["make"], facts["metadata"]["model"]) == ("Canon", "Canon EOS 5D")
-    for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):  # from the same shot
+    # from the same shot
+    for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):
         run("render", shot, "-o", tmp_path, "-f", kind, "--preset", "paper", "--overwrite", code=0)
         result = tmp_path / f"source.{kind}"
         assert shown(result) == expected, kind
         said = exiftool("-s3", "-validate", "-warning", "-a", result).decode().splitlines()
         # exiftool alone asks by which method a place was found, and we do not invent one.
-        assert [line for line in said if "GPSProcessingMethod" not in line] in (["OK"], ["1 Warning"])
+        assert [line for line in said if "GPSProcessingMethod" not in line] in (
+            ["OK"],
+            ["1 Warning"],
+        )
         assert b"EOS 5D" in exiftool("-a", "-Model", result)

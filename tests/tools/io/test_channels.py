@@ -1,4 +1,6 @@
-"""Scenes with other channels than red, green and blue: the same light from every format, and what is none of it."""
+"""Scenes with other channels than red, green and blue: the same light from every format, and what
+is none of it.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +22,12 @@ LIGHT = np.random.default_rng(3).random((21, 34, 5), np.float32)
 def pages(path: Path, light: Any, **options: Any) -> Path:
     with tifffile.TiffWriter(path) as file:
         for index in range(light.shape[2]):
-            file.write(np.ascontiguousarray(light[..., index]), photometric="minisblack", contiguous=False, **options)
+            file.write(
+                np.ascontiguousarray(light[..., index]),
+                photometric="minisblack",
+                contiguous=False,
+                **options,
+            )
     return path
 
 
@@ -54,7 +61,9 @@ def test_all_formats_hold_the_same_light(tmp_path: Path, kind: str) -> None:
     assert named == ([] if kind == "exr" else [True])
 
 
-def test_four_samples_are_bands_where_four_are_wanted_and_none_is_transparency(tmp_path: Path) -> None:
+def test_four_samples_are_bands_where_four_are_wanted_and_none_is_transparency(
+    tmp_path: Path,
+) -> None:
     four, short = LIGHT[..., :4], (LIGHT[..., :4] * 65535).astype(np.uint16)
     tiff(tmp_path / "bands.tif", four, planarconfig="contig")
     tifffile.imwrite(tmp_path / "alpha.tif", short, photometric="rgb", extrasamples=["unassalpha"])
@@ -78,7 +87,9 @@ def test_three_are_red_green_and_blue_where_these_can_make_the_filters(tmp_path:
         assert load(path, "VRN").channels == "VRN"
     tifffile.imwrite(tmp_path / "colour.tif", three, photometric="rgb")
     assert load(tmp_path / "colour.tif", "VRN").channels == "RGB"
-    assert load(tmp_path / "a.tif", "RGB").notes == ("its 3 pages are taken for red, green and blue",)
+    assert load(tmp_path / "a.tif", "RGB").notes == (
+        "its 3 pages are taken for red, green and blue",
+    )
 
 
 def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:
@@ -89,7 +100,9 @@ def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:
     assert (mixed.channels, mixed.neutral) == ("RGBN", (1.0,) * 4)
     assert np.array(mixed.camera_to_xyz).any(axis=0).tolist() == [True, True, True, False]
     assert load(save(tmp_path / "b.exr", LIGHT[..., :3], "CMY"), "CMY").channels == "CMY"
-    with pytest.raises(InputError, match="the EXR has the channels N, U; expected N, V, or R, G, B, or Y alone"):
+    with pytest.raises(
+        InputError, match="the EXR has the channels N, U; expected N, V, or R, G, B, or Y alone"
+    ):
         load(save(tmp_path / "c.exr", LIGHT[..., :2], "NU"), "NV")
 
 

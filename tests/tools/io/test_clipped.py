@@ -23,7 +23,9 @@ def lamp(peak: float, shape: tuple[int, int] = (80, 90), width: float = 8) -> Fl
 
 
 def bayer(light: FloatArray, limit: int = TOP) -> CodeArray:
-    """RGGB samples of light, each at a place of its own, clipped. limit: the code at which they are."""
+    """RGGB samples of light, each at a place of its own, clipped. limit: the code at which they
+    are.
+    """
     samples = np.empty(light.shape[:2])
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
         samples[row::2, column::2] = light[row::2, column::2, channel]

@@ -1,4 +1,6 @@
-"""What files declare of their colours is used, in the order of their standards; what is not used is said in one note."""
+"""What files declare of their colours is used, in the order of their standards; what is not used is
+said in one note.
+"""
 
 import struct
 from io import BytesIO
@@ -42,7 +44,9 @@ def hlg(light: Any) -> Any:
     """BT.2100, table 5: OETF; white has 75 % of the signal (BT.2408)."""
     a, b, c = 0.17883277, 0.28466892, 0.55991073
     light = light * ((np.exp((0.75 - c) / a) + b) / 12)
-    return np.where(light <= 1 / 12, np.sqrt(3 * light), a * np.log(np.maximum(12 * light - b, 1e-9)) + c)
+    return np.where(
+        light <= 1 / 12, np.sqrt(3 * light), a * np.log(np.maximum(12 * light - b, 1e-9)) + c
+    )
 
 
 def bt709(light: Any) -> Any:
@@ -63,7 +67,11 @@ def gama(gamma: float) -> bytes:
 
 def check(scene: Scene, light: Any = LIGHT, tolerance: float = 1e-3) -> None:
     """The colours of the scene are those of `light` in BT.709's primaries."""
-    np.testing.assert_allclose(scene.rgb @ np.transpose(scene.camera_to_xyz), light @ np.transpose(SRGB_TO_XYZ), atol=tolerance)
+    np.testing.assert_allclose(
+        scene.rgb @ np.transpose(scene.camera_to_xyz),
+        light @ np.transpose(SRGB_TO_XYZ),
+        atol=tolerance,
+    )
 
 
 SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
@@ -80,7 +88,11 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
         (codes(in_space(BT2020)), {"cICP": b"\x09\x08\0\1"}, 0),
         (codes((16 + 219 * srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
         # the order: cICP, iCCP, sRGB, then gAMA and cHRM
-        (SRGB_16, {"gAMA": gama(1), "sRGB": b"\0", "iCCP": iccp(LINEAR_PROFILE), "cICP": b"\x01\x0d\0\1"}, 0),
+        (
+            SRGB_16,
+            {"gAMA": gama(1), "sRGB": b"\0", "iCCP": iccp(LINEAR_PROFILE), "cICP": b"\x01\x0d\0\1"},
+            0,
+        ),
         (SRGB_16, {"gAMA": gama(1), "iCCP": iccp(SRGB_PROFILE), "cHRM": chrm(ADOBE)}, 0),
         (SRGB_16, {"sRGB": b"\0", "gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
         (SRGB_16, {"gAMA": gama(0.45455), "cHRM": chrm(SRGB_PRIMARIES)}, 0),
@@ -107,7 +119,8 @@ def test_chunks_of_png(tmp_path: Path, samples: Any, chunks: dict[str, bytes], n
     assert len(scene.notes) == notes
 
 
-# --- JPEG ------------------------------------------------------------------------------------------------------------------------
+# --- JPEG
+# --------------------------------------------------------------------------------------------------
 
 BLOCKS = RNG.uniform(0.02, 0.4, (3, 4, 3)).repeat(8, axis=0).repeat(8, axis=1)
 
@@ -115,9 +128,14 @@ BLOCKS = RNG.uniform(0.02, 0.4, (3, 4, 3)).repeat(8, axis=0).repeat(8, axis=1)
 def jpeg(path: Path, encoded: Any, *segments: tuple[int, bytes], **options: Any) -> Path:
     """A JPEG with more segments: their markers, and what they hold."""
     file = BytesIO()
-    Image.fromarray(codes(encoded, np.uint8)).save(file, "JPEG", quality=100, subsampling=0, **options)
+    Image.fromarray(codes(encoded, np.uint8)).save(
+        file, "JPEG", quality=100, subsampling=0, **options
+    )
     data = file.getvalue()
-    added = b"".join(bytes((0xFF, marker)) + (len(held) + 2).to_bytes(2, "big") + held for marker, held in segments)
+    added = b"".join(
+        bytes((0xFF, marker)) + (len(held) + 2).to_bytes(2, "big") + held
+        for marker, held in segments
+    )
     path.write_bytes(data[:2] + added + data[2:])
     return path
 
@@ -161,7 +179,10 @@ def test_exif_tells_adobe_rgb_unless_a_profile_does(
 def test_a_profile_in_parts_is_joined_whatever_bytes_it_holds(tmp_path: Path) -> None:
     curve = b"curv" + bytes(4) + struct.pack(">I", 5) + b"\0\0Exif\0\0\xff\xff"
     icc = profile(curve)
-    parts = [(0xE2, b"ICC_PROFILE\0" + bytes((number, 2)) + part) for number, part in ((2, icc[150:]), (1, icc[:150]))]
+    parts = [
+        (0xE2, b"ICC_PROFILE\0" + bytes((number, 2)) + part)
+        for number, part in ((2, icc[150:]), (1, icc[:150]))
+    ]
     scene = load_scene(str(jpeg(tmp_path / "a.jpg", np.full((8, 8, 3), 0.25), *parts)))
     level = np.interp(64 / 255, (0, 0.25, 0.5, 0.75, 1), (0, 0x4578 / 65535, 0x6966 / 65535, 0, 1))
     np.testing.assert_allclose(scene.rgb, level, atol=1e-4)
@@ -176,14 +197,19 @@ def test_a_profile_in_parts_is_joined_whatever_bytes_it_holds(tmp_path: Path) ->
         (b'<x xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/"/>', "gain map"),
     ],
 )
-def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(tmp_path: Path, content: bytes, words: str) -> None:
-    scene = load_scene(str(jpeg(tmp_path / "a.jpg", SRGB_CODES, (0xE2, content), (0xE2, b"MPF\0MM"))))
+def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
+    scene = load_scene(
+        str(jpeg(tmp_path / "a.jpg", SRGB_CODES, (0xE2, content), (0xE2, b"MPF\0MM")))
+    )
     check(scene, BLOCKS, 0.01)
     (note,) = scene.notes
     assert words in note
 
 
-# --- TIFF ------------------------------------------------------------------------------------------------------------------------
+# --- TIFF
+# --------------------------------------------------------------------------------------------------
 
 
 PRIMARIES, WHITE = (319, 5, 6, rationals(ADOBE), True), (318, 5, 2, rationals(D65), True)
@@ -210,25 +236,39 @@ def transfer(bits: int, tables: int) -> Any:
         (codes(LIGHT), UNUSED, None, 2),
     ],
 )
-def test_fields_of_tiff(tmp_path: Path, samples: Any, tags: list[Any], icc: bytes | None, notes: int) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", samples, photometric="rgb", extratags=tags, iccprofile=icc, metadata=None)
+def test_fields_of_tiff(
+    tmp_path: Path, samples: Any, tags: list[Any], icc: bytes | None, notes: int
+) -> None:
+    tifffile.imwrite(
+        tmp_path / "a.tif",
+        samples,
+        photometric="rgb",
+        extratags=tags,
+        iccprofile=icc,
+        metadata=None,
+    )
     scene = load_scene(str(tmp_path / "a.tif"))
     check(scene, tolerance=4e-3 if samples.dtype == np.uint8 else 1e-3)
     assert len(scene.notes) == notes
 
 
-# --- DNG and EXR -----------------------------------------------------------------------------------------------------------------
+# --- DNG and EXR
+# --------------------------------------------------------------------------------------------------
 
 
 def opcodes(*numbers: int) -> tuple[int, Any]:
     """An opcode list of opcodes that hold 12 bytes."""
-    held = struct.pack(">I", len(numbers)) + b"".join(struct.pack(">4I", number, 0, 0, 12) + bytes(12) for number in numbers)
+    held = struct.pack(">I", len(numbers)) + b"".join(
+        struct.pack(">4I", number, 0, 0, 12) + bytes(12) for number in numbers
+    )
     return 7, held
 
 
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize("below", [False, True])
-def test_corrections_that_a_dng_asks_for_are_said_in_one_note(tmp_path: Path, linear: bool, below: bool) -> None:
+def test_corrections_that_a_dng_asks_for_are_said_in_one_note(
+    tmp_path: Path, linear: bool, below: bool
+) -> None:
     samples = RNG.integers(200, 4000, (60, 80, 3) if linear else (60, 80)).astype(np.uint16)
     lists = {51008: opcodes(5, 4), 51009: opcodes(9, 9, 9, 9), 51022: opcodes(1, 3, 99)}
     kind = {"kind": LINEAR_RAW} if linear else {}
@@ -236,8 +276,13 @@ def test_corrections_that_a_dng_asks_for_are_said_in_one_note(tmp_path: Path, li
     plain = load_scene(write_dng(tmp_path / "plain.dng", samples, **options))
     asking = load_scene(write_dng(tmp_path / "asking.dng", samples, fields=lists, **options))
     (note,) = set(asking.notes) - set(plain.notes)
-    names = "FixBadPixelsList, FixBadPixelsConstant, GainMap, WarpRectilinear, FixVignetteRadial, opcode 99"
+    names = (
+        "FixBadPixelsList, FixBadPixelsConstant, GainMap, WarpRectilinear, "
+        "FixVignetteRadial, opcode 99"
+    )
     assert f"({names})" in note
     assert np.array_equal(plain.rgb, asking.rgb)
-    write_dng(tmp_path / "damaged.dng", samples, fields={51009: (7, b"\xff\xff\xff\xff\0\0")}, **options)
+    write_dng(
+        tmp_path / "damaged.dng", samples, fields={51009: (7, b"\xff\xff\xff\xff\0\0")}, **options
+    )
     assert load_scene(str(tmp_path / "damaged.dng")).notes == plain.notes

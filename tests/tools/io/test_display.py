@@ -1,4 +1,6 @@
-"""Colour: white stays white, the matrix gives back the colours of the scene, the curve is the standard's."""
+"""Colour: white stays white, the matrix gives back the colours of the scene, the curve is the
+standard's.
+"""
 
 from typing import Any
 
@@ -15,12 +17,16 @@ from tests.tools.io.examples import FOUR
 ROUNDING = 1e-6
 """Of a float32 in 0..1 through a 3 x 3 matrix and the curve."""
 
-# A real camera's figures (DNG ColorMatrix of a consumer model, inverted and adapted): positive diagonal, negative rest.
+# A real camera's figures (DNG ColorMatrix of a consumer model, inverted and adapted): positive
+# diagonal, negative rest.
 MATRIX = ((0.75, 0.15, 0.06), (0.28, 0.85, -0.13), (0.02, -0.12, 0.92))
 NEUTRAL = (0.48, 1.0, 0.65)
 # White reads NEUTRAL; the matrix is for balanced channels, nearly right only, as fits are.
 CAMERA = SensorCalibration(
-    neutral=NEUTRAL, camera_to_xyz=tuple(tuple(value / n for value, n in zip(row, NEUTRAL, strict=True)) for row in MATRIX)
+    neutral=NEUTRAL,
+    camera_to_xyz=tuple(
+        tuple(value / n for value, n in zip(row, NEUTRAL, strict=True)) for row in MATRIX
+    ),
 )
 
 
@@ -28,21 +34,30 @@ def random_picture(shape: tuple[int, ...], seed: int = 0) -> FloatArray:
     return np.random.default_rng(seed).random(shape, np.float32)
 
 
-# --- white ------------------------------------------------------------------------------------------------------------------------
+# --- white
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SPACES)
-@pytest.mark.parametrize("calibration", [SensorCalibration(), SensorCalibration(neutral=NEUTRAL), CAMERA, FOUR])
-def test_neutral_readings_become_grey_and_keep_their_level(calibration: SensorCalibration, name: str) -> None:
+@pytest.mark.parametrize(
+    "calibration", [SensorCalibration(), SensorCalibration(neutral=NEUTRAL), CAMERA, FOUR]
+)
+def test_neutral_readings_become_grey_and_keep_their_level(
+    calibration: SensorCalibration, name: str
+) -> None:
     neutral = np.array(calibration.neutral or (1.0, 1.0, 1.0), np.float32)
     levels = np.linspace(0, 1, 33, dtype=np.float32)
-    result = ColourTransform.to_space(calibration, name).apply((levels[:, None] * neutral / neutral.max())[None])
+    result = ColourTransform.to_space(calibration, name).apply(
+        (levels[:, None] * neutral / neutral.max())[None]
+    )
     expected = levels if SPACES[name].linear else encode_srgb(levels)
     np.testing.assert_allclose(result[0], np.repeat(expected[:, None], 3, axis=1), atol=ROUNDING)
 
 
 def test_clipped_highlights_are_white_and_not_magenta() -> None:
-    shown = ColourTransform.to_space(CAMERA).apply(np.array([[(1, 1, 1), (0.7, 1.5, 0.9), (1e30, 1e30, 3e38)]], np.float32))
+    shown = ColourTransform.to_space(CAMERA).apply(
+        np.array([[(1, 1, 1), (0.7, 1.5, 0.9), (1e30, 1e30, 3e38)]], np.float32)
+    )
     np.testing.assert_allclose(shown, 1.0, atol=ROUNDING)
 
 
@@ -52,26 +67,36 @@ def test_noise_below_black_does_not_lift_the_other_channels_shadows() -> None:
     assert abs(transform.apply(noise).mean(axis=(0, 1))).max() < 5e-4
 
 
-# --- colour -----------------------------------------------------------------------------------------------------------------------
+# --- colour
+# --------------------------------------------------------------------------------------------------
 
 
 def test_an_uncalibrated_sensor_has_the_primaries_of_srgb() -> None:
     rgb = random_picture((20, 30, 3))
-    np.testing.assert_allclose(ColourTransform.to_space(SensorCalibration()).apply(rgb), encode_srgb(rgb), atol=ROUNDING)
+    np.testing.assert_allclose(
+        ColourTransform.to_space(SensorCalibration()).apply(rgb), encode_srgb(rgb), atol=ROUNDING
+    )
 
 
 @pytest.mark.parametrize("name", SPACES)
 def test_a_perfect_matrix_gives_back_the_colours_of_the_scene(name: str) -> None:
-    """A sensor whose filters are known mixtures of Display P3: what it sees of RGB is undone exactly."""
+    """A sensor whose filters are known mixtures of Display P3: what it sees of RGB is undone
+    exactly.
+    """
     mixing = np.array([[0.40, 0.06, 0.02], [0.15, 0.80, 0.05], [0.03, 0.12, 0.50]])
     camera_to_xyz = SPACES["display-p3"].to_xyz @ np.linalg.inv(mixing)
     white = mixing.sum(axis=1)
-    calibration = SensorCalibration(neutral=tuple(white), camera_to_xyz=tuple(map(tuple, camera_to_xyz)))
+    calibration = SensorCalibration(
+        neutral=tuple(white), camera_to_xyz=tuple(map(tuple, camera_to_xyz))
+    )
     scene = random_picture((8, 9, 3), seed=2) * 0.5
     linear = scene @ (np.linalg.inv(SPACES[name].to_xyz) @ SPACES["display-p3"].to_xyz).T
     expected = linear if SPACES[name].linear else encode_srgb(linear.astype(np.float32))
-    result = ColourTransform.to_space(calibration, name).apply((scene @ mixing.T / white.max()).astype(np.float32))
-    np.testing.assert_allclose(result, expected, atol=1e-5)  # the curve is 12.92 times as steep near black
+    result = ColourTransform.to_space(calibration, name).apply(
+        (scene @ mixing.T / white.max()).astype(np.float32)
+    )
+    # the curve is 12.92 times as steep near black
+    np.testing.assert_allclose(result, expected, atol=1e-5)
 
 
 def test_exposure_is_in_stops() -> None:
@@ -81,7 +106,9 @@ def test_exposure_is_in_stops() -> None:
     shown = ColourTransform.to_space(CAMERA)
     whites = np.array(NEUTRAL) * np.array([[0.5], [1], [2], [4]])
     darker = shown.apply(whites[None].astype(np.float32), -1.0)
-    np.testing.assert_allclose(darker[0, :, 1], encode_srgb(np.array([0.25, 0.5, 1, 1], np.float32)), atol=ROUNDING)
+    np.testing.assert_allclose(
+        darker[0, :, 1], encode_srgb(np.array([0.25, 0.5, 1, 1], np.float32)), atol=ROUNDING
+    )
     assert np.ptp(darker, axis=2).max() < ROUNDING
     assert shown.apply(rgb, MAX_EXPOSURE).max() <= 1.0
 
@@ -89,8 +116,12 @@ def test_exposure_is_in_stops() -> None:
 @pytest.mark.parametrize("restored", [True, False])
 @pytest.mark.parametrize("stops", [-16.0, -4.0, -1.0, 0.0, 1.0, 16.0])
 @pytest.mark.parametrize("calibration", [SensorCalibration(), CAMERA, FOUR])
-def test_what_is_burnt_out_is_white_at_every_exposure(calibration: SensorCalibration, stops: float, restored: bool) -> None:
-    """White that is brighter and brighter: no step down, no tint, white at the end; and what is dark follows the exposure."""
+def test_what_is_burnt_out_is_white_at_every_exposure(
+    calibration: SensorCalibration, stops: float, restored: bool
+) -> None:
+    """White that is brighter and brighter: no step down, no tint, white at the end; and what is
+    dark follows the exposure.
+    """
     shown = ColourTransform.to_space(calibration, restored=restored)
     white, limit = np.array(shown.white), calibration.full_scale
     end = limit / white.min() if restored else limit / (white @ calibration.gamma)
@@ -100,7 +131,9 @@ def test_what_is_burnt_out_is_white_at_every_exposure(calibration: SensorCalibra
     assert np.diff(seen[:, 1]).min() > -ROUNDING
     np.testing.assert_allclose(seen[-1], 1, atol=ROUNDING)
     below = ramp[0, :, 1] < 0.6 * ramp[0, -1, 1]
-    expected = encode_srgb((ramp[0, below, 1] / np.float32(white[1]) * 2**stops).clip(0, 1).astype(np.float32))
+    expected = encode_srgb(
+        (ramp[0, below, 1] / np.float32(white[1]) * 2**stops).clip(0, 1).astype(np.float32)
+    )
     np.testing.assert_allclose(seen[below, 1], expected, atol=1e-4)
     if stops <= -1:
         assert np.diff(seen[:, 1]).max() < 0.2  # no hard edge
@@ -115,12 +148,15 @@ def test_what_is_burnt_out_is_white_at_every_exposure(calibration: SensorCalibra
         ({"camera_to_xyz": ((1, 0, 0), (0, 1, 0), (0, 0, -1))}, "srgb", "no colour of light"),
     ],
 )
-def test_what_has_no_colour_is_refused(calibration: dict[str, Any], space: str, message: str) -> None:
+def test_what_has_no_colour_is_refused(
+    calibration: dict[str, Any], space: str, message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         ColourTransform.to_space(SensorCalibration(**calibration), space)
 
 
-# --- curve ------------------------------------------------------------------------------------------------------------------------
+# --- curve
+# --------------------------------------------------------------------------------------------------
 
 
 def test_curve_is_that_of_the_standard() -> None:

@@ -15,9 +15,13 @@ from panchroma.tools.io.samples import quantise
 
 @pytest.mark.parametrize("name", SPACES)
 def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
-    """LittleCMS, from our profile to its own sRGB, against our matrix and curves: greys and random colours, within one code."""
+    """LittleCMS, from our profile to its own sRGB, against our matrix and curves: greys and random
+    colours, within one code.
+    """
     ramp = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
-    codes = np.concatenate([ramp, np.random.default_rng(4).integers(0, 256, (32, 256, 3), np.uint8)])
+    codes = np.concatenate(
+        [ramp, np.random.default_rng(4).integers(0, 256, (32, 256, 3), np.uint8)]
+    )
     converted = ImageCms.profileToProfile(
         Image.fromarray(codes),
         profile := ImageCms.ImageCmsProfile(io.BytesIO(data := icc_profile(name))),
@@ -30,5 +34,7 @@ def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
     expected = quantise(encode_srgb(in_srgb.astype(np.float32)), 8)
     assert np.abs(np.asarray(converted).astype(int) - expected).max() <= 1
     assert ImageCms.getProfileDescription(profile) == SPACES[name].title + "\n"
-    places = struct.iter_unpack(">4sII", data[132 : 132 + 12 * int.from_bytes(data[128:132], "big")])
+    places = struct.iter_unpack(
+        ">4sII", data[132 : 132 + 12 * int.from_bytes(data[128:132], "big")]
+    )
     assert all(place % 4 == 0 for _, place, _ in places)

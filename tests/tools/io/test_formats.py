@@ -23,7 +23,18 @@ from panchroma.tools.io.icc import icc_profile
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.io.samples import quantise
 from tests.exiftool import fields
-from tests.tools.io.examples import CALIBRATION, FOUR, KINDS, METADATA, SIZES, development, encode_picture, encoded, scene, shown
+from tests.tools.io.examples import (
+    CALIBRATION,
+    FOUR,
+    KINDS,
+    METADATA,
+    SIZES,
+    development,
+    encode_picture,
+    encoded,
+    scene,
+    shown,
+)
 
 
 def exr_pixels(file: io.BytesIO, folder: Path) -> tuple[NDArray[np.floating[Any]], dict[str, Any]]:
@@ -32,15 +43,20 @@ def exr_pixels(file: io.BytesIO, folder: Path) -> tuple[NDArray[np.floating[Any]
     with OpenEXR.File(str(path), separate_channels=True) as exr:
         channels = exr.channels()
         letters = "RGB" if set(channels) == set("RGB") else "RGBE"
-        return np.stack([channels[letter].pixels for letter in letters], axis=-1), dict(exr.header())
+        return np.stack([channels[letter].pixels for letter in letters], axis=-1), dict(
+            exr.header()
+        )
 
 
 def kinds(formats: str) -> pytest.MarkDecorator:
     """Run a test with every kind of these formats."""
-    return pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in formats.split()], ids=str)
+    return pytest.mark.parametrize(
+        "kind", [kind for kind in KINDS if kind.format in formats.split()], ids=str
+    )
 
 
-# --- pixels ---------------------------------------------------------------------------------------------------------------------
+# --- pixels
+# --------------------------------------------------------------------------------------------------
 
 
 def read(file: io.BytesIO, kind: PictureKind, folder: Path) -> NDArray[Any]:
@@ -63,7 +79,9 @@ def read(file: io.BytesIO, kind: PictureKind, folder: Path) -> NDArray[Any]:
 
 @kinds("tif png jxl exr dng npy")
 @pytest.mark.parametrize("shape", SIZES)
-def test_without_loss_every_sample_comes_back(kind: PictureKind, shape: tuple[int, int], tmp_path: Path) -> None:
+def test_without_loss_every_sample_comes_back(
+    kind: PictureKind, shape: tuple[int, int], tmp_path: Path
+) -> None:
     rgb = scene(shape)
     floating = kind.bits == 32 or kind.format == "exr"
     expected = rgb if kind.space == CAMERA else shown(rgb, kind.space, 6)
@@ -96,7 +114,9 @@ def test_pictures_are_upright_and_say_so(name: str, orientation: int) -> None:
 
 def test_exr_names_the_channels_and_the_shot(tmp_path: Path) -> None:
     rgb = scene((4, 5), 4)
-    read, header = exr_pixels(encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR), tmp_path)
+    read, header = exr_pixels(
+        encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR), tmp_path
+    )
     assert np.array_equal(read, rgb)
     assert header["capDate"] == "2014:03:09 07:05:01"
     assert header["comments"] == METADATA.description
@@ -115,7 +135,9 @@ def test_halves_end_at_their_largest_number_not_at_infinity(tmp_path: Path) -> N
 
 
 def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated() -> None:
-    """There its colour is wrong: a raw developer, and the preview inside, showed green clouds and yellow lamps."""
+    """There its colour is wrong: a raw developer, and the preview inside, showed green clouds and
+    yellow lamps.
+    """
     calibration = replace(CALIBRATION, neutral=None, camera_to_xyz=None)
     colours = np.array([[(0.6, 1.8, 0.6)], [(1.8, 1.6, -0.4)], [(0.2, 0.3, 0.1)]], np.float32)
     rgb = colours.repeat(30, axis=0).repeat(40, axis=1) * np.float32(calibration.full_scale / 3)
@@ -128,14 +150,19 @@ def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated(
     assert np.array_equal(codes[60:], quantise(rgb[60:], 16))
 
 
-# --- what goes along ------------------------------------------------------------------------------------------------------------
+# --- what goes along
+# --------------------------------------------------------------------------------------------------
 
 
 @kinds("tif png jpg uhdr")
 def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
     file = encoded(scene((5, 6)), kind)
     # Past sixteen bits Pillow reads the header all the same.
-    found = tifffile.TiffFile(file).pages.first.iccprofile if kind.format == "tif" else Image.open(file).info.get("icc_profile")
+    found = (
+        tifffile.TiffFile(file).pages.first.iccprofile
+        if kind.format == "tif"
+        else Image.open(file).info.get("icc_profile")
+    )
     assert found == (icc_profile(kind.space) if kind.space in SPACES else None)
 
 
@@ -171,7 +198,8 @@ def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
         assert encoded(scene((3, 4)), kind, **unknown).getvalue()
 
 
-# --- what can be chosen ---------------------------------------------------------------------------------------------------------
+# --- what can be chosen
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -187,7 +215,9 @@ def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
     ],
     ids=str,
 )
-def test_what_is_left_open_is_the_first_that_fits(chosen: tuple[Any, ...], kind: tuple[str, int, str]) -> None:
+def test_what_is_left_open_is_the_first_that_fits(
+    chosen: tuple[Any, ...], kind: tuple[str, int, str]
+) -> None:
     assert PictureKind.of(*chosen) == PictureKind(*kind)
 
 
@@ -197,7 +227,10 @@ def test_what_is_left_open_is_the_first_that_fits(chosen: tuple[Any, ...], kind:
         (("gif",), f"unknown picture format 'gif'; there are {', '.join(FORMATS)}"),
         (("jpg", 16), "jpg does not hold 16 bits; it holds srgb with 8 bits"),
         (("jpg", None, "camera"), "jpg does not hold the space 'camera'; it holds srgb with 8"),
-        (("png", 32, "srgb"), "png does not hold srgb with 32 bits; it holds srgb with 8 or 16 bits"),
+        (
+            ("png", 32, "srgb"),
+            "png does not hold srgb with 32 bits; it holds srgb with 8 or 16 bits",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_with_what_can(chosen: tuple[Any, ...], message: str) -> None:
@@ -227,7 +260,9 @@ def test_what_would_fail_after_the_render_is_known_before(
         encode_picture(np.zeros((*shape, len(calibration.channels)), np.float32), how)
 
 
-def test_no_room_for_openexr_is_an_output_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_no_room_for_openexr_is_an_output_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
     how = development(PictureKind.of("exr"), (4, 4))
     with pytest.raises(OutputError, match="no temporary file for OpenEXR"):

@@ -25,7 +25,9 @@ def panel(sheet: Image.Image, row: int, column: int) -> ByteArray:
 def shot() -> Shown:
     rgb: FloatArray = np.full((80, 90, 3), 0.2, np.float32)
     rgb[30:60, 30:60] = 0.6, 0.2, 0.1
-    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
+    mosaic = simulate_additive(
+        rgb, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0)
+    )
     return mosaic, rgb.sum(axis=2), rgb  # what a perfect render finds
 
 
@@ -36,11 +38,17 @@ def test_the_overview_draws_both_patterns_and_shows_holes_where_the_colour_is(sh
     names = {colour: letter for letter, colour in FILTERS.items()}
     for column, tile in enumerate((["RG" * 3, "GB" * 3] * 3, CfaPattern.bayer(6).tile)):
         drawn = panel(sheet, 0, column)[middles, middles].tolist()
-        assert ["".join(names[tuple(pixel)] for pixel in row) for row in drawn] == [row * 2 for row in tile] * 2
+        assert ["".join(names[tuple(pixel)] for pixel in row) for row in drawn] == [
+            row * 2 for row in tile
+        ] * 2
     factor = PANEL // illustrations._SHOWN
     places = ((0, 2), (1, 0), (1, 1))
-    samples, colours, filled = (panel(sheet, *place)[factor // 2 :: factor, factor // 2 :: factor].astype(int) for place in places)
-    assert samples[0, 0].max() < samples[3, 3].min() - 20  # one channel is darker than the sum of three
+    samples, colours, filled = (
+        panel(sheet, *place)[factor // 2 :: factor, factor // 2 :: factor].astype(int)
+        for place in places
+    )
+    # one channel is darker than the sum of three
+    assert samples[0, 0].max() < samples[3, 3].min() - 20
     assert np.ptp(filled[:4, :4].max(axis=2)) <= 2  # and the hole is filled
     assert [colours[place].argmax() for place in ((0, 0), (0, 1), (1, 1))] == [0, 1, 2]
     assert (colours[3, 3] == colours[4, 4]).all()  # nothing there
@@ -55,4 +63,6 @@ def test_the_comparison_has_a_row_per_crop_and_a_column_per_picture() -> None:
     for row, (top, left) in enumerate(crops.values()):
         for column, picture in enumerate(pictures.values()):
             shown = panel(sheet, row, column)[5::10, 5::10] / 255
-            np.testing.assert_allclose(shown, picture[top : top + 33, left : left + 33], atol=0.5 / 255 + 1e-6)
+            np.testing.assert_allclose(
+                shown, picture[top : top + 33, left : left + 33], atol=0.5 / 255 + 1e-6
+            )

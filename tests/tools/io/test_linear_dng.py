@@ -19,7 +19,8 @@ from tests.exiftool import exiftool
 from tests.tools.io.examples import picture_dng
 
 PATCH = 16
-QUANTISED = 1e-4  # of full scale: two roundings to 16 bits, and LibRaw's matrix in floats of four digits
+# of full scale: two roundings to 16 bits, and LibRaw's matrix in floats of four digits
+QUANTISED = 1e-4
 NEUTRAL = np.array([0.5, 1.0, 0.7])
 
 
@@ -31,16 +32,25 @@ def patches(low: float = 0.1, high: float = 0.9) -> FloatArray:
 
 
 def developed(data: bytes) -> DoubleArray:
-    """The middle of each patch in linear sRGB, 0..1, as LibRaw renders it with the white balance of the shot."""
+    """The middle of each patch in linear sRGB, 0..1, as LibRaw renders it with the white balance of
+    the shot.
+    """
     with rawpy.imread(BytesIO(data)) as raw:
         # LibRaw brightens pictures whose maximum is not quite white unless told not to.
-        plain: Any = {"gamma": (1, 1), "no_auto_bright": True, "adjust_maximum_thr": 0.0, "user_flip": 0}
+        plain: Any = {
+            "gamma": (1, 1),
+            "no_auto_bright": True,
+            "adjust_maximum_thr": 0.0,
+            "user_flip": 0,
+        }
         linear = raw.postprocess(use_camera_wb=True, output_bps=16, **plain)
     return linear[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] / 65535
 
 
 @pytest.mark.parametrize("shape", [(22, 23), (64, 301), (520, 37), (300, 160)])
-def test_libraw_reads_the_very_codes_and_black_and_white_beyond_them(shape: tuple[int, int]) -> None:
+def test_libraw_reads_the_very_codes_and_black_and_white_beyond_them(
+    shape: tuple[int, int],
+) -> None:
     rgb = np.random.default_rng(1).random((*shape, 3), np.float32)
     rgb[0, 0], rgb[0, 1] = (0.0, 1.0, 0.5), (-0.5, 2.0, 1e9)
     codes = np.rint(rgb.clip(0, 1) * 65535).astype(np.uint16)
@@ -55,7 +65,9 @@ def test_calibrated_colours_are_kept() -> None:
     camera_to_xyz = SRGB_TO_XYZ @ crosstalk / NEUTRAL
     camera = (patches(0.3, 0.7) * NEUTRAL).astype(np.float32)
     shown = developed(picture_dng(camera, camera_to_xyz, NEUTRAL))
-    np.testing.assert_allclose(shown, (camera / NEUTRAL @ crosstalk.T)[::PATCH, ::PATCH], atol=QUANTISED)
+    np.testing.assert_allclose(
+        shown, (camera / NEUTRAL @ crosstalk.T)[::PATCH, ::PATCH], atol=QUANTISED
+    )
 
 
 def test_a_picture_that_is_not_finite_is_refused() -> None:

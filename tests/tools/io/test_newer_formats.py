@@ -1,4 +1,6 @@
-"""Ultra HDR and JPEG XL, read back by other programs: the samples, in which colours they are, and the highlights."""
+"""Ultra HDR and JPEG XL, read back by other programs: the samples, in which colours they are, and
+the highlights.
+"""
 
 import io
 from dataclasses import replace
@@ -20,23 +22,34 @@ from tests.exiftool import fields
 from tests.tools.io.examples import CALIBRATION, SIZES, encoded, scene, shown
 from tests.tools.io.examples import KINDS as ALL_KINDS
 
-# --- Ultra HDR -------------------------------------------------------------------------------------------------------------------
+# --- Ultra HDR
+# --------------------------------------------------------------------------------------------------
 
 STEP = 0.03
-"""Of a picture's light where it is even: half a code of sRGB at middle grey, half a step of the map, and what JPEG adds to both."""
+"""Of a picture's light where it is even: half a code of sRGB at middle grey, half a step of the
+map, and what JPEG adds to both.
+"""
 
 
 def highlights() -> FloatArray:
-    """Even patches of 16 pixels, from a tenth of display white to four times white: greys above, colours below."""
+    """Even patches of 16 pixels, from a tenth of display white to four times white: greys above,
+    colours below.
+    """
     levels = np.geomspace(0.1, 4, 8)
     greys = levels[:, None] * np.array(CALIBRATION.neutral)
     colours = greys * np.array([1.0, 0.7, 0.5])
-    return np.repeat(np.repeat(np.stack([greys, colours]), 16, axis=0), 16, axis=1).astype(np.float32)
+    return np.repeat(np.repeat(np.stack([greys, colours]), 16, axis=0), 16, axis=1).astype(
+        np.float32
+    )
 
 
 def hdr(data: bytes, boost: float | None = None) -> NDArray[np.float32]:
-    """What a display shows of a file, 1.0 = display white; boost: how much more it can show, None = everything."""
-    return imagecodecs.ultrahdr_decode(data, dtype=np.float16, boost=boost)[..., :3].astype(np.float32)
+    """What a display shows of a file, 1.0 = display white; boost: how much more it can show, None =
+    everything.
+    """
+    return imagecodecs.ultrahdr_decode(data, dtype=np.float16, boost=boost)[..., :3].astype(
+        np.float32
+    )
 
 
 def light(rgb: FloatArray, space: str, exposure: float) -> FloatArray:
@@ -65,14 +78,18 @@ def test_the_picture_is_that_of_a_jpeg_and_segments(shape: tuple[int, int], spac
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])
 @pytest.mark.parametrize("exposure", [0.0, 1.5, -1.0])
 @pytest.mark.parametrize("orientation", [1, 6])
-def test_a_display_with_room_shows_the_render(space: str, exposure: float, orientation: int) -> None:
+def test_a_display_with_room_shows_the_render(
+    space: str, exposure: float, orientation: int
+) -> None:
     rgb, kind = highlights(), PictureKind.of("uhdr", space=space)
     data = encoded(rgb, kind, orientation, exposure=exposure).getvalue()
     seen, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
     assert seen.shape == expected.shape
     inside = np.s_[4::16, 4::16]  # of every patch
     assert expected.max() > 1.5
-    np.testing.assert_allclose(luminance(seen, space)[inside], luminance(expected, space)[inside], rtol=STEP)
+    np.testing.assert_allclose(
+        luminance(seen, space)[inside], luminance(expected, space)[inside], rtol=STEP
+    )
     grey = np.ptp(expected[inside], axis=-1) < 1e-5
     assert expected[inside][grey].max() > 1.5
     np.testing.assert_allclose(seen[inside][grey], expected[inside][grey], rtol=STEP)
@@ -105,11 +122,14 @@ def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     assert described["XMP-hdrgm:BaseRenditionIsHDR"] in (False, "False")
 
 
-# --- JPEG XL ---------------------------------------------------------------------------------------------------------------------
+# --- JPEG XL
+# --------------------------------------------------------------------------------------------------
 
 KINDS = [kind for kind in ALL_KINDS if kind.format == "jxl"]
 LITTLE = 0.012
-"""Mean difference at quality 90, relative to white; in other colours than the file says it is 0.05 and more."""
+"""Mean difference at quality 90, relative to white; in other colours than the file says it is 0.05
+and more.
+"""
 
 
 def samples(rgb: FloatArray, kind: PictureKind) -> NDArray[np.generic]:
@@ -129,7 +149,9 @@ def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> N
     """The reader makes them from JPEG XL's own, as the codec has labelled them."""
     sizes = []
     for quality in (20, 90):
-        data = encoded(smooth(), PictureKind(kind.format, kind.bits, kind.space, quality)).getvalue()
+        data = encoded(
+            smooth(), PictureKind(kind.format, kind.bits, kind.space, quality)
+        ).getvalue()
         read, expected = imagecodecs.jpegxl_decode(data), samples(smooth(), kind)
         sizes.append(len(data))
     assert read.dtype == expected.dtype
@@ -139,11 +161,15 @@ def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> N
 
 
 def test_quality_100_is_without_loss() -> None:
-    plain, best = (encoded(scene((30, 20)), PictureKind("jxl", 8, "srgb", quality)) for quality in (None, 100))
+    plain, best = (
+        encoded(scene((30, 20)), PictureKind("jxl", 8, "srgb", quality)) for quality in (None, 100)
+    )
     assert plain.getvalue() == best.getvalue()
 
 
-def test_without_the_codec_it_is_refused_before_anything_is_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_codec_it_is_refused_before_anything_is_rendered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(imagecodecs.JPEGXL, "available", False)
     with pytest.raises(InputError, match="imagecodecs has no JPEG XL; install that of PyPI"):
         PictureKind.of("jxl")

@@ -91,7 +91,9 @@ def test_floating_point_is_scene_units(tmp_path: Path, dtype: type, suffix: str)
 
 @pytest.mark.parametrize("channels", [0, 1, 2, 3, 4])
 @pytest.mark.parametrize("suffix", [".tif", ".npy"])
-def test_grey_becomes_three_alike_and_transparency_goes(tmp_path: Path, suffix: str, channels: int) -> None:
+def test_grey_becomes_three_alike_and_transparency_goes(
+    tmp_path: Path, suffix: str, channels: int
+) -> None:
     picture = ramp(np.uint16, 10, 20)[..., :1].repeat(max(channels, 1), axis=2)
     picture[..., -1:] = picture[..., -1:] // 2 if channels in (2, 4) else picture[..., -1:]
     stored = picture[..., 0] if channels == 0 else picture
@@ -139,13 +141,20 @@ def test_a_profile_of_tables_is_followed(tmp_path: Path) -> None:
 
 def test_a_profile_that_cannot_be_read_is_ignored_and_said(tmp_path: Path) -> None:
     assert read_profile(b"") is None
-    for broken in (b"nonsense", SRGB_PROFILE[:100], SRGB_PROFILE[:200], profile(b"mft2" + bytes(40))):
+    for broken in (
+        b"nonsense",
+        SRGB_PROFILE[:100],
+        SRGB_PROFILE[:200],
+        profile(b"mft2" + bytes(40)),
+    ):
         assert read_profile(broken) is None
         tifffile.imwrite(tmp_path / "a.tif", ramp(np.uint8), photometric="rgb", iccprofile=broken)
         assert any("profile" in note for note in load_scene(str(tmp_path / "a.tif")).notes)
 
 
-def test_the_size_of_an_exr_is_checked_before_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_size_of_an_exr_is_checked_before_it_is_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path, decoded = tmp_path / "a.exr", OpenEXR.File
     OpenEXR.File({}, {"RGB": np.ones((6, 8, 3), np.float32)}).write(str(path))
 

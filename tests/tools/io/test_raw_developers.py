@@ -1,6 +1,7 @@
 """The rendered DNG in other people's raw developers: their neutral picture is our own sRGB.
 
-They give a file that names a camera the colours of that camera. So a DNG of ours must name none but ours.
+They give a file that names a camera the colours of that camera. So a DNG of ours must name none but
+ours.
 """
 
 import shutil
@@ -31,19 +32,24 @@ def rawtherapee(source: Path, target: Path, home: Path) -> list[str | Path]:
 
 def darktable(source: Path, target: Path, home: Path) -> list[str | Path]:
     """Without workflow modules, with the white balance of the shot."""
-    settings = "darkroom/workflow=none darkroom/chromatic-adaptation=legacy imageio/format/tiff/bpp=16"
+    settings = (
+        "darkroom/workflow=none darkroom/chromatic-adaptation=legacy imageio/format/tiff/bpp=16"
+    )
     core = [word for setting in settings.split() for word in ("--conf", f"plugins/{setting}")]
     start: list[str | Path] = ["darktable-cli", source, target, "--icc-type", "SRGB", "--core"]
     return [*start, "--library", ":memory:", "--configdir", home / "darktable", *core]
 
 
 @pytest.fixture(scope="module", params=PHOTOGRAPHS)
-def rendered(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FloatArray]:
+def rendered(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, FloatArray]:
     """A photograph, rendered as a DNG, and as sRGB of 8 bits."""
     scene, folder = photograph(request.param), tmp_path_factory.mktemp("rendered")
     run("simulate", scene, "-o", folder, code=0)
     shot = folder / f"{scene.stem}.dng"
-    # A developer has colours of its own for a camera that it knows by name. CRW files keep the name where nobody reads it.
+    # A developer has colours of its own for a camera that it knows by name. CRW files keep the name
+    # where nobody reads it.
     assert read_dng(shot).metadata.make or scene.suffix == ".crw"
     for kind in ("png", "dng"):
         run("render", shot, "-o", folder / kind, "-f", kind, "--preset", "paper", code=0)
@@ -51,15 +57,24 @@ def rendered(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return folder / "dng" / shot.name, ours.astype(np.float32)
 
 
-@pytest.mark.parametrize("developer", [rawtherapee, darktable], ids=lambda developer: developer.__name__)
+@pytest.mark.parametrize(
+    "developer", [rawtherapee, darktable], ids=lambda developer: developer.__name__
+)
 def test_a_raw_developer_shows_our_colours(
-    tmp_path: Path, rendered: tuple[Path, FloatArray], developer: Callable[[Path, Path, Path], list[Any]]
+    tmp_path: Path,
+    rendered: tuple[Path, FloatArray],
+    developer: Callable[[Path, Path, Path], list[Any]],
 ) -> None:
     source, ours = rendered
     command = developer(source, tmp_path / "theirs.tif", tmp_path)
     if shutil.which(command[0]) is None:
         pytest.skip(f"{command[0]} is not installed")
-    done = subprocess.run(command, capture_output=True, check=False, env={"HOME": str(tmp_path), "PATH": "/usr/bin:/bin"})
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        check=False,
+        env={"HOME": str(tmp_path), "PATH": "/usr/bin:/bin"},
+    )
     assert done.returncode == 0, done.stderr
     theirs = tifffile.imread(tmp_path / "theirs.tif")[..., :3] / 257
     assert theirs.shape == ours.shape

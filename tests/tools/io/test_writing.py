@@ -1,4 +1,6 @@
-"""Writing pictures: the bytes do not depend on how a picture is divided into bands, and a file is whole or absent."""
+"""Writing pictures: the bytes do not depend on how a picture is divided into bands, and a file is
+whole or absent.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -31,11 +33,19 @@ def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:
     ],
 )
 def test_bands_of_any_height_by_any_number_of_threads_are_the_same_bytes(
-    tmp_path: Path, kind: PictureKind, shape: tuple[int, int], rows: int, threads: int, orientations: Iterable[int], stops: float
+    tmp_path: Path,
+    kind: PictureKind,
+    shape: tuple[int, int],
+    rows: int,
+    threads: int,
+    orientations: Iterable[int],
+    stops: float,
 ) -> None:
     for orientation in orientations:
         rgb, exposure = scene(shape) * np.float32(1 - stops), 0.0 if kind.space == CAMERA else stops
-        how = development(kind, shape, orientation, exposure=exposure, restored=orientation % 2 == 0)
+        how = development(
+            kind, shape, orientation, exposure=exposure, restored=orientation % 2 == 0
+        )
         path = tmp_path / str(orientation)
         write_picture(path, cut(rgb, rows), how, threads=threads)
         assert path.read_bytes() == encode_picture(rgb, how)
@@ -49,7 +59,9 @@ def fails() -> Iterator[FloatArray]:
 
 @pytest.mark.parametrize("name", ["tif", "png"])
 @pytest.mark.parametrize("orientation", [1, 6])
-def test_nothing_is_left_of_a_rendering_that_fails(tmp_path: Path, name: str, orientation: int) -> None:
+def test_nothing_is_left_of_a_rendering_that_fails(
+    tmp_path: Path, name: str, orientation: int
+) -> None:
     how, path = development(PictureKind.of(name), (30, 20), orientation), tmp_path / "picture"
     path.write_bytes(b"old")
     for written in (path, tmp_path / "new"):

@@ -1,4 +1,6 @@
-"""The notebook in `tools/notebook` runs from its first cell to its last, and what a cell ends with shows itself."""
+"""The notebook in `tools/notebook` runs from its first cell to its last, and what a cell ends with
+shows itself.
+"""
 
 import ast
 import json
@@ -14,18 +16,31 @@ CELLS = [cell for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
 
 
 def run(cell: str, names: dict[str, Any]) -> Any:
-    """Run a cell, as a notebook does, and return the value of its last expression; None if it ends with a statement."""
+    """Run a cell, as a notebook does, and return the value of its last expression; None if it ends
+    with a statement.
+    """
     tree = ast.parse(cell)
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
     exec(compile(tree, "cell", "exec"), names)
-    return eval(compile(ast.Expression(last.value), "cell", "eval"), names) if isinstance(last, ast.Expr) else None
+    return (
+        eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+        if isinstance(last, ast.Expr)
+        else None
+    )
 
 
-def test_every_cell_runs_and_shows_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_cell_runs_and_shows_its_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
-    code = ["".join(cell["source"]).replace("1800x1200", "480x320") for cell in CELLS]  # a smaller scene, for the sake of time
-    shown = [type(value).__name__ for value in (run(each, names) for each in code) if hasattr(value, "_repr_png_")]
+    # a smaller scene, for the sake of time
+    code = ["".join(cell["source"]).replace("1800x1200", "480x320") for cell in CELLS]
+    shown = [
+        type(value).__name__
+        for value in (run(each, names) for each in code)
+        if hasattr(value, "_repr_png_")
+    ]
     assert shown == ["Shot", "Picture", "Image", "Shot", "Picture"]
     assert {path.name for path in tmp_path.iterdir()} == {"leaves.dng", "leaves.tif"}
 

@@ -1,4 +1,6 @@
-"""`import panchroma`: the same results as the commands and the libraries, shown, and errors that say what is wrong."""
+"""`import panchroma`: the same results as the commands and the libraries, shown, and errors that
+say what is wrong.
+"""
 
 import json
 import pydoc
@@ -13,7 +15,14 @@ import pytest
 
 import panchroma
 from panchroma import offline
-from panchroma.shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
+from panchroma.shared import (
+    Camera,
+    CaptureMetadata,
+    CfaPattern,
+    SensorCalibration,
+    Shading,
+    read_dng,
+)
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.simulation.lens import lens_shading
@@ -42,10 +51,14 @@ def test_help_names_everything() -> None:
 
 def test_a_render_is_that_of_the_library(shot: panchroma.Shot) -> None:
     for preset, settings in (("best", offline.BEST), ("paper", offline.PAPER)):
-        assert np.array_equal(panchroma.render(shot, preset=preset).rgb, offline.render(shot.mosaic, settings).rgb)
+        assert np.array_equal(
+            panchroma.render(shot, preset=preset).rgb, offline.render(shot.mosaic, settings).rgb
+        )
 
 
-def test_files_and_screens_show_what_the_command_writes(shot: panchroma.Shot, tmp_path: Path) -> None:
+def test_files_and_screens_show_what_the_command_writes(
+    shot: panchroma.Shot, tmp_path: Path
+) -> None:
     shot.save(tmp_path / "shot.dng")
     run("render", tmp_path / "shot.dng", "-o", tmp_path / "made", "-f", "png", code=0)
     run("preview", tmp_path / "shot.dng", "-o", tmp_path / "made", "--scale", "2", code=0)
@@ -54,8 +67,13 @@ def test_files_and_screens_show_what_the_command_writes(shot: panchroma.Shot, tm
     picture.save(tmp_path / "mine.png")
     panchroma.preview(read, scale=2).save(tmp_path / "mine.jpg")
     assert (tmp_path / "mine.png").read_bytes() == (tmp_path / "made/shot.png").read_bytes()
-    assert np.array_equal(panchroma.to_srgb(picture), imagecodecs.png_decode((tmp_path / "mine.png").read_bytes()))
-    mine, made = (imagecodecs.jpeg8_decode((tmp_path / name).read_bytes()) for name in ("mine.jpg", "made/shot.jpg"))
+    assert np.array_equal(
+        panchroma.to_srgb(picture), imagecodecs.png_decode((tmp_path / "mine.png").read_bytes())
+    )
+    mine, made = (
+        imagecodecs.jpeg8_decode((tmp_path / name).read_bytes())
+        for name in ("mine.jpg", "made/shot.jpg")
+    )
     assert np.array_equal(mine, made)
     assert np.array_equal(read.mosaic.codes, shot.mosaic.codes)
 
@@ -106,7 +124,11 @@ def test_pictures_and_arrays_of_any_channels_are_evaluated_alike() -> None:
     truth = panchroma.simulate(RNG.random((60, 60, 4), np.float32), pattern=FOUR).truth
     noisy = truth.rgb + RNG.normal(0, 0.01, truth.rgb.shape).astype(np.float32)
     found = panchroma.evaluate(noisy, truth)
-    assert found == panchroma.evaluate(noisy, truth.rgb) == panchroma.evaluate(replace(truth, rgb=noisy), truth)
+    assert (
+        found
+        == panchroma.evaluate(noisy, truth.rgb)
+        == panchroma.evaluate(replace(truth, rgb=noisy), truth)
+    )
     assert found.wrong_hue is None
     assert found.psnr[0] == pytest.approx(40, abs=0.2)
 
@@ -118,7 +140,11 @@ def test_figures_fall_with_the_light() -> None:
         shot = panchroma.simulate("builtin:180x120", light=light)
         picture = panchroma.render(shot, preset="paper")
         found = panchroma.evaluate(picture, shot)
-        assert found == panchroma.evaluate(picture.rgb, shot.truth) == panchroma.evaluate(picture, shot.truth.rgb)
+        assert (
+            found
+            == panchroma.evaluate(picture.rgb, shot.truth)
+            == panchroma.evaluate(picture, shot.truth.rgb)
+        )
         assert found == panchroma.evaluate(picture.rgb, shot.truth.rgb, white=light)
         ours.append((found.median, found.psnr))
     assert ours[0] > ours[1] > ours[2]
@@ -137,7 +163,9 @@ def test_a_note_is_shown_once_in_a_run(capfd: pytest.CaptureFixture[str]) -> Non
 
 @pytest.mark.parametrize("format", ["png", "uhdr"])
 def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_path: Path) -> None:  # noqa: A002
-    """One of these formats is written band by band, the frame is higher than a band, and it is turned."""
+    """One of these formats is written band by band, the frame is higher than a band, and it is
+    turned.
+    """
     wall = np.full((300, 60, 3), 0.02)
     for row in range(9, 300, 6):  # so that some lie between the blocks
         wall[row : row + 3, 30:33] = 1
@@ -154,7 +182,11 @@ def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_p
     assert mine.read_bytes() == written.read_bytes()
     bare = replace(picture, lost=None)
     white = np.asarray(panchroma.to_srgb(picture, exposure=-3)).min(axis=2) >= 250
-    assert white.sum() > 300 > (np.asarray(panchroma.to_srgb(bare, exposure=-3)).min(axis=2) >= 250).sum()
+    assert (
+        white.sum()
+        > 300
+        > (np.asarray(panchroma.to_srgb(bare, exposure=-3)).min(axis=2) >= 250).sum()
+    )
 
 
 def test_what_is_lost_has_the_shape_of_its_picture() -> None:
@@ -165,16 +197,25 @@ def test_what_is_lost_has_the_shape_of_its_picture() -> None:
     panchroma.Picture(np.ones((2100, 1100, 3), np.float32), lost=spots)._repr_png_()
 
 
-def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_memory_than_is_free_is_refused(
+    shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("panchroma.tools.batch.in_memory.allowed_memory", lambda _: 1 << 20)
-    with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
+    with pytest.raises(
+        panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"
+    ):
         panchroma.render(shot)
 
 
 def test_a_shot_at_another_focal_length_has_a_note(shot: panchroma.Shot, tmp_path: Path) -> None:
     shading = Shading((((1.0,) * 4,) * 4,) * 4, shot.shape, focal_length=35)
-    calibration, metadata = replace(shot.calibration, shading=shading), CaptureMetadata(focal_length=50.0)
-    panchroma.Shot(replace(shot.mosaic, calibration=calibration, metadata=metadata)).save(tmp_path / "zoomed.dng")
+    calibration, metadata = (
+        replace(shot.calibration, shading=shading),
+        CaptureMetadata(focal_length=50.0),
+    )
+    panchroma.Shot(replace(shot.mosaic, calibration=calibration, metadata=metadata)).save(
+        tmp_path / "zoomed.dng"
+    )
     (note,) = panchroma.open(tmp_path / "zoomed.dng").notes
     assert note.startswith("taken at 50 mm, but its shading was")
 
@@ -214,12 +255,18 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate("there.tif", channels="BGR"), "`channels` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "`pattern` is 6.0"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate([[0.1, 0.2], [0.3]]), "and not list"),
-        (lambda: panchroma.simulate(np.zeros((50, 50))), "(50, 50), expected (rows, columns, channels)"),
+        (
+            lambda: panchroma.simulate(np.zeros((50, 50))),
+            "(50, 50), expected (rows, columns, channels)",
+        ),
         (lambda: panchroma.render(panchroma.simulate(GREY), stages=[]), "stages is list"),  # type: ignore[arg-type]
         (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
-        (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),
+        (
+            lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth),
+            'space="camera"',
+        ),
         (lambda: panchroma.Picture(GREY, white=0), "`white` is 0"),
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
@@ -232,7 +279,11 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     ],
 )
 def test_an_error_names_what_is_wrong(
-    wrong: Callable[[], object], said: str, shot: panchroma.Shot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wrong: Callable[[], object],
+    said: str,
+    shot: panchroma.Shot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shot.save("shot.dng")

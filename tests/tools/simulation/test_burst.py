@@ -7,7 +7,15 @@ from panchroma.offline import burst as merged
 from panchroma.shared import CaptureMetadata
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
-from panchroma.tools.simulation.burst import Motion, SimulatedBurst, burst_frames, displaced, reach, reduced, tremor
+from panchroma.tools.simulation.burst import (
+    Motion,
+    SimulatedBurst,
+    burst_frames,
+    displaced,
+    reach,
+    reduced,
+    tremor,
+)
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 
 HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
@@ -25,11 +33,14 @@ def leaves() -> FloatArray:
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
     walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
     assert walk[0].none
-    shifts, angles = (np.array([getattr(motion, name) for motion in walk]) for name in ("shift", "angle"))
+    shifts, angles = (
+        np.array([getattr(motion, name) for motion in walk]) for name in ("shift", "angle")
+    )
     lengths = np.hypot(*shifts.T)
     assert 2.5 < lengths.max() <= 3
     assert 0.25 < np.degrees(np.abs(angles).max()) <= 0.3
-    assert np.unique((shifts % 1 * 4).astype(int), axis=0).shape[0] == 16  # every sixteenth of a pixel is met
+    # every sixteenth of a pixel is met
+    assert np.unique((shifts % 1 * 4).astype(int), axis=0).shape[0] == 16
     shift, same, other = (tremor(HAND, random(seed))[1].shift for seed in (0, 0, 1))
     assert shift == same != other
 
@@ -44,7 +55,9 @@ def test_the_reference_is_a_part_of_the_scene(leaves: FloatArray) -> None:
 
 @pytest.mark.parametrize("pixel", [1, 2])
 def test_a_frame_sees_the_scene_where_its_motion_says(pixel: int) -> None:
-    """A ramp of light, 1 per row in one channel and per column in the other, says of each pixel where it is in the scene."""
+    """A ramp of light, 1 per row in one channel and per column in the other, says of each pixel
+    where it is in the scene.
+    """
     ramp = np.zeros((300, 321, 3), np.float32)
     ramp[..., 0], ramp[..., 1] = np.mgrid[:300, :321]
     frames = list(burst_frames(ramp, HAND, random(), pixel))
@@ -53,7 +66,8 @@ def test_a_frame_sees_the_scene_where_its_motion_says(pixel: int) -> None:
         shape = frame.rgb.shape
         assert shape == reference.shape
         down, across = np.indices((shape[0], shape[1]), np.float32)
-        at = merged.in_reference(merged.Motion(*frame.motion), down, across, shape[:2])  # what its pixels see
+        # what its pixels see
+        at = merged.in_reference(merged.Motion(*frame.motion), down, across, shape[:2])
         expected = reference[0, 0, :2] + pixel * np.moveaxis(at, 0, -1)
         np.testing.assert_allclose(frame.rgb[..., :2], expected, atol=0.01 * pixel)
 
@@ -64,7 +78,9 @@ def test_larger_pixels_are_means(leaves: FloatArray) -> None:
         rows, columns = 200 // pixel, 240 // pixel
         blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
         np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
-    with pytest.raises(InputError, match="the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"):
+    with pytest.raises(
+        InputError, match="the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"
+    ):
         next(burst_frames(leaves, SimulatedBurst(1), random(), 201))
 
 
@@ -96,7 +112,8 @@ def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> Non
         SimulatedBurst(**{"frames": 3, **figures})  # type: ignore[arg-type]
 
 
-# --- a camera that has moved -----------------------------------------------------------------------------------------------------
+# --- a camera that has moved
+# --------------------------------------------------------------------------------------------------
 
 SHAPE = (150, 171)
 ACCURATE = 0.03  # of waves up to 0.7 of the highest frequency, whose sum is between 0 and 2
@@ -122,7 +139,14 @@ def moved(down: float, across: float, degrees: float = 0.0) -> Motion:
 
 @pytest.mark.parametrize(
     "motion",
-    [moved(0.5, 0), moved(0, -0.5), moved(2.3, -1.6), moved(-0.25, 3.75, 0.3), moved(1.1, 0.4, -5), moved(0, 0, 9)],
+    [
+        moved(0.5, 0),
+        moved(0, -0.5),
+        moved(2.3, -1.6),
+        moved(-0.25, 3.75, 0.3),
+        moved(1.1, 0.4, -5),
+        moved(0, 0, 9),
+    ],
 )
 def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) -> None:
     border = reach(motion, SHAPE)

@@ -12,7 +12,8 @@ from panchroma.tools.simulation.drawn.builtin import ASPECT, CHARTS, GAP, HEIGHT
 from panchroma.tools.simulation.drawn.charts import COLOR_CHECKER_LAB
 from panchroma.tools.simulation.load import load_scene
 
-BROUGHT_IN = [15, 17]  # yellow and cyan: less blue, and less red, than sRGB or the scene's darkest value
+# yellow and cyan: less blue, and less red, than sRGB or the scene's darkest value
+BROUGHT_IN = [15, 17]
 
 
 def place(charts: Any, index: int) -> tuple[int, int, int]:
@@ -29,7 +30,8 @@ def scene() -> Scene:
 
 
 @pytest.mark.parametrize(
-    ("width", "height"), [(1, 1), (2, 1), (1, 3), (7, 5), (64, 48), (143, 96), (144, 96), (61, 300), (300, 61)]
+    ("width", "height"),
+    [(1, 1), (2, 1), (1, 3), (7, 5), (64, 48), (143, 96), (144, 96), (61, 300), (300, 61)],
 )
 def test_any_size_works_and_repeats(width: int, height: int) -> None:
     first = builtin_scene(width, height)
@@ -45,17 +47,23 @@ def test_leaves_have_the_spectrum_of_natural_scenes(scene: Scene) -> None:
     window = np.hanning(240)[:, None] * np.hanning(240)
     power = np.abs(np.fft.fft2((luminance - luminance.mean()) * window)) ** 2
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(240), np.fft.fftfreq(240)))
-    octaves = [power[(frequency >= low) & (frequency < 2 * low)].mean() for low in (0.02, 0.04, 0.08, 0.16)]
+    octaves = [
+        power[(frequency >= low) & (frequency < 2 * low)].mean() for low in (0.02, 0.04, 0.08, 0.16)
+    ]
     slope = np.polyfit(range(4), np.log2(octaves), 1)[0]
     assert -3.0 < slope < -1.5
 
 
 def test_patches_are_the_published_ones(scene: Scene) -> None:
-    """Read from the picture where the layout puts them, through the scene's own matrix, into CIE L*a*b* again."""
+    """Read from the picture where the layout puts them, through the scene's own matrix, into CIE
+    L*a*b* again.
+    """
     top, left, size = place(CHARTS, 0)
     for index, expected in enumerate(COLOR_CHECKER_LAB):
         row, column = (int((place + 0.5) * size / 4) for place in divmod(index, 6))
-        patch = scene.rgb[top + row - 3 : top + row + 4, left + column - 3 : left + column + 4].reshape(-1, 3)
+        patch = scene.rgb[
+            top + row - 3 : top + row + 4, left + column - 3 : left + column + 4
+        ].reshape(-1, 3)
         assert np.ptp(patch, axis=0).max() < 1e-6
         ratio = np.array(scene.camera_to_xyz) @ patch[0] / D50
         f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
@@ -65,7 +73,16 @@ def test_patches_are_the_published_ones(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    "source", ["builtin:", "builtin:100", "builtin:0x5", "builtin:5x0", "builtin:-1x4", "builtin:1x1x1", "builtin:99999x99999"]
+    "source",
+    [
+        "builtin:",
+        "builtin:100",
+        "builtin:0x5",
+        "builtin:5x0",
+        "builtin:-1x4",
+        "builtin:1x1x1",
+        "builtin:99999x99999",
+    ],
 )
 def test_bad_sizes_are_refused(source: str) -> None:
     with pytest.raises(InputError, match=r"builtin:1200x800|empty|raises it"):

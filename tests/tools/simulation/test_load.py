@@ -28,7 +28,9 @@ from tests.data import DATA
 from tests.python import run_python
 from tests.tools.io.files import CFA, LINEAR_RAW, LONG, RATIONAL, SHORT, save, write_dng
 
-PHOTOGRAPHS = sorted(path for folder in ("chart", "kodak", "linear", "raw") for path in (DATA / folder).glob("*"))
+PHOTOGRAPHS = sorted(
+    path for folder in ("chart", "kodak", "linear", "raw") for path in (DATA / folder).glob("*")
+)
 
 
 @pytest.mark.skipif(not PHOTOGRAPHS, reason="no test photographs")
@@ -43,7 +45,9 @@ def test_every_test_photograph_loads(path: Path) -> None:
     with pytest.raises(ValueError, match="read-only"):
         scene.rgb[0, 0, 0] = 1
     if scene.camera_to_xyz is not None:  # white stays white
-        np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ scene.neutral, (0.9642, 1.0, 0.8249), atol=1e-9)
+        np.testing.assert_allclose(
+            np.array(scene.camera_to_xyz) @ scene.neutral, (0.9642, 1.0, 0.8249), atol=1e-9
+        )
 
 
 def test_a_scene_is_checked_when_made() -> None:
@@ -88,7 +92,12 @@ def test_sizes_are_bounded_before_decoding() -> None:
 def test_missing_empty_and_folder(tmp_path: Path) -> None:
     (tmp_path / "empty.dng").touch()
     os.mkfifo(tmp_path / "pipe.dng")
-    refused = {"absent.dng": "no such file", "empty.dng": "empty", ".": "is a folder", "a\0b.png": "cannot be read"}
+    refused = {
+        "absent.dng": "no such file",
+        "empty.dng": "empty",
+        ".": "is a folder",
+        "a\0b.png": "cannot be read",
+    }
     refused |= {"pipe.dng": "is a pipe or a device", "x" * 300: "cannot be read"}
     for name, message in refused.items():
         with pytest.raises(InputError, match=message):
@@ -106,21 +115,39 @@ def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("beside", ["preview", "samples"])
 @pytest.mark.parametrize("suffix", [".dng", ".tif"])
-def test_our_own_shots_are_refused_with_the_right_command(tmp_path: Path, beside: str, suffix: str) -> None:
+def test_our_own_shots_are_refused_with_the_right_command(
+    tmp_path: Path, beside: str, suffix: str
+) -> None:
     private: list[Any] = [(50740, "B", 12, b"Panchroma\0{}", True)]
     version: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True)]
-    pattern: list[Any] = [(33421, "H", 2, (6, 6), True), (33422, "B", 36, bytes([0, 1, 6, 6, 6, 6] * 6), True)]
+    pattern: list[Any] = [
+        (33421, "H", 2, (6, 6), True),
+        (33422, "B", 36, bytes([0, 1, 6, 6, 6, 6] * 6), True),
+    ]
     path = tmp_path / f"shot{suffix}"
-    first, second = (tags + (private if beside == where else []) for where, tags in (("preview", version), ("samples", pattern)))
+    first, second = (
+        tags + (private if beside == where else [])
+        for where, tags in (("preview", version), ("samples", pattern))
+    )
     with tifffile.TiffWriter(path) as file:
-        file.write(np.zeros((32, 32, 3), np.uint8), photometric="rgb", subifds=1, extratags=first, metadata=None)
-        file.write(np.zeros((96, 96), np.uint16), photometric=32803, extratags=second, metadata=None)
+        file.write(
+            np.zeros((32, 32, 3), np.uint8),
+            photometric="rgb",
+            subifds=1,
+            extratags=first,
+            metadata=None,
+        )
+        file.write(
+            np.zeros((96, 96), np.uint16), photometric=32803, extratags=second, metadata=None
+        )
     with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".npy", ".exr", ".dng"])
-def test_files_that_are_cut_short_are_refused_in_one_line(tmp_path: Path, suffix: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_files_that_are_cut_short_are_refused_in_one_line(
+    tmp_path: Path, suffix: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / f"good{suffix}"
     picture = np.random.default_rng(0).integers(0, 65536, (60, 50, 3), np.uint16)
     if suffix == ".dng":
@@ -139,11 +166,15 @@ def test_files_that_are_cut_short_are_refused_in_one_line(tmp_path: Path, suffix
 
 
 def test_commands_start_without_the_libraries_of_file_formats() -> None:
-    script = "import sys, panchroma.tools.simulation.load; print({'rawpy', 'PIL', 'OpenEXR', 'scipy'} & set(sys.modules) or 'none')"
+    script = (
+        "import sys, panchroma.tools.simulation.load; print({'rawpy', 'PIL', 'OpenEXR', "
+        "'scipy'} & set(sys.modules) or 'none')"
+    )
     assert run_python(script) == "none\n"
 
 
-# --- files that are no scenes ----------------------------------------------------------------------------------------------------
+# --- files that are no scenes
+# --------------------------------------------------------------------------------------------------
 
 Write = Callable[[Path], object]
 X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
@@ -188,20 +219,42 @@ def inflating(path: Path) -> None:
         ("monochrome.dng", dng(noise(60, 80), "", LINEAR_RAW), "monochrome"),
         ("x-trans.dng", dng(noise(60, 84), X_TRANS), "X-Trans"),
         ("no-blue.dng", dng(noise(60, 80), "RGGG"), "nor a camera RAW that LibRaw knows"),
-        ("levels.dng", dng(noise(60, 80), t50714=(SHORT, [3000]), t50717=(SHORT, [2000])), "black level"),
-        ("linear.dng", linear(t50714=(SHORT, [500]), t50717=(SHORT, [400])), "black level 500 is not below white level 400"),
+        (
+            "levels.dng",
+            dng(noise(60, 80), t50714=(SHORT, [3000]), t50717=(SHORT, [2000])),
+            "black level",
+        ),
+        (
+            "linear.dng",
+            linear(t50714=(SHORT, [500]), t50717=(SHORT, [400])),
+            "black level 500 is not below white level 400",
+        ),
         ("infinite.dng", linear(t50714=(RATIONAL, (1, 0))), "black level inf is not below"),
         ("area.dng", linear(t50829=(LONG, (0, 0, 400, 52))), "the active area"),
         ("five.dng", linear(t50714=(SHORT, (1, 2, 3, 4, 5))), "5 black levels for 1 x 1 pixels"),
         ("inflating.dng", inflating, "hold more than they say"),
-        ("lossy.dng", dng(noise(40, 52, 3, dtype=np.uint8), "", LINEAR_RAW, **LOSSY), "lossless JPEG"),
+        (
+            "lossy.dng",
+            dng(noise(40, 52, 3, dtype=np.uint8), "", LINEAR_RAW, **LOSSY),
+            "lossless JPEG",
+        ),
         ("jxl.dng", linear(compression="jpegxl"), "JPEGXL"),
         ("double.dng", dng(noise(40, 52, 3, dtype=np.float64), "", LINEAR_RAW), "64 bits"),
-        ("planes.dng", dng(noise(3, 40, 52), "", LINEAR_RAW, planarconfig="separate"), "separate planes"),
-        ("shot.dng", lambda path: path.write_bytes(b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20), "this is a shot"),
+        (
+            "planes.dng",
+            dng(noise(3, 40, 52), "", LINEAR_RAW, planarconfig="separate"),
+            "separate planes",
+        ),
+        (
+            "shot.dng",
+            lambda path: path.write_bytes(b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20),
+            "this is a shot",
+        ),
         (
             "tile.tif",
-            lambda path: tifffile.imwrite(path, np.zeros((64, 64), np.uint8), tile=(2064, 2064), compression="zlib"),
+            lambda path: tifffile.imwrite(
+                path, np.zeros((64, 64), np.uint8), tile=(2064, 2064), compression="zlib"
+            ),
             "tiles of the TIFF hold 4260096 pixels, the picture 4096",
         ),
         ("cmyk.jpg", lambda path: Image.new("CMYK", (20, 20)).save(path), "CMYK"),
@@ -214,13 +267,16 @@ def inflating(path: Path) -> None:
         ("empty.npy", written(np.zeros((0, 4, 3))), "empty"),
     ],
 )
-def test_what_is_no_scene_is_refused_with_the_reason(tmp_path: Path, name: str, write: Write, words: str) -> None:
+def test_what_is_no_scene_is_refused_with_the_reason(
+    tmp_path: Path, name: str, write: Write, words: str
+) -> None:
     write(tmp_path / name)
     with pytest.raises(InputError, match=words):
         load_scene(str(tmp_path / name))
 
 
-# --- a call in a process with limits ---------------------------------------------------------------------------------------------
+# --- a call in a process with limits
+# ---------------------------------------------------------------------------------------------
 
 
 def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
@@ -244,7 +300,13 @@ def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
 
 @pytest.mark.parametrize(
     ("what", "said"),
-    [("refuse", "is odd"), ("spin", "0.25 s"), ("swell", "192 MB"), ("crash", "ends the process"), ("forge", "ends the process")],
+    [
+        ("refuse", "is odd"),
+        ("spin", "0.25 s"),
+        ("swell", "192 MB"),
+        ("crash", "ends the process"),
+        ("forge", "ends the process"),
+    ],
 )
 def test_what_exceeds_its_limits_is_refused(tmp_path: Path, what: str, said: str) -> None:
     (tmp_path / "a").write_bytes(b"1")
@@ -260,18 +322,24 @@ SIX = {"refused": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
     [
         *(b"", pickle.dumps((True, np.zeros(3))), b"[" * 100_000, b"[]", b"null"),
         *(json.dumps(SIX | {"dtype": dtype}).encode() for dtype in ("object", "float64")),
-        *(json.dumps(SIX | {"shape": shape}).encode() for shape in ([6], [-2, -3], [2.0, 3], [2, 4], [1 << 20, 1 << 20])),
+        *(
+            json.dumps(SIX | {"shape": shape}).encode()
+            for shape in ([6], [-2, -3], [2.0, 3], [2, 4], [1 << 20, 1 << 20])
+        ),
         *(json.dumps(SIX | {"facts": facts}).encode() for facts in (7, {"long": "x" * (1 << 20)})),
     ],
 )
 def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:
-    refused, samples, facts = _received(BytesIO(json.dumps(SIX).encode() + b"\n" + bytes(range(6))), 6)
+    refused, samples, facts = _received(
+        BytesIO(json.dumps(SIX).encode() + b"\n" + bytes(range(6))), 6
+    )
     assert (refused, samples.tolist(), facts) == ("", [[0, 1, 2], [3, 4, 5]], {})
     with pytest.raises((ValueError, TypeError, LookupError, RecursionError)):
         _received(BytesIO(answer + b"\n" + bytes(6)), 1 << 20)
 
 
-# --- threads ---------------------------------------------------------------------------------------------------------------------
+# --- threads
+# --------------------------------------------------------------------------------------------------
 
 
 def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) -> None:
@@ -285,7 +353,13 @@ def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) 
     sources = sorted(map(str, tmp_path.iterdir())) * 6
 
     def state() -> tuple[Any, ...]:
-        return os.fstat(2), Image.MAX_IMAGE_PIXELS, list(warnings.filters), dict(os.environ), sys.stderr
+        return (
+            os.fstat(2),
+            Image.MAX_IMAGE_PIXELS,
+            list(warnings.filters),
+            dict(os.environ),
+            sys.stderr,
+        )
 
     def read(source: str) -> None:
         with suppress(InputError):
@@ -297,7 +371,8 @@ def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) 
     assert state() == before
 
 
-# --- folders ---------------------------------------------------------------------------------------------------------------------
+# --- folders
+# --------------------------------------------------------------------------------------------------
 
 
 def test_of_pictures_beside_a_camera_raw_the_raw_is_the_scene(tmp_path: Path) -> None:

@@ -14,7 +14,12 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
 @pytest.mark.parametrize(
     "text",
     [
-        *(KODAK, KODAK.replace("/", "\n"), "# Kodak\nWBWG\n\n BW GW # second row\r\n\tWGWR/GWRW\n", f"{KODAK}/\n"),
+        *(
+            KODAK,
+            KODAK.replace("/", "\n"),
+            "# Kodak\nWBWG\n\n BW GW # second row\r\n\tWGWR/GWRW\n",
+            f"{KODAK}/\n",
+        ),
         *(f"\ufeff{KODAK}", "\ufeff# as Notepad saves it\r\nWBWG/BWGW/WGWR/GWRW\r\n", "kodak\n"),
     ],
 )

@@ -1,6 +1,7 @@
 """The forward model: what each pixel reads, and noise that has the moments it is said to have.
 
-Bounds on moments are five standard errors of what is estimated: a right model fails one run in a million, and the seed is fixed.
+Bounds on moments are five standard errors of what is estimated: a right model fails one run in a
+million, and the seed is fixed.
 """
 
 import math
@@ -12,7 +13,14 @@ import pytest
 from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
-from panchroma.tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
+from panchroma.tools.simulation.sensor import (
+    TYPICAL_READ,
+    TYPICAL_SHOT,
+    sample,
+    simulate_additive,
+    simulate_sensor,
+    typical_noise,
+)
 from tests.offline.scenes import every_case, gamma_of, materials
 from tests.reference import geometry
 from tests.reference.sensor import observe
@@ -32,7 +40,12 @@ def flat(*channels: float, shape: tuple[int, int] = SHAPE) -> FloatArray:
 
 def planes_of(pattern: CfaPattern, shape: tuple[int, int] = SHAPE) -> Any:
     """Letters of all pixels."""
-    return np.array([[geometry.letter(pattern, row, column) for column in range(shape[1])] for row in range(shape[0])])
+    return np.array(
+        [
+            [geometry.letter(pattern, row, column) for column in range(shape[1])]
+            for row in range(shape[0])
+        ]
+    )
 
 
 def assert_moments(values: DoubleArray, mean: float, variance: float) -> None:
@@ -41,18 +54,24 @@ def assert_moments(values: DoubleArray, mean: float, variance: float) -> None:
     assert abs(values.var() - variance) < ERRORS * variance * math.sqrt(2 / values.size)
 
 
-# --- what a pixel reads ---------------------------------------------------------------------------------------------------------
+# --- what a pixel reads
+# --------------------------------------------------------------------------------------------------
 
 
 @every_case
-def test_a_pixel_reads_one_channel_or_the_weighted_sum(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_a_pixel_reads_one_channel_or_the_weighted_sum(
+    pattern: CfaPattern, shape: tuple[int, int]
+) -> None:
     scene = materials(shape, len(pattern.channels))
     calibration = SensorCalibration(pattern.channels, gamma_of(pattern))
     expected = observe(scene, pattern, gamma_of(pattern)).samples
-    np.testing.assert_allclose(sample(scene.astype(np.float32), pattern, calibration), expected, rtol=1e-6)
+    np.testing.assert_allclose(
+        sample(scene.astype(np.float32), pattern, calibration), expected, rtol=1e-6
+    )
 
 
-# --- the paper's noise ----------------------------------------------------------------------------------------------------------
+# --- the paper's noise
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.3])
@@ -82,7 +101,10 @@ def test_the_generator_alone_decides_the_noise(make: Any) -> None:
     ("make", "amount", "words"),
     [
         *((simulate_additive, sigma, "sigma is") for sigma in (-0.1, math.nan, math.inf)),
-        *((simulate_sensor, exposure, "exposure is") for exposure in (0.0, -1.0, math.nan, math.inf)),
+        *(
+            (simulate_sensor, exposure, "exposure is")
+            for exposure in (0.0, -1.0, math.nan, math.inf)
+        ),
     ],
 )
 def test_an_impossible_sigma_or_exposure_is_refused(make: Any, amount: float, words: str) -> None:
@@ -90,9 +112,11 @@ def test_an_impossible_sigma_or_exposure_is_refused(make: Any, amount: float, wo
         make(flat(1, 1, 1), PATTERN, SensorCalibration(), amount, rng())
 
 
-# --- the noise of a sensor ------------------------------------------------------------------------------------------------------
+# --- the noise of a sensor
+# --------------------------------------------------------------------------------------------------
 
-# Sixteen bits, so that rounding to codes adds a variance (step**2 / 12) that is little beside the noise, and is known.
+# Sixteen bits, so that rounding to codes adds a variance (step**2 / 12) that is little beside the
+# noise, and is known.
 NOISE = NoiseModel((0.002, 0.001, 0.003, 0.0015), (0.02, 0.03, 0.01, 0.015))
 SENSOR = SensorCalibration.of_bits(16, gamma=(0.9, 1.0, 1.1), noise=NOISE)
 BLACK, WHITE = SENSOR.black_level[0], SENSOR.white_level
@@ -101,11 +125,15 @@ ROUNDING = (SENSOR.full_scale / (WHITE - BLACK)) ** 2 / 12
 
 @pytest.mark.parametrize(("red", "green", "blue"), [(0.2, 0.5, 0.4), (0.0, 0.0, 0.0)])
 @pytest.mark.parametrize("exposure", [0.5, 1.0, 2.0])
-def test_sensor_noise_is_shot_noise_and_read_noise_of_each_plane(red: float, green: float, blue: float, exposure: float) -> None:
+def test_sensor_noise_is_shot_noise_and_read_noise_of_each_plane(
+    red: float, green: float, blue: float, exposure: float
+) -> None:
     """In the dark it goes below black, and the black level keeps it."""
     mosaic = simulate_sensor(flat(red, green, blue), PATTERN, SENSOR, exposure, rng())
     letters = planes_of(PATTERN)
-    for plane, (letter, value) in enumerate(zip("RGBW", (red, green, blue, red * 0.9 + green + blue * 1.1), strict=True)):
+    for plane, (letter, value) in enumerate(
+        zip("RGBW", (red, green, blue, red * 0.9 + green + blue * 1.1), strict=True)
+    ):
         signal = value * exposure
         measured = mosaic.signal[letters == letter].astype(np.float64)
         assert_moments(measured, signal, NOISE.sigma(signal, plane) ** 2 + ROUNDING)

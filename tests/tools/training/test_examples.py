@@ -1,4 +1,6 @@
-"""Drawn scenes, with what photographs show too rarely, and examples: repeatable, aligned with the truth, and kept whole."""
+"""Drawn scenes, with what photographs show too rarely, and examples: repeatable, aligned with the
+truth, and kept whole.
+"""
 
 from pathlib import Path
 
@@ -17,7 +19,9 @@ PAPER = CfaPattern.bayer(6)
 def test_the_same_seed_gives_the_same_example(source: str) -> None:
     first, again, other = (make_example(source, PAPER, (0, seed)) for seed in (1, 1, 2))
     assert all(np.array_equal(getattr(first, name), getattr(again, name)) for name in vars(first))
-    assert first.picture.shape != other.picture.shape or not np.array_equal(first.picture, other.picture)
+    assert first.picture.shape != other.picture.shape or not np.array_equal(
+        first.picture, other.picture
+    )
 
 
 @pytest.mark.parametrize("period", [4, 5, 6, 8])

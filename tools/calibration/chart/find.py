@@ -1,4 +1,6 @@
-"""Find the ColorChecker in a shot: OpenCV proposes places, which are refined and then judged by colours and grey row."""
+"""Find the ColorChecker in a shot: OpenCV proposes places, which are refined and then judged by
+colours and grey row.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,8 +19,9 @@ from ..colour_matrix import fit_colour, grey_row_fault
 from .picture import linear_picture, shown_picture
 from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch
 
-# Searches, the likeliest first: pixels of the picture's longer side, exponent of its tone curve, quantile of the levels that is
-# shown as white; `adaptiveThreshConstant` and `B0factor` of cv2.mcc. The last two find charts of 15 to 20 pixels per patch.
+# Searches, the likeliest first: pixels of the picture's longer side, exponent of its tone curve,
+# quantile of the levels that is shown as white; `adaptiveThreshConstant` and `B0factor` of cv2.mcc.
+# The last two find charts of 15 to 20 pixels per patch.
 _SEARCHES = (
     (1000, 2.2, 0.99, 7, 1.25),
     (1600, 3.2, 0.95, 7, 1.25),
@@ -28,7 +31,8 @@ _SEARCHES = (
 )
 # Of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart.
 _BOX = 0.25 / 2.75 / 2
-# Mean dE2000 to the reference after the fit of a matrix: charts stay below 5, before refinement too; walls are above 15.
+# Mean dE2000 to the reference after the fit of a matrix: charts stay below 5, before refinement
+# too; walls are above 15.
 _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
 _PROBE = 5  # points across a patch
@@ -45,7 +49,8 @@ class FoundChart:
     place
         Where it lies.
     difference
-        Mean dE2000 to the reference after fitting a matrix and the light; inf if no colours could be fitted.
+        Mean dE2000 to the reference after fitting a matrix and the light; inf if no colours could
+        be fitted.
     fault
         Why it is no chart; "" if it is one.
     """
@@ -58,8 +63,8 @@ class FoundChart:
 def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
     """Find the ColorChecker Classic in a shot.
 
-    A place is accepted if its corners lie inside the frame, its grey row is monotone and linear, and a matrix explains
-    its colours.
+    A place is accepted if its corners lie inside the frame, its grey row is monotone and linear,
+    and a matrix explains its colours.
 
     Parameters
     ----------
@@ -88,16 +93,27 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
                 return found
             why = f"; the likeliest place was refused: {found.fault}"
     raise InputError(
-        f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least {least_pitch(period)} pixels "
-        f"apart at period {period}; if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
+        f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least "
+        f"{least_pitch(period)} pixels "
+        f"apart at period {period}; if the chart is there, give its corners: `corners` x,y x,y "
+        "x,y x,y"
     )
 
 
 def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundChart:
-    """Return the chart at given corners (see `ChartPlace`), after the same tests. Raises InputError if one of them fails."""
+    """Return the chart at given corners (see `ChartPlace`), after the same tests.
+
+    Raises
+    ------
+    InputError
+        If one of them fails.
+    """
     place = ChartPlace(corners)
     if not place.lies_in(mosaic.shape):
-        raise InputError(f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} pixels")
+        raise InputError(
+            f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} "
+            "pixels"
+        )
     _check_size(place, mosaic)
     found = _judged(linear_picture(mosaic), place, reference)
     if found.fault:
@@ -110,18 +126,23 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
     needed = least_pitch(mosaic.pattern.period)
     if place.pitch < needed:
         raise InputError(
-            f"the chart is too small: its patches are {place.pitch:.0f} pixels apart, and period {mosaic.pattern.period} "
-            f"needs {needed}; go nearer, so that the chart is at least {needed * COLUMNS} pixels wide"
+            f"the chart is too small: its patches are {place.pitch:.0f} pixels apart, and period "
+            f"{mosaic.pattern.period} "
+            f"needs {needed}; go nearer, so that the chart is at least {needed * COLUMNS} pixels "
+            "wide"
         )
 
 
 def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> Iterator[ChartPlace]:
-    """Yield the places that cv2.mcc finds in a picture (H, W, 3), after scaling its longer side; see `_SEARCHES`."""
+    """Yield the places that cv2.mcc finds in a picture (H, W, 3), after scaling its longer side.
+    see `_SEARCHES`.
+    """
     import cv2
 
     scale = size / max(shown.shape[:2])
     method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    # As RGB, not BGR: only the greys differ, and of 111 drawn charts one more is found, and none is 0.3 of a patch off.
+    # As RGB, not BGR: only the greys differ, and of 111 drawn charts one more is found, and none is
+    # 0.3 of a patch off.
     small = cv2.resize(shown, None, fx=scale, fy=scale, interpolation=method)
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(cv2.mcc.MCC24)
@@ -152,7 +173,10 @@ def _judged(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> F
         fault = f"its corners {place} lie outside the frame: the chart is cut off"
     elif difference > _LARGEST_DIFFERENCE:
         limit = f"at most {_LARGEST_DIFFERENCE:.0f}"
-        fault = f"its colours are not a ColorChecker's (mean dE2000 {difference:.0f} after fitting, {limit})"
+        fault = (
+            f"its colours are not a ColorChecker's (mean dE2000 {difference:.0f} after "
+            f"fitting, {limit})"
+        )
     elif crooked := grey_row_fault(means[18:].sum(axis=1), reference[18:, 1]):
         fault = crooked
     elif np.median(roughness) > _ROUGHEST:
@@ -161,7 +185,9 @@ def _judged(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> F
 
 
 def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> float:
-    """Return the mean dE2000 of the patches under the best matrix and light; inf if there is no fit."""
+    """Return the mean dE2000 of the patches under the best matrix and light; inf if there is no
+    fit.
+    """
     try:
         means, _ = patch_means(picture, place)
         mean = float(fit_colour(means, reference, place.cells).difference.mean())
@@ -171,9 +197,15 @@ def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) 
 
 
 def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
-    """Return the place with its corners moved so that patches are uniform inside and the gaps as dark as possible.
+    """Return the place with its corners moved so that patches are uniform inside and the gaps as
+    dark as possible.
 
-    Corners that cv2.mcc proposes are off by up to a third of a patch. picture: (H, W, C), linear.
+    Corners that cv2.mcc proposes are off by up to a third of a patch.
+
+    Parameters
+    ----------
+    picture : FloatArray
+        (H, W, C), linear.
     """
     luminance = picture.sum(axis=-1)
     # Once: in every step it would cost a hundred times all else in a large frame.
@@ -187,17 +219,30 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
             np.zeros(8),
             args=(luminance, root, best, scale),
             method="Nelder-Mead",
-            options={"initial_simplex": simplex, "maxfev": 700, "xatol": 1e-3, "fatol": 1e-6, "adaptive": True},
+            options={
+                "initial_simplex": simplex,
+                "maxfev": 700,
+                "xatol": 1e-3,
+                "fatol": 1e-6,
+                "adaptive": True,
+            },
         )
         best = best + found.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))
 
 
-def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tuple[DoubleArray, DoubleArray]:
-    """Return the patches' means (24, C), and the standard deviation of log luminance inside each, (24,).
+def patch_means(
+    picture: FloatArray, place: ChartPlace, size: float = 0.5
+) -> tuple[DoubleArray, DoubleArray]:
+    """Return the patches' means (24, C), and the standard deviation of log luminance inside each,
+    (24,).
 
-    picture: (H, W, C), linear.
-    size: side of the part of a cell that is used.
+    Parameters
+    ----------
+    picture : FloatArray
+        (H, W, C), linear.
+    size : float, optional
+        Side of the part of a cell that is used.
     """
     step = (np.arange(_PROBE) + 0.5) / _PROBE - 0.5
     across, down = (grid.ravel() * size for grid in np.meshgrid(step, step))
@@ -207,11 +252,14 @@ def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tu
     return values.mean(axis=1), luminance.std(axis=1)
 
 
-def _misfit(moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float) -> float:
-    """Return how uneven the patches and how bright the gaps are if the corners move by `scale * moved`.
+def _misfit(
+    moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float
+) -> float:
+    """Return how uneven the patches and how bright the gaps are if the corners move by `scale *
+    moved`.
 
-    root: square root of luminance. With luminance itself only the bright patches would fix the grid, and the corner at
-    black would be loose.
+    root: square root of luminance. With luminance itself only the bright patches would fix the
+    grid, and the corner at black would be loose.
     """
     try:
         place = ChartPlace(as_rows(corners + moved.reshape(4, 2) * scale))
@@ -223,7 +271,9 @@ def _misfit(moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners
 
 
 def _gap_points(lines: int, length: int) -> DoubleArray:
-    """Return points in cells (N, 2), across and along gaps: in the middle and near both sides of each."""
+    """Return points in cells (N, 2), across and along gaps: in the middle and near both sides of
+    each.
+    """
     across = np.arange(lines + 1)[:, None] + [-_BESIDE, 0.0, _BESIDE]
     along = np.arange(length)[:, None] + [0.2, 0.4, 0.6, 0.8]
     return np.array(list(product(across.ravel(), along.ravel())))

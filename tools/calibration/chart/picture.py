@@ -8,15 +8,17 @@ from ....shared.arrays import ByteArray, FloatArray
 from ..samples import levels_of
 from .place import INNER, PATCH, ChartPlace
 
-_REACH = 2  # pixels: a hole is filled from samples at most this far away; no site of a scattered tile is farther from one
+# pixels: a hole is filled from samples at most this far away; no site of a scattered tile is
+# farther from one
+_REACH = 2
 _SHOWN = 0.99  # quantile of a channel that is shown as white
 
 
 def linear_picture(mosaic: Mosaic) -> FloatArray:
     """Return every channel at every pixel, float32 (H, W, C), in parts of full scale.
 
-    Where luminance was not measured it is the local mean. The chromaticity of a block is the ratio of its samples to luminance
-    (gamma is not used), interpolated bilinearly.
+    Where luminance was not measured it is the local mean. The chromaticity of a block is the ratio
+    of its samples to luminance (gamma is not used), interpolated bilinearly.
     """
     levels = levels_of(mosaic)
     luminance = _luminance(mosaic, levels)
@@ -32,7 +34,9 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     ratios = np.clip(ratios / np.maximum(below, 1e-6), 0, 2)
     down, across = (
         (np.arange(size) - origins[0] - (block - 1) / 2) / pattern.period
-        for size, origins, block in zip(mosaic.shape, (rows, columns), grid.block_shape, strict=True)
+        for size, origins, block in zip(
+            mosaic.shape, (rows, columns), grid.block_shape, strict=True
+        )
     )
     places = np.meshgrid(down, across, indexing="ij")
     planes = np.moveaxis(ratios, -1, 0)
@@ -46,8 +50,12 @@ def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _SH
 
     The first, middle and last channel are shown as red, green and blue.
 
-    exponent: of the tone curve.
-    white: quantile of a channel that is shown as white.
+    Parameters
+    ----------
+    exponent : float, optional
+        Of the tone curve.
+    white : float, optional
+        Quantile of a channel that is shown as white.
     """
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.quantile(chosen[::4, ::4].reshape(-1, 3), white, axis=0)
@@ -56,7 +64,9 @@ def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _SH
 
 
 def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
-    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W, 3)."""
+    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W,
+    3).
+    """
     from PIL import Image, ImageDraw
 
     image = Image.fromarray(shown_picture(linear_picture(mosaic)))
@@ -69,7 +79,9 @@ def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
 
 
 def _luminance(mosaic: Mosaic, levels: FloatArray) -> FloatArray:
-    """Return the panchromatic samples with the holes filled from their neighbours, weighted by distance."""
+    """Return the panchromatic samples with the holes filled from their neighbours, weighted by
+    distance.
+    """
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     reach = _REACH if mosaic.pattern.is_scattered else max(_REACH, *mosaic.pattern.block_shape)
     steps = np.arange(-reach, reach + 1)

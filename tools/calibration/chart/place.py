@@ -34,10 +34,19 @@ def least_pitch(period: int) -> int:
 class ChartPlace:
     """The place of a chart in a frame.
 
-    corners: four (x, y), pixels: the outer corners of the corner patches dark skin, bluish green, black, white.
+    Cells are the chart's coordinates: the middle of a patch is the middle of a cell, (0, 0) to (6,
+    4) is the chart.
 
-    Cells are the chart's coordinates: the middle of a patch is the middle of a cell, (0, 0) to (6, 4) is the chart. Raises
-    InputError if the corners are not clockwise around a convex quadrilateral.
+    Attributes
+    ----------
+    corners : Matrix
+        Four (x, y), pixels: the outer corners of the corner patches dark skin, bluish green, black,
+        white.
+
+    Raises
+    ------
+    InputError
+        If the corners are not clockwise around a convex quadrilateral.
     """
 
     corners: Matrix
@@ -70,7 +79,9 @@ class ChartPlace:
         return all(0 <= x <= shape[1] and 0 <= y <= shape[0] for x, y in self.corners)
 
     def patch_corners(self, size: float) -> DoubleArray:
-        """Return the corners of squares of `size` cells in the 24 patches, in reading order: (24, 4, 2), x and y."""
+        """Return the corners of squares of `size` cells in the 24 patches, in reading order: (24,
+        4, 2), x and y.
+        """
         step = rectangle(-1, -1, 1, 1) * size / 2
         x, y = self.at(self.cells[:, :1] + step[:, 0], self.cells[:, 1:] + step[:, 1])
         return np.stack([x, y], axis=-1)
@@ -93,7 +104,9 @@ class ChartPlace:
 
 
 def _pixels(corners: DoubleArray) -> Pixels:
-    """Return the pixels whose centres lie inside a convex polygon; corners: (N, 2), x and y, clockwise."""
+    """Return the pixels whose centres lie inside a convex polygon; corners: (N, 2), x and y,
+    clockwise.
+    """
     left, top = np.floor(corners.min(axis=0)).astype(int)
     right, bottom = np.ceil(corners.max(axis=0)).astype(int)
     rows, columns = np.mgrid[top:bottom, left:right]

@@ -7,21 +7,30 @@ from ...simulation.bayer import channel_map
 from ...simulation.noise import BayerShot
 from ..method import Method
 
-# At missing sites: green is the mean of its four neighbours, red and blue of the nearest two or four.
+# At missing sites: green is the mean of its four neighbours, red and blue of the nearest two or
+# four.
 _GREEN = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
 _RED_BLUE = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
 
 
 def demosaic_bilinear(mosaic: FloatArray) -> FloatArray:
-    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples are kept."""
+    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples
+    are kept.
+    """
     from scipy.ndimage import correlate
 
     colour = channel_map(mosaic.shape)
     planes = (np.where(colour == channel, mosaic, 0).astype(np.float32) for channel in range(3))
-    # With zeros at the missing sites one kernel serves all cases of a channel. "mirror" is shared.arrays.BORDER, the only border
-    # that keeps the phase of the filters.
+    # With zeros at the missing sites one kernel serves all cases of a channel. "mirror" is
+    # shared.arrays.BORDER, the only border that keeps the phase of the filters.
     kernels = (_RED_BLUE, _GREEN, _RED_BLUE)
-    return np.stack([correlate(plane, kernel, mode="mirror") for plane, kernel in zip(planes, kernels, strict=True)], axis=-1)
+    return np.stack(
+        [
+            correlate(plane, kernel, mode="mirror")
+            for plane, kernel in zip(planes, kernels, strict=True)
+        ],
+        axis=-1,
+    )
 
 
 def _render(shot: BayerShot, _: FloatArray) -> FloatArray:

@@ -1,6 +1,8 @@
-"""BM3D of each of the four planes of a Bayer mosaic, as users denoise in low light, then DLMMSE of balanced samples.
+"""BM3D of each of the four planes of a Bayer mosaic, as users denoise in low light, then DLMMSE of
+balanced samples.
 
-The licence of the package `bm3d` allows non-commercial use only. It is imported only when the method is run.
+The licence of the package `bm3d` allows non-commercial use only. It is imported only when the
+method is run.
 """
 
 from itertools import product
@@ -19,16 +21,18 @@ _LEAST = 8  # pixels of a plane each way: BM3D's block
 def denoise_bayer(shot: BayerShot) -> FloatArray:
     """Apply BM3D to the four planes of a Bayer shot; float32 (H, W), scene units.
 
-    BM3D gets the true noise, as our renderer does. With shot noise, the generalised Anscombe transform first makes the noise equal
-    everywhere, and its unbiased inverse follows (Makitalo and Foi 2013). Planes smaller than 8 x 8 and shots without noise are
-    returned unchanged.
+    BM3D gets the true noise, as our renderer does. With shot noise, the generalised Anscombe
+    transform first makes the noise equal everywhere, and its unbiased inverse follows (Makitalo and
+    Foi 2013). Planes smaller than 8 x 8 and shots without noise are returned unchanged.
     """
     denoised = shot.samples.copy()
     if min(denoised.shape) < 2 * _LEAST or (shot.shot == 0 and shot.read == 0):
         return denoised
     for row, column in product((0, 1), repeat=2):
         plane = denoised[row::2, column::2].astype(np.float64)
-        denoised[row::2, column::2] = _stabilised_bm3d(plane, shot.shot, shot.read) if shot.shot else _bm3d(plane, shot.read)
+        denoised[row::2, column::2] = (
+            _stabilised_bm3d(plane, shot.shot, shot.read) if shot.shot else _bm3d(plane, shot.read)
+        )
     return denoised
 
 
@@ -46,7 +50,14 @@ def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArra
     span = max(high - low, 1e-9)
     smooth = np.maximum(_bm3d((stable - low) / span, 1 / span) * span + low, 2 * np.sqrt(3 / 8))
     root = np.sqrt(1.5)
-    inverse = smooth**2 / 4 + root / (4 * smooth) - 11 / (8 * smooth**2) + 5 * root / (8 * smooth**3) - 1 / 8 - electron_read**2
+    inverse = (
+        smooth**2 / 4
+        + root / (4 * smooth)
+        - 11 / (8 * smooth**2)
+        + 5 * root / (8 * smooth**3)
+        - 1 / 8
+        - electron_read**2
+    )
     return inverse * shot
 
 
@@ -55,4 +66,6 @@ def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
 
 
 _TITLE = "Bayer, BM3D + DLMMSE, balanced"
-METHODS = (Method("bm3d+dlmmse-wb", _TITLE, _render, balanced=True, packages=("bm3d",), seconds=40.15),)
+METHODS = (
+    Method("bm3d+dlmmse-wb", _TITLE, _render, balanced=True, packages=("bm3d",), seconds=40.15),
+)

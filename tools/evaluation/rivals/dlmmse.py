@@ -1,8 +1,10 @@
-"""Demosaicking by directional linear minimum mean square-error estimation: the rival of the paper's section 4.
+"""Demosaicking by directional linear minimum mean square-error estimation: the rival of the paper's
+section 4.
 
-L. Zhang, X. Wu, "Color demosaicking via directional linear minimum mean square-error estimation", IEEE Transactions on Image
-Processing 14(12), 2005. Green minus red (or blue) varies slowly. Horizontal and vertical interpolation give two noisy estimates of
-it. Each is denoised, the two are averaged by their expected errors, and red and blue follow from interpolated differences.
+L. Zhang, X. Wu, "Color demosaicking via directional linear minimum mean square-error estimation",
+IEEE Transactions on Image Processing 14(12), 2005. Green minus red (or blue) varies slowly.
+Horizontal and vertical interpolation give two noisy estimates of it. Each is denoised, the two are
+averaged by their expected errors, and red and blue follow from interpolated differences.
 """
 
 import numpy as np
@@ -14,7 +16,8 @@ from ..cameras import with_balance
 from ..method import Method
 
 _GREEN = 1
-# Second-order interpolation of the missing colour along a line (section II; after Hamilton and Adams).
+# Second-order interpolation of the missing colour along a line (section II; after Hamilton and
+# Adams).
 _INTERPOLATION = np.array([-1, 2, 2, 2, -1]) / 4
 # The low-pass that separates signal from noise: close to a Gaussian of 2 pixels.
 _LOW_PASS = np.array([4, 9, 15, 23, 26, 23, 15, 9, 4]) / 128
@@ -28,7 +31,9 @@ _AXIAL = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4
 
 
 def demosaic_dlmmse(mosaic: FloatArray) -> FloatArray:
-    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples are kept."""
+    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples
+    are kept.
+    """
     from scipy.ndimage import correlate
 
     samples = mosaic.astype(np.float64)
@@ -53,7 +58,9 @@ def demosaic_dlmmse(mosaic: FloatArray) -> FloatArray:
     return rgb.astype(np.float32)
 
 
-def _directional_estimate(samples: DoubleArray, green_site: np.ndarray, axis: int) -> tuple[DoubleArray, DoubleArray]:
+def _directional_estimate(
+    samples: DoubleArray, green_site: np.ndarray, axis: int
+) -> tuple[DoubleArray, DoubleArray]:
     """Green minus the other colour of the line at every pixel, and its expected squared error."""
     from scipy.ndimage import correlate1d
 
@@ -68,7 +75,8 @@ def _directional_estimate(samples: DoubleArray, green_site: np.ndarray, axis: in
     signal = variance * _WINDOW / (_WINDOW - 1)
     noise = filtered((smooth - reading) ** 2, _MEAN) + _FLOOR
     gain = signal / (signal + noise)
-    # The smooth signal takes the place of the local mean, as in the authors' program; the paper's text has the moving mean.
+    # The smooth signal takes the place of the local mean, as in the authors' program; the paper's
+    # text has the moving mean.
     return smooth + gain * (reading - smooth), signal * (1 - gain) + _FLOOR
 
 

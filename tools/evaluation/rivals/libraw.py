@@ -1,6 +1,7 @@
 """DCB by LibRaw, the code behind nearly every free raw developer and many viewers.
 
-LibRaw takes 16-bit integers. Codes have a pedestal, so that noise below black or above white is not clipped.
+LibRaw takes 16-bit integers. Codes have a pedestal, so that noise below black or above white is not
+clipped.
 """
 
 import io
@@ -21,14 +22,18 @@ _HEADROOM = 1.02  # range of the codes, as a multiple of the samples'
 
 
 def demosaic_libraw(mosaic: FloatArray) -> FloatArray:
-    """DCB's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), scene units. LibRaw refuses frames smaller than 22 x 22."""
+    """DCB's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), scene units. LibRaw refuses
+    frames smaller than 22 x 22.
+    """
     codes, black, white = encode_codes(mosaic)
     picture = develop(encode_bayer_dng(codes), "DCB")
     return ((picture - np.float32(black)) / np.float32(white - black)).astype(np.float32)
 
 
 def encode_codes(mosaic: FloatArray) -> tuple[NDArray[np.uint16], float, float]:
-    """Codes of samples in scene units, none clipped, also below 0 and above 1; and the codes of black and white."""
+    """Codes of samples in scene units, none clipped, also below 0 and above 1; and the codes of
+    black and white.
+    """
     low, high = min(0.0, float(mosaic.min())), max(1.0, float(mosaic.max()))
     scale = 65535 / ((high - low) * _HEADROOM)
     black = -low * scale + (65535 - (high - low) * scale) / 2 * (low < 0)
@@ -37,7 +42,9 @@ def encode_codes(mosaic: FloatArray) -> tuple[NDArray[np.uint16], float, float]:
 
 
 def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
-    """Linear camera colours, uint16 (H, W, 3), that one of LibRaw's algorithms makes of a Bayer file in memory."""
+    """Linear camera colours, uint16 (H, W, 3), that one of LibRaw's algorithms makes of a Bayer
+    file in memory.
+    """
     import rawpy
 
     with rawpy.imread(io.BytesIO(data)) as raw:
@@ -67,7 +74,13 @@ def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
         (TAG["WhiteLevel"], FieldType.LONG, 1, 65535),
     )
     file = io.BytesIO()
-    imwrite(file, codes, photometric=Photometric.CFA, extratags=[(*field, True) for field in fields], metadata=None)
+    imwrite(
+        file,
+        codes,
+        photometric=Photometric.CFA,
+        extratags=[(*field, True) for field in fields],
+        metadata=None,
+    )
     return file.getvalue()
 
 
@@ -75,4 +88,6 @@ def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
     return with_balance(demosaic_libraw, shot.samples, white)
 
 
-METHODS = (Method("dcb", "Bayer, LibRaw DCB", _render, balanced=True, packages=("rawpy",), seconds=0.2),)
+METHODS = (
+    Method("dcb", "Bayer, LibRaw DCB", _render, balanced=True, packages=("rawpy",), seconds=0.2),
+)

@@ -1,7 +1,9 @@
-"""Anybody's network for Bayer mosaics: an ONNX file, and beside it a JSON file that says how it is fed.
+"""Anybody's network for Bayer mosaics: an ONNX file, and beside it a JSON file that says how it is
+fed.
 
-`Contract` documents the fields. The network is given what its authors trained it for: their order of the
-filters, their packing, their code for light, white balance and the noise. None of its code is needed.
+`Contract` documents the fields. The network is given what its authors trained it for: their order
+of the filters, their packing, their code for light, white balance and the noise. None of its code
+is needed.
 """
 
 import hashlib
@@ -27,25 +29,34 @@ _FORMS, _FIELDS = ("quads", "sparse", "mosaic"), ("sites", "add", "noise", "crop
 _ROWS = 256  # of a piece
 _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise is taken for equal
 _LARGEST = 1 << 30  # bytes of a file
-# Where a tensor's values are in another file: in onnx.proto an entry of `external_data`, key "location", value below 128 bytes.
+# Where a tensor's values are in another file: in onnx.proto an entry of `external_data`, key
+# "location", value below 128 bytes.
 _BESIDE = re.compile(rb"\n\x08location\x12(?s:([\x01-\x7f]))")
 _UNPRINTABLE = re.compile(r"[^\w .+()-]")  # in names of methods, which plots and tables show
-_DARK = 1e-3  # share of white: nearer to black the code is so steep that no network knows the noise there
+# share of white: nearer to black the code is so steep that no network knows the noise there
+_DARK = 1e-3
 ENDING = ".onnx"
 CHANGED = "has changed since the evaluation began; run it again"
 
 
 @dataclass(frozen=True)
 class Contract:
-    """How a network is fed: the fields of the JSON file.
+    """Inputs and outputs of a network: the fields of the JSON file.
 
-    inputs: by name, each with `form`: "quads", a plane for each of `sites`, "sparse", red, green and blue with zeros, or "mosaic";
-        as it needs them `add`, added to each plane, `noise`, whether the last plane is its standard deviation, and `crop`, cut
-        off at each side.
-    order: filters of its first 2 x 2 pixels.
-    balanced: samples are divided by what white reads.
-    gamma, offset: code of light: (x + offset)^(1 / gamma), scaled to 0 to 1.
-    margin: mirrored pixels at each side, even.
+    Attributes
+    ----------
+    inputs : dict[str, dict[str, Any]]
+        By name, each with `form`: "quads", a plane for each of `sites`, "sparse", red, green and
+        blue with zeros, or "mosaic"; as it needs them `add`, added to each plane, `noise`, whether
+        the last plane is its standard deviation, and `crop`, cut off at each side.
+    order : str
+        Filters of its first 2 x 2 pixels.
+    balanced : bool
+        Samples are divided by what white reads.
+    gamma, offset : float
+        Code of light: (x + offset)^(1 / gamma), scaled to 0 to 1.
+    margin : int
+        Mirrored pixels at each side, even.
     """
 
     inputs: dict[str, dict[str, Any]]
@@ -118,7 +129,9 @@ def network(path: str) -> Method:
     )
 
 
-def _demosaicked(path: str, content: str, contract: Contract, shot: BayerShot, white: FloatArray) -> FloatArray:
+def _demosaicked(
+    path: str, content: str, contract: Contract, shot: BayerShot, white: FloatArray
+) -> FloatArray:
     """The network's picture, float32 (H, W, 3), scene units. Raises InputError, naming the file.
 
     The frame is mirrored at its border, and given to the network some rows at a time.
@@ -158,7 +171,9 @@ def _demosaicked(path: str, content: str, contract: Contract, shot: BayerShot, w
     return np.ascontiguousarray(contract.decode(picture) * white, np.float32)
 
 
-def _packed(form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters: ByteArray) -> FloatArray:
+def _packed(
+    form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters: ByteArray
+) -> FloatArray:
     """One input of the network, (1, planes, h, w)."""
     planes = [codes]
     if form["form"] == "quads":
@@ -194,7 +209,9 @@ def _session(path: str, content: str) -> Any:
 
 
 def _content(path: str) -> str:
-    """A digest of a network's file, and of the files beside it that hold its weights. Raises InputError, which names the file."""
+    """A digest of a network's file, and of the files beside it that hold its weights. Raises
+    InputError, which names the file.
+    """
     model = _read(path)
     names = {model[each.end() : each.end() + each[1][0]] for each in _BESIDE.finditer(model)}
     beside = [str(Path(path).parent / os.fsdecode(name)) for name in sorted(names)]

@@ -11,11 +11,12 @@ from .tif import Tiff
 from .uhdr import UltraHdr
 
 FORMATS: dict[str, Format] = {
-    each.name: each for each in (Tiff(), Png(), Jpeg(), JpegXl(), UltraHdr(), LinearDng(), OpenExr(), NumPy())
+    each.name: each
+    for each in (Tiff(), Png(), Jpeg(), JpegXl(), UltraHdr(), LinearDng(), OpenExr(), NumPy())
 }
 """Every format, by its name. A new one is a module with a `Format`, and its place here."""
 
 OTHER_NAMES = {name: each.name for each in FORMATS.values() for name in each.aliases}
-"""What else formats are called: name -> key of `FORMATS`."""
+"""Other names of formats: name -> key of `FORMATS`."""
 
 __all__ = ["FORMATS", "OTHER_NAMES", "Format"]

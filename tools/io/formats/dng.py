@@ -1,7 +1,7 @@
 """Linear DNG: three samples per pixel (LinearRaw, 16 bits, lossless), to finish in a raw developer.
 
-Code 65535 stands for 1.0 in all files: the brightness does not depend on the picture's brightest spot, and raw developers find
-clipped highlights at the white level and make them white.
+Code 65535 stands for 1.0 in all files: the brightness does not depend on the picture's brightest
+spot, and raw developers find clipped highlights at the white level and make them white.
 """
 
 from collections.abc import Iterable, Sequence
@@ -41,14 +41,18 @@ _MEMORY_OF_PART = 30.0  # bytes per pixel of a part that waits or is compressed
 
 
 class EncodedPart(NamedTuple):
-    """Some rows of a picture, encoded: the tiles, from left to right, and the digests of the samples."""
+    """Some rows of a picture, encoded: the tiles, from left to right, and the digests of the
+    samples.
+    """
 
     tiles: list[bytes]
     digests: bytes
 
 
 class LinearDng(Format):
-    """Linear DNG, with the colours and the white of our own rendering. Only what is compressed, and the preview, is held."""
+    """Linear DNG, with the colours and the white of our own rendering. Only what is compressed, and
+    the preview, is held.
+    """
 
     name = "dng"
     spaces: ClassVar = {CAMERA: (16,)}
@@ -58,24 +62,30 @@ class LinearDng(Format):
     memory_per_pixel = 10.0  # of noise; pictures take two thirds of that
 
     def check(self, development: Development) -> None:
-        """See `Format`."""
+        """Implement `Format`."""
         channels = development.calibration.channels
         if len(channels) != 3:
-            raise InputError(f"dng holds pictures of 3 channels, the sensor has {channels}; use tif, exr or npy")
+            raise InputError(
+                f"dng holds pictures of 3 channels, the sensor has {channels}; use tif, exr or npy"
+            )
         _ = development.shown  # raises InputError for unknown colours
         super().check(development)
 
     def memory(self, shape: tuple[int, int], channels: int, rendering: int, threads: int) -> float:
-        """See `Format`."""
+        """Implement `Format`."""
         parts = _MEMORY_OF_PART * min(PART * (threads + WAITING + 1), shape[0]) * shape[1]
         return super().memory(shape, channels, rendering, threads) + parts
 
-    def write(self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path) -> None:
+    def write(
+        self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path
+    ) -> None:
         """See `Format`; raw developers turn it."""
         self.encode(file, (checked_picture(band, 3) for band in bands), development, threads)
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """See `Format`. What is saturated, and not restored, gets the white level in every channel."""
+        """Implement `Format`. What is saturated, and not restored, gets the white level in every
+        channel.
+        """
         shown, shape, parts = development.shown, development.shape, list[EncodedPart]()
 
         def encoded(rgb: FloatArray) -> tuple[EncodedPart, ByteArray]:
@@ -96,29 +106,46 @@ class LinearDng(Format):
 def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
     """Encode some rows of a picture in camera colours; parts are independent of each other.
 
-    rgb: (rows, W, 3) floats, linear camera RGB in scene units, in the orientation of the mosaic: `PART` rows, or what is left of
-        the picture. Values below 0 and above 1 are clipped.
-    shape: (H, W) of the picture.
-    Raises InputError for values that are not finite, and for a side of more than 65500 pixels.
+    Parameters
+    ----------
+    rgb : FloatArray
+        (rows, W, 3) floats, linear camera RGB in scene units, in the orientation of the mosaic:
+        `PART` rows, or what is left of the picture. Values below 0 and above 1 are clipped.
+    shape : tuple[int, int]
+        (H, W) of the picture.
+
+    Raises
+    ------
+    InputError
+        For values that are not finite, and for a side of more than 65500 pixels.
     """
     check_sides(shape)
     if not np.isfinite(rgb).all():
         raise InputError("the picture has values that are not finite (NaN or infinite)")
     scaled = rgb * np.float32(_WHITE_CODE)
-    codes = np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16, order="C")
+    codes = (
+        np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16, order="C")
+    )
     tall, wide = _tile(shape)
     pieces = [codes[:, left : left + wide] for left in range(0, shape[1], wide)]
-    # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so takes a bit per sample.
+    # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so
+    # takes a bit per sample.
     pieces[-1] = np.pad(pieces[-1], ((0, 0), (0, wide - pieces[-1].shape[1]), (0, 0)), mode="edge")
-    tiles = [encode_lossless(np.pad(piece, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS) for piece in pieces]
+    tiles = [
+        encode_lossless(np.pad(piece, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS)
+        for piece in pieces
+    ]
     return EncodedPart(tiles, tile_digests(codes))
 
 
 def _tile(shape: tuple[int, int]) -> tuple[int, int]:
-    """Rows and columns of a tile: a picture of one part is one strip, others have two tiles side by side."""
+    """Rows and columns of a tile: a picture of one part is one strip, others have two tiles side by
+    side.
+    """
     if shape[0] <= PART:
         return shape
-    # One tile would be wider than the picture if that is no multiple of 16: RawTherapee, like dcraw, then shears the picture.
+    # One tile would be wider than the picture if that is no multiple of 16: RawTherapee, like
+    # dcraw, then shears the picture.
     return PART, -(-shape[1] // (2 * _TILE)) * _TILE
 
 
@@ -131,11 +158,21 @@ def linear_dng(
 ) -> Directory:
     """Return the DNG of a picture, to be written as a TIFF, from its parts in order.
 
-    preview: the picture as uint8 sRGB (H, W, 3).
-    metadata: capture data.
-    camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix.
-    neutral: reading of white in the 3 channels; None = unknown.
-    Raises InputError for a matrix or a neutral that cannot be.
+    Parameters
+    ----------
+    preview : ByteArray
+        The picture as uint8 sRGB (H, W, 3).
+    metadata : CaptureMetadata
+        Capture data.
+    camera_to_xyz : ArrayLike | None
+        3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix.
+    neutral : ArrayLike | None
+        Reading of white in the 3 channels; None = unknown.
+
+    Raises
+    ------
+    InputError
+        For a matrix or a neutral that cannot be.
     """
     shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
     fields = picture_fields(shape, _BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
@@ -148,7 +185,10 @@ def linear_dng(
         # Tiles: of several strips LibRaw reads only the first.
         del fields[TAG["RowsPerStrip"]]
         tall, wide = _tile(shape[:2])
-        fields |= {TAG["TileWidth"]: (FieldType.LONG, [wide]), TAG["TileLength"]: (FieldType.LONG, [tall])}
+        fields |= {
+            TAG["TileWidth"]: (FieldType.LONG, [wide]),
+            TAG["TileLength"]: (FieldType.LONG, [tall]),
+        }
     raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
     digest = joined_digest(b"".join(part.digests for part in parts))
     main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)

@@ -19,30 +19,46 @@ from .format import Bands, Format
 
 
 class OpenExr(Format):
-    """OpenEXR; 16 bits are half floats. Raises OutputError if a temporary file cannot be written."""
+    """OpenEXR; 16 bits are half floats.
+
+    Raises
+    ------
+    OutputError
+        If a temporary file cannot be written.
+    """
 
     name = "exr"
     spaces: ClassVar = {"linear-srgb": (16, 32), CAMERA: (32, 16)}
     memory_per_pixel = 40.0
 
     def dtype(self, bits: int) -> DTypeLike:
-        """See `Format`."""
+        """Implement `Format`."""
         return np.float32
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """See `Format`."""
+        """Implement `Format`."""
         (pixels,) = bands
         kind, channels = development.kind, development.channels
-        file.write(encode_exr(pixels, channels, kind.bits, _attributes(development.noted, kind.space)))
+        file.write(
+            encode_exr(pixels, channels, kind.bits, _attributes(development.noted, kind.space))
+        )
 
 
-def encode_exr(pixels: FloatArray, channels: Sequence[str], bits: int, attributes: Mapping[str, object]) -> bytes:
+def encode_exr(
+    pixels: FloatArray, channels: Sequence[str], bits: int, attributes: Mapping[str, object]
+) -> bytes:
     """Return an OpenEXR file.
 
-    pixels: float32 (H, W, C).
-    channels: their names, such as letters.
-    bits: 32, or 16 for half floats (clipped to +-65504).
-    attributes: further header fields, with OpenEXR's names.
+    Parameters
+    ----------
+    pixels : FloatArray
+        float32 (H, W, C).
+    channels : Sequence[str]
+        Their names, such as letters.
+    bits : int
+        32, or 16 for half floats (clipped to +-65504).
+    attributes : Mapping[str, object]
+        Further header fields, with OpenEXR's names.
     """
     import OpenEXR
 
@@ -51,7 +67,8 @@ def encode_exr(pixels: FloatArray, channels: Sequence[str], bits: int, attribute
     if bits == 16:
         largest = float(np.finfo(np.float16).max)
         stored = pixels.clip(-largest, largest).astype(np.float16)
-        # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for which it takes too long.
+        # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for
+        # which it takes too long.
         compression = OpenEXR.ZIP_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.scanlineimage, **attributes}
     planes = {name: np.ascontiguousarray(stored[..., index]) for index, name in enumerate(channels)}
@@ -61,7 +78,9 @@ def encode_exr(pixels: FloatArray, channels: Sequence[str], bits: int, attribute
             OpenEXR.File(header, planes).write(str(path))
             return path.read_bytes()
     except (OSError, RuntimeError) as error:
-        raise OutputError(f"no temporary file for OpenEXR ({error}); set TMPDIR to a folder with free space") from error
+        raise OutputError(
+            f"no temporary file for OpenEXR ({error}); set TMPDIR to a folder with free space"
+        ) from error
 
 
 def _attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
@@ -86,7 +105,9 @@ def _attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
         known["altitude"] = metadata.altitude
     known["software"] = software()
     if space in SPACES:
-        known["chromaticities"] = tuple(value for point in (*SPACES[space].primaries, D65_XY) for value in point)
+        known["chromaticities"] = tuple(
+            value for point in (*SPACES[space].primaries, D65_XY) for value in point
+        )
     else:
         known["Orientation"] = metadata.orientation  # not a standard name, but OpenImageIO reads it
     return known

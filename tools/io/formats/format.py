@@ -1,4 +1,4 @@
-"""What every picture format says of itself, and does."""
+"""Interface of all picture formats."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
@@ -25,17 +25,29 @@ _RENDERING = 4  # threads that render, for each that converts: at most a fifth o
 class Format(ABC):
     """One format of picture files.
 
-    name: of the format, and the end of its files' names.
-    spaces: space -> bits; the first that fits is the default. Integers hold only 0..1, so they are for spaces with these limits.
-        Programs show JPEG, PNG and integer TIFF as they are, so linear light in them would look too dark.
-    aliases: what else it is called.
-    about: what its name does not say, for the help; "" = nothing.
-    has_quality: it loses something, and `PictureKind.quality` says how much.
-    in_bands: a picture goes to the file as it is rendered; otherwise it is held as a whole.
-    longest_side: pixels; None = any.
-    memory_per_pixel: bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures
-        again). Of a format in bands: what is kept while it is rendered. Of another: what a picture of 3 channels needs when it is
-        encoded, beside the picture, but without what the rendering needed.
+    Attributes
+    ----------
+    name : ClassVar[str]
+        Of the format, and the end of its files' names.
+    spaces : ClassVar[Mapping[str, tuple[int, ...]]]
+        Space -> bits; the first that fits is the default. Integers hold only 0..1, so they are for
+        spaces with these limits. Programs show JPEG, PNG and integer TIFF as they are, so linear
+        light in them would look too dark.
+    aliases : ClassVar[tuple[str, ...]]
+        What else it is called.
+    about : ClassVar[str]
+        What its name does not say, for the help; "" = nothing.
+    has_quality : ClassVar[bool]
+        It loses something, and `PictureKind.quality` says how much.
+    in_bands : ClassVar[bool]
+        A picture goes to the file as it is rendered; otherwise it is held as a whole.
+    longest_side : ClassVar[int | None]
+        Pixels; None = any.
+    memory_per_pixel : ClassVar[float]
+        Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py`
+        measures again). Of a format in bands: what is kept while it is rendered. Of another: what a
+        picture of 3 channels needs when it is encoded, beside the picture, but without what the
+        rendering needed.
     """
 
     name: ClassVar[str]
@@ -61,27 +73,41 @@ class Format(ABC):
         """Raise InputError if such a picture cannot be in this format."""
         height, width = development.shape
         if self.longest_side is not None and max(height, width) > self.longest_side:
-            raise InputError(f"{width} x {height} pixels: a side of a {self.name} holds at most {self.longest_side}; use tif")
+            raise InputError(
+                f"{width} x {height} pixels: a side of a {self.name} holds at most "
+                f"{self.longest_side}; use tif"
+            )
 
     def memory(self, shape: tuple[int, int], channels: int, rendering: int, threads: int) -> float:
-        """Bytes that are needed to render a frame of this shape to a file, beside the frame and the program.
+        """Bytes that are needed to render a frame of this shape to a file, beside the frame and the
+        program.
 
-        rendering: what the rendering needs.
-        threads: that render.
+        Parameters
+        ----------
+        rendering : int
+            What the rendering needs.
+        threads : int
+            That render.
         """
         pixels = shape[0] * shape[1]
         if self.in_bands:
             return self.memory_per_pixel * pixels + rendering
-        return 4 * channels * pixels + max(rendering, round(self.memory_per_pixel * pixels * max(channels / 3, 1)))
+        return 4 * channels * pixels + max(
+            rendering, round(self.memory_per_pixel * pixels * max(channels / 3, 1))
+        )
 
     def dtype(self, bits: int) -> DTypeLike:
         """Type of the samples that `encode` gets."""
         return {8: np.uint8, 16: np.uint16, 32: np.float32}[bits]
 
     def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
-        """A rendering or some rows of it, (H, W, C) scene units, as samples of the file (H, W, any).
+        """A rendering or some rows of it, (H, W, C) scene units, as samples of the file (H, W,
+        any).
 
-        Raises InputError for a picture that `checked_picture` refuses.
+        Raises
+        ------
+        InputError
+            For a picture that `checked_picture` refuses.
         """
         if development.kind.space == CAMERA:
             return checked_picture(rgb, len(development.calibration.channels))
@@ -89,22 +115,42 @@ class Format(ABC):
             return development.shown.apply(rgb, development.exposure)
         return display_codes(rgb, development.shown, development.kind.bits, development.exposure)
 
-    def write(self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path) -> None:
-        """Write a file. The bands are taken in this thread; others convert, compress and write those that have arrived.
+    def write(
+        self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path
+    ) -> None:
+        """Write a file. The bands are taken in this thread; others convert, compress and write
+        those that have arrived.
 
-        file: empty and seekable.
-        bands: (rows, W, C), scene units, from top to bottom.
-        threads: that convert and compress.
-        folder: for a temporary file without a name, in which a picture in bands is turned.
+        Parameters
+        ----------
+        file : BinaryIO
+            Empty and seekable.
+        bands : Bands
+            (rows, W, C), scene units, from top to bottom.
+        threads : int
+            That convert and compress.
+        folder : Path
+            For a temporary file without a name, in which a picture in bands is turned.
         """
-        samples = ahead(partial(self.samples, development=development), bands, -(-threads // _RENDERING))
+        samples = ahead(
+            partial(self.samples, development=development), bands, -(-threads // _RENDERING)
+        )
         if self.in_bands:
-            self.encode(file, turned(samples, development.shape, development.turn, folder), development, threads)
+            self.encode(
+                file,
+                turned(samples, development.shape, development.turn, folder),
+                development,
+                threads,
+            )
         else:
             whole, turn = joined(samples, development.shape[0]), development.turn
             # A copy, even of one pixel: codecs look at the strides.
-            self.encode(file, [whole if turn == 1 else upright(whole, turn).copy()], development, threads)
+            self.encode(
+                file, [whole if turn == 1 else upright(whole, turn).copy()], development, threads
+            )
 
     @abstractmethod
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """Write a file of samples (rows, W, any), upright, from top to bottom; without `in_bands` in one piece."""
+        """Write a file of samples (rows, W, any), upright, from top to bottom; without `in_bands`
+        in one piece.
+        """

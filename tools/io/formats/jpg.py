@@ -33,32 +33,59 @@ class Jpeg(Format):
     memory_per_pixel = 6.0  # of noise; pictures take three quarters of that
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """See `Format`."""
-        codes, quality = joined(bands, development.written_shape[0]), check_quality(development.kind.quality)
+        """Implement `Format`."""
+        codes, quality = (
+            joined(bands, development.written_shape[0]),
+            check_quality(development.kind.quality),
+        )
         file.write(baseline_jpeg(codes, quality, development_segments(development)))
 
 
-def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = b"", quality: int | None = None) -> bytes:
+def encode_jpeg(
+    codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = b"", quality: int | None = None
+) -> bytes:
     """Return a JPEG of uint8 RGB (H, W, 3), sRGB.
 
-    metadata: capture data; its orientation is noted, the picture is not turned.
-    icc: profile; b"" = none.
-    quality: 1 to 100; None = 95.
+    Parameters
+    ----------
+    metadata : CaptureMetadata
+        Capture data; its orientation is noted, the picture is not turned.
+    icc : bytes, optional
+        Profile; b"" = none.
+    quality : int | None, optional
+        1 to 100; None = 95.
 
-    Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data 64 KiB.
+    Raises
+    ------
+    InputError
+        For another quality, and if a side exceeds 65500 pixels, or the capture data 64 KiB.
     """
     segments = jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
     return baseline_jpeg(codes, check_quality(quality), segments)
 
 
 def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
-    """Return a JPEG of uint8 RGB (H, W, 3) or grey (H, W) in full resolution; segments: inserted behind JFIF's, which is first."""
-    data = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=quality, subsampling="444"))
+    """Return a JPEG of uint8 RGB (H, W, 3) or grey (H, W) in full resolution.
+
+    Parameters
+    ----------
+    segments : bytes
+        Inserted behind JFIF's, which is first.
+    """
+    data = bytes(
+        imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=quality, subsampling="444")
+    )
     return data[:JFIF_ENDS] + segments + data[JFIF_ENDS:]
 
 
 def check_quality(quality: int | None) -> int:
-    """Return the quality of a JPEG, None for the usual one, as a number. Raises InputError unless it is 1 to 100."""
+    """Return the quality of a JPEG, None for the usual one, as a number.
+
+    Raises
+    ------
+    InputError
+        Unless it is 1 to 100.
+    """
     if quality is None:
         return _QUALITY
     if not 1 <= quality <= 100:
@@ -72,14 +99,26 @@ def development_segments(development: Development) -> bytes:
     return jpeg_segments(development.written_shape, development.icc, development.noted, srgb=srgb)
 
 
-def jpeg_segments(shape: tuple[int, int], icc: bytes, metadata: CaptureMetadata, *, srgb: bool) -> bytes:
-    """The segments of a JPEG of (rows, columns) with capture data and profile; for errors see `encode_jpeg`."""
+def jpeg_segments(
+    shape: tuple[int, int], icc: bytes, metadata: CaptureMetadata, *, srgb: bool
+) -> bytes:
+    """The segments of a JPEG of (rows, columns) with capture data and profile; for errors see
+    `encode_jpeg`.
+    """
     (height, width), exif = shape, encode_tiff(jpeg_directory(metadata, shape, srgb=srgb))
     if max(height, width) > LONGEST_SIDE:
-        raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
+        raise InputError(
+            f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png "
+            "or tif"
+        )
     if len(exif) > _LONGEST_EXIF:
-        raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
-    return segment(0xE1, b"Exif\0\0" + exif) + (segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b"")
+        raise InputError(
+            f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use "
+            "png or tif"
+        )
+    return segment(0xE1, b"Exif\0\0" + exif) + (
+        segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b""
+    )
 
 
 def segment(marker: int, data: bytes) -> bytes:

@@ -1,4 +1,6 @@
-"""JPEG XL files (ISO/IEC 18181), in the two spaces that the codec labels: sRGB of 8 bits, and linear light in floating point."""
+"""JPEG XL files (ISO/IEC 18181), in the two spaces that the codec labels: sRGB of 8 bits, and
+linear light in floating point.
+"""
 
 import struct
 from typing import Any, BinaryIO, ClassVar
@@ -13,7 +15,8 @@ from .format import Bands, Format
 LOSSLESS = 100
 """The quality of a JPEG XL without loss."""
 
-# Of floating point, libjxl 0.7 (Ubuntu 24.04, Debian 12) cannot decode what effort 1 and 2 make of negative values.
+# Of floating point, libjxl 0.7 (Ubuntu 24.04, Debian 12) cannot decode what effort 1 and 2 make of
+# negative values.
 _INTEGER_EFFORT, _FLOAT_EFFORT, _LOSSY_EFFORT = 1, 3, 5
 _STREAM = b"jxlc"  # the box with the codestream
 
@@ -29,26 +32,34 @@ class JpegXl(Format):
 
     @property
     def missing(self) -> str:
-        """See `Format`."""
+        """Implement `Format`."""
         if imagecodecs.JPEGXL.available:
             return ""
-        return "the installed imagecodecs has no JPEG XL; install that of PyPI (pip install -U imagecodecs), or use tif"
+        return (
+            "the installed imagecodecs has no JPEG XL; install that of PyPI (pip install -U "
+            "imagecodecs), or use tif"
+        )
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """See `Format`."""
+        """Implement `Format`."""
         (samples,), quality = bands, development.kind.quality
         samples = np.ascontiguousarray(samples)
         if quality in (None, LOSSLESS):
-            how: dict[str, Any] = {"lossless": True, "effort": _FLOAT_EFFORT if samples.dtype.kind == "f" else _INTEGER_EFFORT}
+            how: dict[str, Any] = {
+                "lossless": True,
+                "effort": _FLOAT_EFFORT if samples.dtype.kind == "f" else _INTEGER_EFFORT,
+            }
         else:
             how = {"distance": _distance(quality), "effort": _LOSSY_EFFORT}
         picture = imagecodecs.jpegxl_encode(samples, usecontainer=True, **how)
         start, exif = picture.index(_STREAM) - 4, bytes(4) + encode_tiff(development.directory)
-        file.write(picture[:start] + struct.pack(">I4s", 8 + len(exif), b"Exif") + exif + picture[start:])
+        file.write(
+            picture[:start] + struct.pack(">I4s", 8 + len(exif), b"Exif") + exif + picture[start:]
+        )
 
 
 def _distance(quality: int) -> float:
-    """How much may be lost, in differences that can just be noticed (libjxl, JxlEncoderDistanceFromQuality)."""
+    """Distance in just noticeable differences (libjxl, JxlEncoderDistanceFromQuality)."""
     if quality >= 30:
         return 0.1 + 0.09 * (LOSSLESS - quality)
     return 53 / 3000 * quality**2 - 23 / 20 * quality + 25

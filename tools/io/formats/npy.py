@@ -16,6 +16,6 @@ class NumPy(Format):
     memory_per_pixel = 28.0
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """See `Format`."""
+        """Implement `Format`."""
         (pixels,) = bands
         np.save(file, np.ascontiguousarray(pixels), allow_pickle=False)

@@ -1,7 +1,7 @@
 """TIFF 6.0.
 
-8 bits are compressed with LZW, the others are not: noise in the last bits makes LZW larger than that, and TIFF 6.0 has nothing
-better; Deflate came later.
+8 bits are compressed with LZW, the others are not: noise in the last bits makes LZW larger than
+that, and TIFF 6.0 has nothing better; Deflate came later.
 """
 
 from dataclasses import replace
@@ -27,17 +27,28 @@ _LZW, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 5, 2, 1, 3, 1, 2
 
 
 class Tiff(Format):
-    """TIFF; each band goes to the file as it comes. Raises InputError for files that would exceed 4 GiB."""
+    """TIFF; each band goes to the file as it comes.
+
+    Raises
+    ------
+    InputError
+        For files that would exceed 4 GiB.
+    """
 
     name, aliases = "tif", ("tiff",)
     spaces: ClassVar = {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,), CAMERA: (32,)}
-    in_bands = True  # the bands that wait take less than the planes of the frame that are no longer needed then
+    # the bands that wait take less than the planes of the frame that are no longer needed then
+    in_bands = True
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """See `Format`."""
+        """Implement `Format`."""
         bits = development.kind.bits
         directory = development.directory
-        fields = _fields((*development.written_shape, len(development.channels)), bits, rgb=development.channels == "RGB")
+        fields = _fields(
+            (*development.written_shape, len(development.channels)),
+            bits,
+            rgb=development.channels == "RGB",
+        )
         if development.icc:
             fields[_ICC] = FieldType.UNDEFINED, development.icc
         rows = regrouped(bands, _STRIP_ROWS)
@@ -47,7 +58,10 @@ class Tiff(Format):
 
 def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
     channels = shape[2]
-    compression, photometric = _LZW if bits == 8 else Compression.NONE, _RGB if rgb else _BLACK_IS_ZERO
+    compression, photometric = (
+        _LZW if bits == 8 else Compression.NONE,
+        _RGB if rgb else _BLACK_IS_ZERO,
+    )
     fields = picture_fields(shape, bits, compression, photometric) | {
         TAG["RowsPerStrip"]: (FieldType.LONG, [_STRIP_ROWS]),
         _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),

@@ -1,16 +1,21 @@
-"""Ultra HDR JPEGs (Google's Ultra HDR Image Format 1.1): an ordinary JPEG, followed by a second one that holds a map of gains.
+"""Ultra HDR JPEGs (Google's Ultra HDR Image Format 1.1): an ordinary JPEG, followed by a second one
+that holds a map of gains.
 
-Programs that know nothing of it show the first JPEG. Others find the second one by the directory of XMP, or that of a Multi-Picture
-file, and what its codes mean in XMP (Adobe's gain map 1.0) or in the metadata of ISO 21496-1; both are written.
+Programs that know nothing of it show the first JPEG. Others find the second one by the directory of
+XMP, or that of a Multi-Picture file, and what its codes mean in XMP (Adobe's gain map 1.0) or in
+the metadata of ISO 21496-1; both are written.
 
-A picture ends at display white: the brightest that every channel can measure. The render knows more: a colour sample saturates
-later than the panchromatic ones, later still in a channel in which white reads less, and `offline/highlights.py` rebuilds light
-up to the channel that clips last. An HDR display shows it up to there, `headroom` times display white. Where nothing is clipped
-the gain is 1, and the picture is the same on every display. So it is where a picture is darkened and what is burnt out is white.
+A picture ends at display white: the brightest that every channel can measure. The render knows
+more: a colour sample saturates later than the panchromatic ones, later still in a channel in which
+white reads less, and `offline/highlights.py` rebuilds light up to the channel that clips last. An
+HDR display shows it up to there, `headroom` times display white. Where nothing is clipped the gain
+is 1, and the picture is the same on every display. So it is where a picture is darkened and what is
+burnt out is white.
 
-The gain is that of luminance, the same for all channels. Beyond display white some channel may be clipped, in the sensor or in
-the picture that was simulated, and the colour is unknown (`shared.display`): the colour of a highlight stays that of the
-picture, or a burnt-out lamp that the picture shows white would be magenta in HDR.
+The gain is that of luminance, the same for all channels. Beyond display white some channel may be
+clipped, in the sensor or in the picture that was simulated, and the colour is unknown
+(`shared.display`): the colour of a highlight stays that of the picture, or a burnt-out lamp that
+the picture shows white would be magenta in HDR.
 """
 
 import struct
@@ -30,7 +35,9 @@ from .format import Bands, Format
 from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, check_quality, development_segments, segment
 
 OFFSET = 1 / 64
-"""What is added to both pictures before their ratio is taken: the gain of black stays finite."""
+"""Offset added to both pictures before their ratio is taken, so that the gain of black stays
+finite.
+"""
 
 _TOP = 255  # the highest code: of a gain, where that of 1 is 0, and of the picture
 _LEAST = 1  # stops: less range than this is no HDR
@@ -42,23 +49,30 @@ _PRIMARY = 0x30000  # the type of the first picture in a Multi-Picture file: bas
 
 _PACKET = (
     '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
-    '<rdf:Description rdf:about="" xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" hdrgm:Version="1.0"{}</rdf:Description>'
+    '<rdf:Description rdf:about="" xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" '
+    'hdrgm:Version="1.0"{}</rdf:Description>'
     "</rdf:RDF></x:xmpmeta>"
 )
 _DIRECTORY = (
     ' xmlns:Container="http://ns.google.com/photos/1.0/container/" xmlns:Item="http://ns.google.com/photos/1.0/container/item/">'
-    '<Container:Directory><rdf:Seq><rdf:li rdf:parseType="Resource"><Container:Item Item:Semantic="Primary" '
-    'Item:Mime="image/jpeg"/></rdf:li><rdf:li rdf:parseType="Resource"><Container:Item Item:Semantic="GainMap" '
+    '<Container:Directory><rdf:Seq><rdf:li rdf:parseType="Resource"><Container:Item '
+    'Item:Semantic="Primary" '
+    'Item:Mime="image/jpeg"/></rdf:li><rdf:li rdf:parseType="Resource"><Container:Item '
+    'Item:Semantic="GainMap" '
     'Item:Mime="image/jpeg" Item:Length="{}"/></rdf:li></rdf:Seq></Container:Directory>'
 )
 
 
 @dataclass(frozen=True)
 class GainMap:
-    """How the gains of one sensor's pictures are coded: the same for all pictures of a kind, whatever is in them.
+    """Coding of the gains of one sensor's pictures, which is the same for all pictures of a kind.
 
-    shown: the transform of the picture that the gains belong to.
-    exposure: gain of the picture, stops.
+    Attributes
+    ----------
+    shown : ColourTransform
+        The transform of the picture that the gains belong to.
+    exposure : float
+        Gain of the picture, stops.
     """
 
     shown: ColourTransform
@@ -75,14 +89,18 @@ class GainMap:
         return max(log2(self.headroom) + self.exposure, float(_LEAST))
 
     def capacity(self, brightest: int) -> float:
-        """How much brighter than white a display has to be to show all of a picture whose highest code is this, stops.
+        """Headroom in stops that a display needs above white to show all of a picture with this
+        highest code.
 
-        Less bright displays show less of every gain: range that a picture does not use would dim its highlights there.
+        Less bright displays show less of every gain: range that a picture does not use would dim
+        its highlights there.
         """
         return max(brightest / _TOP * self.highest, _LEAST)
 
     def codes(self, rgb: FloatArray, picture: ByteArray) -> ByteArray:
-        """The gains of a rendering in scene units, (H, W, C), of which `picture` has the codes (H, W, 3): uint8 (H, W)."""
+        """The gains of a rendering in scene units, (H, W, C), of which `picture` has the codes (H,
+        W, 3): uint8 (H, W).
+        """
         linear = replace(self.shown, space=replace(self.shown.space, linear=True))
         white = np.array(self.shown.white, np.float32)
         result = np.zeros(rgb.shape[:2], np.uint8)
@@ -90,7 +108,9 @@ class GainMap:
             part = rgb[rows]
             # Channel by channel: NumPy takes three times as long for `any` along so short an axis.
             beyond = [part[..., channel] > limit for channel, limit in enumerate(white)]
-            clipped = np.logical_or.reduce(beyond + [picture[rows, :, channel] == _TOP for channel in range(3)])
+            clipped = np.logical_or.reduce(
+                beyond + [picture[rows, :, channel] == _TOP for channel in range(3)]
+            )
             if not clipped.any():
                 continue
             light, most = part[clipped][None], white * np.float32(self.headroom)
@@ -98,7 +118,9 @@ class GainMap:
             for _, channel, plane in self.shown.planes(light, self.exposure, encoded=False):
                 shown[..., channel] = plane
             of_picture = self._luminance(shown[0].clip(0, 1))
-            of_light = self._luminance(linear.apply(light.clip(-white, most), self.exposure)[0].clip(0, None))
+            of_light = self._luminance(
+                linear.apply(light.clip(-white, most), self.exposure)[0].clip(0, None)
+            )
             gains = np.log2((of_light + np.float32(OFFSET)) / (of_picture + np.float32(OFFSET)))
             result[rows][clipped] = np.rint(gains * np.float32(_TOP / self.highest)).clip(0, _TOP)
         return result
@@ -110,7 +132,9 @@ class GainMap:
 
 
 class UltraHdr(Format):
-    """Ultra HDR, whose first picture is that of `Jpeg` with some more segments. Its samples are four: RGB, and the gain."""
+    """Ultra HDR, whose first picture is that of `Jpeg` with some more segments. Its samples are
+    four: RGB, and the gain.
+    """
 
     name = "uhdr"
     spaces: ClassVar = Jpeg.spaces
@@ -122,26 +146,36 @@ class UltraHdr(Format):
 
     @property
     def suffix(self) -> str:
-        """See `Format`."""
+        """Implement `Format`."""
         return ".jpg"
 
     def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
-        """See `Format`."""
+        """Implement `Format`."""
         codes = super().samples(rgb, development)
-        return np.dstack([codes, GainMap(development.shown, development.exposure).codes(rgb, codes)])
+        return np.dstack(
+            [codes, GainMap(development.shown, development.exposure).codes(rgb, codes)]
+        )
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """See `Format`."""
-        quality, segments = check_quality(development.kind.quality), development_segments(development)
+        """Implement `Format`."""
+        quality, segments = (
+            check_quality(development.kind.quality),
+            development_segments(development),
+        )
         gains = GainMap(development.shown, development.exposure)
         # Copies, even of one pixel: the codec looks at the strides.
         samples = joined(bands, development.written_shape[0])
         capacity = gains.capacity(int(samples[..., 3].max()))
-        described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(_APP2, _ISO + _iso(gains, capacity))
+        described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(
+            _APP2, _ISO + _iso(gains, capacity)
+        )
         gain_map = baseline_jpeg(samples[..., 3].copy(), _GAIN_QUALITY, described)
         base = baseline_jpeg(samples[..., :3].copy(), quality, segments)
         packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
-        inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), JFIF_ENDS + len(segments)
+        inserted, place = (
+            segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)),
+            JFIF_ENDS + len(segments),
+        )
         sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
         file.write(b"".join((base[:place], inserted, sizes, base[place:], gain_map)))
 
@@ -172,12 +206,17 @@ def _fraction(value: float) -> bytes:
 
 
 def _multi_picture(sizes: tuple[int, int], place: int) -> bytes:
-    """The segment that says where both pictures are (CIPA DC-007, in the order of bytes that all known files have).
+    """The segment that says where both pictures are (CIPA DC-007, in the order of bytes that all
+    known files have).
 
-    sizes: in bytes, of the first picture without this segment, and of the second. place: of this segment in the file.
+    sizes: in bytes, of the first picture without this segment, and of the second. place: of this
+    segment in the file.
     """
-    table = 8 + 2 + 3 * 12 + 4  # counted, as the second picture's place, from the header behind the name
-    fields = struct.pack(">HHI4s HHII HHIII", 0xB000, 7, 4, b"0100", 0xB001, 4, 1, 2, 0xB002, 7, 2 * 16, table, 0)
+    # counted, as the second picture's place, from the header behind the name
+    table = 8 + 2 + 3 * 12 + 4
+    fields = struct.pack(
+        ">HHI4s HHII HHIII", 0xB000, 7, 4, b"0100", 0xB001, 4, 1, 2, 0xB002, 7, 2 * 16, table, 0
+    )
     length = 2 + 2 + len(_MPF) + table + 2 * 16
     first, second = sizes[0] + length, sizes[0] + length - place - 2 - 2 - len(_MPF)
     entries = struct.pack(">III4x III4x", _PRIMARY, first, 0, 0, sizes[1], second)

@@ -1,38 +1,42 @@
 """Panchroma for notebooks: a sparse-colour camera, simulated, and its shots, rendered.
 
-The sensor is panchromatic, except for a few pixels in each tile that see a colour; a render computes the colours of all others.
+The sensor is panchromatic, except for a few pixels in each tile that see a colour; a render
+computes the colours of all others.
 
     import panchroma
 
-    shot = panchroma.simulate("builtin:1800x1200", sigma=0.01)  # or a photograph: "IMG_0001.CR2", "house.jpg", an array
-    shot                                                       # Jupyter shows the camera's own preview
-    picture = panchroma.render(shot)                           # the full-quality picture, linear light
-    picture.save("house.tif")                                  # .tif .png .jpg .jxl .exr .npy .dng; format="uhdr": HDR in a .jpg
-    panchroma.evaluate(picture, shot.truth)                    # how near it is to the truth
+    shot = panchroma.simulate("builtin:1800x1200", sigma=0.01)  # or "IMG_0001.CR2", or an array
+    shot                                    # Jupyter shows the camera's own preview
+    picture = panchroma.render(shot)        # the full-quality picture, linear light
+    picture.save("house.tif")               # .tif .png .jpg .jxl .exr .npy .dng; format="uhdr"
+    panchroma.evaluate(picture, shot.truth) # how near it is to the truth
 
-    shot.save("house.dng")                                     # the camera's own file ...
-    shot = panchroma.open("house.dng")                         # ... and back
+    shot.save("house.dng")                  # the camera's own file ...
+    shot = panchroma.open("house.dng")      # ... and back
 
 What each returns:
 
     open, simulate      a Shot: shot.mosaic has the samples, shot.truth what a simulated camera saw
-    render              a Picture: picture.rgb is float32 (rows, columns, channels), linear, 1.0 = white
+    render              a Picture: picture.rgb is float32 (rows, columns, channels), 1.0 = white
     preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
     evaluate            an Evaluation: PSNR, and how much of the picture has a wrong hue
 
-Jupyter shows all of them; NumPy and matplotlib take pictures and images as arrays: plt.imshow(panchroma.to_srgb(picture)).
+Jupyter shows all of them; NumPy and matplotlib take pictures and images as arrays:
+plt.imshow(panchroma.to_srgb(picture)).
 
 Any filter pattern works, with any channels. A tile is written row by row, and W is panchromatic:
 
-    panchroma.simulate("house.jpg", pattern=4)                         # the paper's Bayer block, in 4 x 4 pixels instead of 6 x 6
-    panchroma.simulate("house.jpg", pattern="WBWG/BWGW/WGWR/GWRW")     # Kodak's, or pattern="kodak"
-    panchroma.simulate("house.jpg", pattern="CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")    # cyan, magenta and yellow
+    panchroma.simulate("house.jpg", pattern=4)  # the paper's Bayer block, in 4 x 4 pixels
+    panchroma.simulate("house.jpg", pattern="WBWG/BWGW/WGWR/GWRW")  # Kodak's, or pattern="kodak"
+    panchroma.simulate("house.jpg", pattern="CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")  # CMY
 
-A render uses all processors. Several threads of a program may render at once, and so may processes, however they are started.
+A render uses all processors. Several threads of a program may render at once, and so may processes,
+however they are started.
 
-Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead. Nothing overwrites a file unless
-it is told to (overwrite=True). The command `panchroma` does more: thousands of shots, bursts, calibration, comparison with Bayer
-cameras; `panchroma --help` lists it. `panchroma.shared` and `panchroma.offline` are the libraries underneath.
+Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead.
+Nothing overwrites a file unless it is told to (overwrite=True). The command `panchroma` does more:
+thousands of shots, bursts, calibration, comparison with Bayer cameras; `panchroma --help` lists it.
+`panchroma.shared` and `panchroma.offline` are the libraries underneath.
 """
 
 from importlib import import_module
@@ -47,7 +51,8 @@ if TYPE_CHECKING:
 
     __version__: str
 
-# A camera imports panchroma.shared and panchroma.device: names load when they are first used, with what they need.
+# A camera imports panchroma.shared and panchroma.device: names load when they are first used, with
+# what they need.
 _MODULES = {
     "Evaluation": "quality",
     "Image": "pictures",

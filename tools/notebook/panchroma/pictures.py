@@ -22,10 +22,16 @@ _SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
 class Image:
-    """A picture for the screen. Jupyter shows it; `np.asarray(image)`, matplotlib and Pillow take it as an array.
+    """A picture for the screen. Jupyter shows it; `np.asarray(image)`, matplotlib and Pillow take
+    it as an array.
 
-    pixels: uint8 (H, W, 3), sRGB, upright. Read-only.
+    Attributes
+    ----------
+    pixels : ByteArray
+        uint8 (H, W, 3), sRGB, upright. Read-only.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> import panchroma
     >>> image = panchroma.to_srgb(np.full((200, 300, 3), 0.5, np.float32))
@@ -41,7 +47,9 @@ class Image:
     def __post_init__(self) -> None:
         pixels = np.ascontiguousarray(self.pixels)
         if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3 or not pixels.size:
-            raise InputError(f"an image is uint8 (rows, columns, 3); this one is {pixels.dtype} {pixels.shape}")
+            raise InputError(
+                f"an image is uint8 (rows, columns, 3); this one is {pixels.dtype} {pixels.shape}"
+            )
         pixels = pixels.view()
         pixels.flags.writeable = False
         object.__setattr__(self, "pixels", pixels)
@@ -51,11 +59,17 @@ class Image:
         """(rows, columns)."""
         return self.pixels.shape[0], self.pixels.shape[1]
 
-    def save(self, path: str | Path, *, quality: int | None = None, overwrite: bool = False) -> None:
+    def save(
+        self, path: str | Path, *, quality: int | None = None, overwrite: bool = False
+    ) -> None:
         """Write a PNG or a JPEG, as the name ends.
 
-        quality: of a JPEG, 1 to 100; 95 by default.
-        overwrite: replace an existing file.
+        Parameters
+        ----------
+        quality : int | None, optional
+            Of a JPEG, 1 to 100; 95 by default.
+        overwrite : bool, optional
+            Replace an existing file.
         """
         from .tools.io.embedded import picture_directory
         from .tools.io.formats.jpg import encode_jpeg
@@ -64,11 +78,21 @@ class Image:
 
         match Path(path).suffix.lower():
             case ".png" if quality is None:
-                data = encode_png(self.pixels, "srgb", encode_tiff(picture_directory(CaptureMetadata(), srgb=True)))
+                data = encode_png(
+                    self.pixels,
+                    "srgb",
+                    encode_tiff(picture_directory(CaptureMetadata(), srgb=True)),
+                )
             case ".jpg" | ".jpeg":
-                data = encode_jpeg(self.pixels, CaptureMetadata(), icc=icc_profile("srgb"), quality=quality)
+                data = encode_jpeg(
+                    self.pixels, CaptureMetadata(), icc=icc_profile("srgb"), quality=quality
+                )
             case suffix:
-                wrong = f"`quality` is {quality}, which only a JPEG has" if quality is not None else f"ends in {suffix!r}"
+                wrong = (
+                    f"`quality` is {quality}, which only a JPEG has"
+                    if quality is not None
+                    else f"ends in {suffix!r}"
+                )
                 raise InputError(f"{path}: {wrong}; an image is saved as .png or .jpg")
         write_durably(path, data, overwrite=overwrite)
 
@@ -86,20 +110,36 @@ class Image:
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
 class Picture:
-    """Linear light at every pixel, such as `render` makes, and the truth of a simulated shot. Jupyter shows it.
+    """Linear light at every pixel, such as `render` makes, and the truth of a simulated shot.
+    Jupyter shows it.
 
-    rgb: float32 (H, W, C), scene units: 1.0 is white, nothing is clipped. C = 3 for red, green and blue. Read-only.
-    calibration: what the sensor is: `calibration.channels` are the letters of the C channels, and it gives the colours. By default
-        red, green and blue with the primaries of sRGB.
-    metadata: capture data: camera, lens, exposure, orientation (the samples of `rgb` are not turned; what is shown or saved is).
-    white: what the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot; the peak of `evaluate`.
-    restored: nothing is clipped, or highlights are restored, as by `render` but for preset "paper". Otherwise all that is as bright
-        as saturated pixels is shown white.
-    lost: uint8 (H, W), how far the shot does not show what the light was, 255 = not at all, as in a highlight that is smaller than
-        the distance of two colour blocks; shown white. None = nowhere.
+    `np.asarray(picture)` is `rgb`, so two pictures of a scene are subtracted by `picture.rgb -
+    truth.rgb`.
 
-    `np.asarray(picture)` is `rgb`, so two pictures of a scene are subtracted by `picture.rgb - truth.rgb`.
+    Attributes
+    ----------
+    rgb : FloatArray
+        float32 (H, W, C), scene units: 1.0 is white, nothing is clipped. C = 3 for red, green and
+        blue. Read-only.
+    calibration : SensorCalibration
+        What the sensor is: `calibration.channels` are the letters of the C channels, and it gives
+        the colours. By default red, green and blue with the primaries of sRGB.
+    metadata : CaptureMetadata
+        Capture data: camera, lens, exposure, orientation (the samples of `rgb` are not turned; what
+        is shown or saved is).
+    white : float
+        What the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot; the
+        peak of `evaluate`.
+    restored : bool
+        Nothing is clipped, or highlights are restored, as by `render` but for preset "paper".
+        Otherwise all that is as bright as saturated pixels is shown white.
+    lost : ByteArray | None
+        uint8 (H, W), how far the shot does not show what the light was, 255 = not at all, as in a
+        highlight that is smaller than the distance of two colour blocks; shown white. None =
+        nowhere.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> import panchroma
     >>> picture = panchroma.Picture(np.full((20, 30, 3), 0.5, np.float32))
@@ -108,7 +148,8 @@ class Picture:
     >>> picture.save("grey.tif")
     >>> picture.save("grey.tif")
     Traceback (most recent call last):
-    panchroma.shared.errors.OutputError: grey.tif: exists already; use `overwrite=True` to replace it
+    panchroma.shared.errors.OutputError: grey.tif: exists already; use `overwrite=True` to replace
+    it
     """
 
     rgb: FloatArray
@@ -120,13 +161,17 @@ class Picture:
 
     def __post_init__(self) -> None:
         if not 0 < self.white < np.inf:
-            raise InputError(f"`white` is {self.white}, expected a positive number: what the white of the scene reads")
+            raise InputError(
+                f"`white` is {self.white}, expected a positive number: what the white of the "
+                "scene reads"
+            )
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
         if self.lost is not None and (self.lost.shape != self.shape or self.lost.dtype != np.uint8):
             raise InputError(
-                f"`lost` is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as the picture; "
+                f"`lost` is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as "
+                "the picture; "
                 "cut it as the picture, or leave it out (lost=None)"
             )
 
@@ -151,14 +196,25 @@ class Picture:
         quality: int | None = None,
         overwrite: bool = False,
     ) -> None:
-        """Write a picture file; the end of its name says which: .tif, .png, .jpg, .jxl, .exr, .npy, or .dng (linear).
+        """Write a picture file; the end of its name says which: .tif, .png, .jpg, .jxl, .exr, .npy,
+        or .dng (linear).
 
-        format: "uhdr" for an Ultra HDR JPEG, a .jpg that HDR displays show with its highlights; other formats go by the name.
-        bits: 8, 16 or 32 (floating point); by default what is usual for the format.
-        space: "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is usual for the format.
-        exposure: brighten by this many stops; negative ones darken, and what is burnt out stays white.
-        quality: 1 to 100, of a JPEG (95 by default), Ultra HDR, or JPEG XL (without loss by default).
-        overwrite: replace an existing file. The file is whole or absent at any moment.
+        Parameters
+        ----------
+        format : str | None, optional
+            "uhdr" for an Ultra HDR JPEG, a .jpg that HDR displays show with its highlights; other
+            formats go by the name.
+        bits : int | None, optional
+            8, 16 or 32 (floating point); by default what is usual for the format.
+        space : str | None, optional
+            "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is
+            usual for the format.
+        exposure : float, optional
+            Brighten by this many stops; negative ones darken, and what is burnt out stays white.
+        quality : int | None, optional
+            1 to 100, of a JPEG (95 by default), Ultra HDR, or JPEG XL (without loss by default).
+        overwrite : bool, optional
+            Replace an existing file. The file is whole or absent at any moment.
         """
         from .tools.io.development import Development, write_picture
         from .tools.io.formats import OTHER_NAMES
@@ -166,14 +222,24 @@ class Picture:
 
         ending = Path(path).suffix.lower().removeprefix(".")
         if not ending:
-            raise InputError(f"{path}: the end of its name has to say what to write, such as .tif, .jpg or .jxl")
-        ending, wanted = (OTHER_NAMES.get(name, name) for name in (ending, (format or ending).lower()))
+            raise InputError(
+                f"{path}: the end of its name has to say what to write, such as .tif, .jpg or .jxl"
+            )
+        ending, wanted = (
+            OTHER_NAMES.get(name, name) for name in (ending, (format or ending).lower())
+        )
         kind = PictureKind.of(wanted, bits, space, quality)
         if kind.suffix != f".{ending}":
-            raise InputError(f"{path}: a picture in the format {kind.format!r} ends in {kind.suffix}")
-        development = Development(kind, self.shape, self.calibration, self.metadata, exposure, self.restored)
+            raise InputError(
+                f"{path}: a picture in the format {kind.format!r} ends in {kind.suffix}"
+            )
+        development = Development(
+            kind, self.shape, self.calibration, self.metadata, exposure, self.restored
+        )
         development.check()
-        write_picture(path, [development.whitened(self.rgb, self.lost)], development, overwrite=overwrite)
+        write_picture(
+            path, [development.whitened(self.rgb, self.lost)], development, overwrite=overwrite
+        )
 
     def __repr__(self) -> str:
         return f"<Picture {self.shape[1]} x {self.shape[0]}, linear {', '.join(self.channels)}>"
@@ -183,12 +249,16 @@ class Picture:
 
     @property
     def _shown(self) -> Image:
-        """On a screen: in colour, or where the colours of these channels are unknown all light, in grey."""
+        """On a screen: in colour, or where the colours of these channels are unknown all light, in
+        grey.
+        """
         try:
             return to_srgb(self)
         except InputError:
             known = self.calibration
-            light = encode_srgb(self.rgb @ np.array(known.gamma, np.float32) / np.float32(known.full_scale))
+            light = encode_srgb(
+                self.rgb @ np.array(known.gamma, np.float32) / np.float32(known.full_scale)
+            )
             return Image(np.rint(255 * light[..., None].repeat(3, axis=2)).astype(np.uint8))
 
     def _repr_png_(self) -> bytes:
@@ -197,12 +267,24 @@ class Picture:
 
 
 def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -> Image:
-    """The picture as a screen shows it: white-balanced, in the colours of sRGB, clipped at white, 8 bits, upright.
+    """The picture as a screen shows it: white-balanced, in the colours of sRGB, clipped at white, 8
+    bits, upright.
 
-    picture: a `Picture`, or an array (H, W, 3) of linear red, green and blue, 1.0 = white.
-    exposure: brighten by this many stops, -16 to 16; negative ones darken, and what is burnt out stays white.
-    Raises PanchromaError for channels whose colours nobody knows (see `Picture.calibration`).
+    Parameters
+    ----------
+    picture : Picture | NDArray[np.floating]
+        A `Picture`, or an array (H, W, 3) of linear red, green and blue, 1.0 = white.
+    exposure : float, optional
+        Brighten by this many stops, -16 to 16; negative ones darken, and what is burnt out stays
+        white.
 
+    Raises
+    ------
+    PanchromaError
+        For channels whose colours nobody knows (see `Picture.calibration`).
+
+    Examples
+    --------
     >>> import numpy as np
     >>> import panchroma
     >>> ramp = np.linspace(0, 1, 5, dtype=np.float32).reshape(1, 5, 1).repeat(3, axis=2)
@@ -218,19 +300,33 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
 
 
 def light_of(picture: Picture | NDArray[np.floating]) -> NDArray[Any]:
-    """The values of a picture, or the array itself. Raises InputError for anything else."""
+    """The values of a picture, or the array itself.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
     if not isinstance(picture, Picture | np.ndarray):
-        wanted = "a picture, such as panchroma.render makes, or an array (rows, columns, channels) of linear light"
+        wanted = (
+            "a picture, such as panchroma.render makes, or an array (rows, columns, "
+            "channels) of linear light"
+        )
         raise InputError(f"expected {wanted}, and not {type(picture).__name__}")
     return np.asarray(picture)
 
 
 def _reduced(pixels: NDArray[Any]) -> NDArray[Any]:
-    """Means of squares of (H, W, C) samples, so that no side is longer than a notebook shows; of the same type."""
+    """Means of squares of (H, W, C) samples, so that no side is longer than a notebook shows; of
+    the same type.
+    """
     size = -(-max(pixels.shape[:2]) // _SHOWN)
     rows, columns = (side // size or 1 for side in pixels.shape[:2])
     whole = pixels[: rows * size, : columns * size]
-    if size == 1 or whole.shape[:2] != (rows * size, columns * size):  # a strip narrower than a square stays as it is
+    # a strip narrower than a square stays as it is
+    if size == 1 or whole.shape[:2] != (rows * size, columns * size):
         return pixels
-    means: NDArray[Any] = whole.reshape(rows, size, columns, size, pixels.shape[2]).mean(axis=(1, 3), dtype=np.float32)
+    means: NDArray[Any] = whole.reshape(rows, size, columns, size, pixels.shape[2]).mean(
+        axis=(1, 3), dtype=np.float32
+    )
     return means.astype(pixels.dtype)

@@ -1,4 +1,4 @@
-"""How near a picture is to the truth."""
+"""Quality of a picture against the truth."""
 
 from __future__ import annotations  # help() then shows them as they are written here
 
@@ -18,11 +18,19 @@ from .tools.io.display import checked_picture
 class Evaluation:
     """Figures of a picture. Jupyter shows them as a table.
 
-    rgb, luminance, chrominance: PSNR in dB of all 10 x 10 patches, but for a border of 15 pixels: (10 % quantile, 25 %, median,
-        75 %). Luminance is the mean of the channels, chrominance what remains of each.
-    psnr: of the whole picture: (rgb, luminance, chrominance), dB.
-    wrong_hue: share of pixels whose colour is visibly wrong (CIEDE2000 above 10), 0 to 1; None without red, green and blue.
+    Attributes
+    ----------
+    rgb, luminance, chrominance : tuple[float, float, float, float]
+        PSNR in dB of all 10 x 10 patches, but for a border of 15 pixels: (10 % quantile, 25 %,
+        median, 75 %). Luminance is the mean of the channels, chrominance what remains of each.
+    psnr : tuple[float, float, float]
+        Of the whole picture: (rgb, luminance, chrominance), dB.
+    wrong_hue : float | None
+        Share of pixels whose colour is visibly wrong (CIEDE2000 above 10), 0 to 1; None without
+        red, green and blue.
 
+    Examples
+    --------
     >>> import numpy as np
     >>> import panchroma
     >>> grey = np.full((60, 60, 3), 0.5, np.float32)
@@ -45,18 +53,31 @@ class Evaluation:
         return self.rgb[2], self.luminance[2], self.chrominance[2]
 
     def __repr__(self) -> str:
-        hue = "" if self.wrong_hue is None else f"; wrong hue {self.wrong_hue:.1%}".replace("%", " %")
+        hue = (
+            "" if self.wrong_hue is None else f"; wrong hue {self.wrong_hue:.1%}".replace("%", " %")
+        )
         rgb, luminance, chrominance = self.median
         medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
         return f"<Evaluation: median PSNR {medians}{hue}>"
 
     def _repr_html_(self) -> str:
         rows = [
-            f"<tr><th>{name}</th>" + "".join(f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole)) + "</tr>"
-            for name, quantiles, whole in zip(PLANES, (self.rgb, self.luminance, self.chrominance), self.psnr, strict=True)
+            f"<tr><th>{name}</th>"
+            + "".join(f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole))
+            + "</tr>"
+            for name, quantiles, whole in zip(
+                PLANES, (self.rgb, self.luminance, self.chrominance), self.psnr, strict=True
+            )
         ]
-        hue = "" if self.wrong_hue is None else f"Wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
-        head = "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th><th>whole picture</th></tr>"
+        hue = (
+            ""
+            if self.wrong_hue is None
+            else f"Wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
+        )
+        head = (
+            "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th><th>whole "
+            "picture</th></tr>"
+        )
         return f"<table>{head}{''.join(rows)}</table>{hue}"
 
 
@@ -66,17 +87,32 @@ def evaluate(
     *,
     white: float | None = None,
 ) -> Evaluation:
-    """Compare a picture with the truth, as section 4 of the paper does: PSNR over small patches, in luminance and chrominance too.
+    """Compare a picture with the truth, as section 4 of the paper does: PSNR over small patches, in
+    luminance and chrominance too.
 
-    picture: a `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of the same scene.
-    truth: `shot.truth`, or an array alike; a shot stands for its truth.
-    white: what the scene's white reads in both, the peak of every figure, so that figures fall with the light: 1/4 after
-        `simulate(..., light=1/4)`. By default that of the truth, or of the picture if the truth is an array; for two arrays 1.0.
-    Raises PanchromaError where their sizes differ, or are below 40 x 40 pixels.
+    Parameters
+    ----------
+    picture : Picture | NDArray[np.floating]
+        A `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of
+        the same scene.
+    truth : Shot | Picture | NDArray[np.floating] | None
+        `shot.truth`, or an array alike; a shot stands for its truth.
+    white : float | None, optional
+        What the scene's white reads in both, the peak of every figure, so that figures fall with
+        the light: 1/4 after `simulate(..., light=1/4)`. By default that of the truth, or of the
+        picture if the truth is an array; for two arrays 1.0.
 
+    Raises
+    ------
+    PanchromaError
+        Where their sizes differ, or are below 40 x 40 pixels.
+
+    Examples
+    --------
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
-    >>> paper, best = (panchroma.evaluate(panchroma.render(shot, preset=name), shot.truth) for name in ("paper", "best"))
+    >>> paper, best = (panchroma.evaluate(panchroma.render(shot, preset=name), shot.truth) for name
+    in ("paper", "best"))
     >>> best.median > paper.median
     True
     """
@@ -85,11 +121,17 @@ def evaluate(
         raise InputError("`truth` is None: only a simulated shot knows what it saw")
     made, seen = light_of(picture), light_of(truth)
     count = seen.shape[-1] if seen.ndim == 3 else len("RGB")
-    channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), "RGB" if count == len("RGB") else "")
+    channels = next(
+        (each.channels for each in (truth, picture) if isinstance(each, Picture)),
+        "RGB" if count == len("RGB") else "",
+    )
     if white is None:
         white = next((each.white for each in (truth, picture) if isinstance(each, Picture)), 1.0)
     elif not 0 < white < np.inf:
-        raise InputError(f"`white` is {white}, expected a positive number: what the white of the scene reads in both pictures")
+        raise InputError(
+            f"`white` is {white}, expected a positive number: what the white of the scene reads "
+            "in both pictures"
+        )
     made, seen = (checked_picture(each, count) for each in (made, seen))
     if made.shape == seen.shape and white != 1:
         made, seen = made / np.float32(white), seen / np.float32(white)

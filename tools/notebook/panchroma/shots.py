@@ -1,4 +1,6 @@
-"""Shots: what the camera has recorded, from a file or a simulation, its own picture of it, and the full-quality one."""
+"""Shots: what the camera has recorded, from a file or a simulation, its own picture of it, and the
+full-quality one.
+"""
 
 from __future__ import annotations  # help() then shows them as they are written here
 
@@ -11,7 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pictures import Image, Picture
-from .shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
+from .shared import (
+    CaptureMetadata,
+    CfaPattern,
+    Mosaic,
+    SensorCalibration,
+    read_camera,
+    read_dng,
+    write_dng,
+)
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
 from .tools.batch.console import fault
@@ -26,13 +36,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
 class Shot:
-    """A shot: one sample per pixel, behind the filters of the camera's pattern. Jupyter shows its preview.
+    """A shot: one sample per pixel, behind the filters of the camera's pattern. Jupyter shows its
+    preview.
 
-    mosaic: samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and capture data.
-    truth: the light that a simulated camera saw, in the units of a render; None for other shots.
-    name: of the file or the scene.
-    notes: remarks on how the scene or the file was understood; standard error has each of them too, once in a run.
+    Attributes
+    ----------
+    mosaic : Mosaic
+        Samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and
+        capture data.
+    truth : Picture | None
+        The light that a simulated camera saw, in the units of a render; None for other shots.
+    name : str
+        Of the file or the scene.
+    notes : tuple[str, ...]
+        Remarks on how the scene or the file was understood; standard error has each of them too,
+        once in a run.
 
+    Examples
+    --------
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
     >>> shot
@@ -59,7 +80,7 @@ class Shot:
 
     @property
     def calibration(self) -> SensorCalibration:
-        """What is known of the sensor: gamma, noise, levels, colours."""
+        """Calibration of the sensor: gamma, noise, levels, colours."""
         return self.mosaic.calibration
 
     @property
@@ -68,28 +89,47 @@ class Shot:
         return self.mosaic.metadata
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the shot with its preview as a DNG, which `open` reads. An existing file stays, unless `overwrite`."""
+        """Write the shot with its preview as a DNG, which `open` reads. An existing file stays,
+        unless `overwrite`.
+        """
         if Path(path).suffix.lower() != ".dng":
             raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
         write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=overwrite)
 
     def __repr__(self) -> str:
         (rows, columns), pattern = self.shape, self.pattern
-        filters = f"{', '.join(pattern.channels)} in {len(pattern.sites)} of {pattern.period} x {pattern.period} pixels"
+        filters = (
+            f"{', '.join(pattern.channels)} in {len(pattern.sites)} of {pattern.period} x "
+            f"{pattern.period} pixels"
+        )
         return f"<Shot{' ' * bool(self.name)}{self.name}: {columns} x {rows}, {filters}>"
 
     def _repr_png_(self) -> bytes:
         return preview(self)._repr_png_()
 
 
-def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int = MAX_PIXELS) -> Shot:  # noqa: A001
-    """Read a shot, a DNG that Panchroma has written. For photographs of other cameras see `simulate`.
+def open(  # noqa: A001
+    path: str | Path, *, camera: str | Path | None = None, max_pixels: int = MAX_PIXELS
+) -> Shot:
+    """Read a shot, a DNG that Panchroma has written. For photographs of other cameras see
+    `simulate`.
 
-    path: the file.
-    camera: a camera.json (from `panchroma calibrate`) to use in place of the shot's own calibration.
-    max_pixels: a larger shot is refused.
-    Raises PanchromaError that names the file and says what is wrong with it.
+    Parameters
+    ----------
+    path : str | Path
+        The file.
+    camera : str | Path | None, optional
+        A camera.json (from `panchroma calibrate`) to use in place of the shot's own calibration.
+    max_pixels : int, optional
+        A larger shot is refused.
 
+    Raises
+    ------
+    PanchromaError
+        That names the file and says what is wrong with it.
+
+    Examples
+    --------
     >>> import panchroma
     >>> panchroma.simulate("builtin:120x90").save("leaves.dng")
     >>> panchroma.open("leaves.dng").shape
@@ -98,22 +138,41 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     mosaic = read_dng(path, max_pixels=max_pixels)
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
-    return with_notes_shown(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.lens_remarks(mosaic.metadata.focal_length)))
+    return with_notes_shown(
+        Shot(
+            mosaic,
+            name=Path(path).stem,
+            notes=mosaic.calibration.lens_remarks(mosaic.metadata.focal_length),
+        )
+    )
 
 
 def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     """The camera's own picture of a shot: made in milliseconds by an ONNX graph, upright.
 
-    shot: a `Shot`, or the name of its file.
-    scale: pixels of the sensor, each way, that become one of the preview; a divisor of the pattern's period.
-    Raises PanchromaError for another scale.
+    Parameters
+    ----------
+    shot : Shot | str | Path
+        A `Shot`, or the name of its file.
+    scale : int, optional
+        Pixels of the sensor, each way, that become one of the preview; a divisor of the pattern's
+        period.
 
+    Raises
+    ------
+    PanchromaError
+        For another scale.
+
+    Examples
+    --------
     >>> import panchroma
     >>> panchroma.preview(panchroma.simulate("builtin:120x90"), scale=3)
     <Image 40 x 30, 8-bit sRGB>
     """
     mosaic = as_shot(shot).mosaic
-    return Image(np.ascontiguousarray(upright(_previews(scale)(mosaic), mosaic.metadata.orientation)))
+    return Image(
+        np.ascontiguousarray(upright(_previews(scale)(mosaic), mosaic.metadata.orientation))
+    )
 
 
 def render(
@@ -123,19 +182,34 @@ def render(
     wb: str | Sequence[float] = "camera",
     stages: Stages | None = None,
 ) -> Picture:
-    """Reconstruct every channel at every pixel, on all processors. The same shot gives the same picture, to the bit.
+    """Reconstruct every channel at every pixel, on all processors. The same shot gives the same
+    picture, to the bit.
 
-    The first render on a machine compiles the renderer, which takes about half a minute and is said on standard error; in a
-    terminal, `panchroma doctor --compile` does it ahead, on all processors.
+    The first render on a machine compiles the renderer, which takes about half a minute and is said
+    on standard error; in a terminal, `panchroma doctor --compile` does it ahead, on all processors.
 
-    shot: a `Shot`, or the name of its file.
-    preset: "best"; "unlearned": best without the network that corrects colour; "paper": the method as published; or settings of
-        your own, such as dataclasses.replace(offline.BEST, ...).
-    wb: white balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or multipliers (2.1, 1, 1.6); it does not
-        change `Picture.rgb`.
-    stages: makes the list of stages that go over the picture in rows, as `offline.render` takes it; None = those of the settings.
-    Raises PanchromaError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
+    Parameters
+    ----------
+    shot : Shot | str | Path
+        A `Shot`, or the name of its file.
+    preset : str | RenderSettings, optional
+        "best"; "unlearned": best without the network that corrects colour; "paper": the method as
+        published; or settings of your own, such as dataclasses.replace(offline.BEST, ...).
+    wb : str | Sequence[float], optional
+        White balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or
+        multipliers (2.1, 1, 1.6); it does not change `Picture.rgb`.
+    stages : Stages | None, optional
+        Makes the list of stages that go over the picture in rows, as `offline.render` takes it;
+        None = those of the settings.
 
+    Raises
+    ------
+    PanchromaError
+        For a shot that is all black, or all saturated, and for one that needs more memory than is
+        free.
+
+    Examples
+    --------
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
     >>> panchroma.render(shot)
@@ -154,20 +228,29 @@ def render(
 
 
 def with_notes_shown(shot: Shot) -> Shot:
-    """The shot, after standard error has those of its notes that it has not had yet: a sweep opens or simulates it many times."""
+    """The shot, after standard error has those of its notes that it has not had yet: a sweep opens
+    or simulates it many times.
+    """
     for note in shot.notes:
         note_once(f"{shot.name}: {note}")
     return shot
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:
-    """The shot itself, or that in a file. Raises InputError for anything else."""
+    """The shot itself, or that in a file.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
     if isinstance(shot, Shot):
         return shot
     if isinstance(shot, str | Path):
         return open(shot)
     raise InputError(
-        f"expected a shot (of panchroma.open or panchroma.simulate) or the name of its file, not {type(shot).__name__}"
+        "expected a shot (of panchroma.open or panchroma.simulate) or the name of its file, not "
+        f"{type(shot).__name__}"
     )
 
 

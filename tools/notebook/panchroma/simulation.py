@@ -17,7 +17,12 @@ from .shared.tiles import EXPECTED
 from .shots import Shot, with_notes_shown
 from .tools.simulation.lens import Lens
 from .tools.simulation.noise import chosen_protocol
-from .tools.simulation.simulated_camera import SimulatedCamera, scene_in_array, scene_in_file, scene_of_light
+from .tools.simulation.simulated_camera import (
+    SimulatedCamera,
+    scene_in_array,
+    scene_in_file,
+    scene_of_light,
+)
 
 _PERIOD = 6
 
@@ -38,35 +43,58 @@ def simulate(
 ) -> Shot:
     """Photograph a scene with this camera. The shot keeps what it saw as its `truth`.
 
-    scene: one of
-        the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG, JPEG, EXR, NPY),
-        "builtin:1800x1200", leaves and charts of any size, the smaller the finer,
-        an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB; wider integers are linear light too,
-            white is their largest value,
-        a `Picture`, such as the truth of another shot.
-    pattern: the filters of one tile of the sensor, row by row, W is panchromatic, such as "WBWG/BWGW/WGWR/GWRW"; rows may also be
-        parted by blanks or lines. "kodak", "sony", "honda" and "kaizu" are names of tiles. A number is the period of the paper's
-        pattern, one 2 x 2 Bayer block in K x K pixels; that with 6 is the default. Letters other than R, G and B are channels that
-        the scene has, or C, M and Y made from its colours.
-    sigma: noise as in the paper: additive, Gaussian, of this standard deviation in scene units. By default there is none.
-    light: noise as in a sensor, at this amount of light (1 = a full exposure, 1/4 = two stops less): shot and read noise, clipping,
-        quantisation. Give sigma or light, not both.
-    bits: of a sample, 8 to 16; 12 by default.
-    seed: of the noise.
-    channels: letters of an array's channels, in their order; by default "RGB", or those of the pattern if there are as many.
-    linear: take the values of a picture file, or an array of integers, as linear light.
-    camera: a camera.json (from `panchroma calibrate`), whose gamma, noise, levels, colours and lens it has.
-    shading: (2, 15) is a lens whose corners are two stops darker, with 15 % less of the first channel there and as much more of the
-        last one than of panchromatic light.
-    max_pixels: a larger file is refused.
-    Raises PanchromaError for a scene that cannot be read, or that lacks channels of the pattern.
+    Parameters
+    ----------
+    scene : str | Path | Picture | ArrayLike
+        One of the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG,
+        JPEG, EXR, NPY), "builtin:1800x1200", leaves and charts of any size, the smaller the finer,
+        an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB; wider
+        integers are linear light too, white is their largest value, a `Picture`, such as the truth
+        of another shot.
+    pattern : str | int | CfaPattern | None, optional
+        The filters of one tile of the sensor, row by row, W is panchromatic, such as
+        "WBWG/BWGW/WGWR/GWRW"; rows may also be parted by blanks or lines. "kodak", "sony", "honda"
+        and "kaizu" are names of tiles. A number is the period of the paper's pattern, one 2 x 2
+        Bayer block in K x K pixels; that with 6 is the default. Letters other than R, G and B are
+        channels that the scene has, or C, M and Y made from its colours.
+    sigma : float | None, optional
+        Noise as in the paper: additive, Gaussian, of this standard deviation in scene units. By
+        default there is none.
+    light : float | None, optional
+        Noise as in a sensor, at this amount of light (1 = a full exposure, 1/4 = two stops less):
+        shot and read noise, clipping, quantisation. Give sigma or light, not both.
+    bits : int | None, optional
+        Of a sample, 8 to 16; 12 by default.
+    seed : int, optional
+        Of the noise.
+    channels : str | None, optional
+        Letters of an array's channels, in their order; by default "RGB", or those of the pattern if
+        there are as many.
+    linear : bool, optional
+        Take the values of a picture file, or an array of integers, as linear light.
+    camera : str | Path | None, optional
+        A camera.json (from `panchroma calibrate`), whose gamma, noise, levels, colours and lens it
+        has.
+    shading : tuple[float, float] | None, optional
+        (2, 15) is a lens whose corners are two stops darker, with 15 % less of the first channel
+        there and as much more of the last one than of panchromatic light.
+    max_pixels : int, optional
+        A larger file is refused.
 
+    Raises
+    ------
+    PanchromaError
+        For a scene that cannot be read, or that lacks channels of the pattern.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> import panchroma
     >>> panchroma.simulate("builtin:120x90", pattern="WBWG/BWGW/WGWR/GWRW", light=1 / 4)
     <Shot builtin-120x90: 120 x 90, R, G, B in 8 of 4 x 4 pixels>
     >>> bands = np.random.default_rng(0).random((60, 60, 4), np.float32)
-    >>> shot = panchroma.simulate(bands, pattern="ABWWWW CDWWWW WWWWWW WWWWWW WWWWWW WWWWWW", sigma=0.01)
+    >>> shot = panchroma.simulate(bands, pattern="ABWWWW CDWWWW WWWWWW WWWWWW WWWWWW WWWWWW",
+    sigma=0.01)
     >>> shot.truth
     <Picture 60 x 60, linear A, B, C, D>
     """
@@ -81,7 +109,9 @@ def simulate(
         known.check_pattern(tile)
         lens.check(known.calibration, camera)
     seen = _scene(scene, tile.channels, channels, linear, max_pixels)
-    exposed = SimulatedCamera.of(tile, known, protocol, bits=bits, lens=lens).shoot(seen, np.random.default_rng(seed))
+    exposed = SimulatedCamera.of(tile, known, protocol, bits=bits, lens=lens).shoot(
+        seen, np.random.default_rng(seed)
+    )
     white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
     truth = Picture(exposed.truth, exposed.mosaic.calibration, seen.metadata, white)
     return with_notes_shown(Shot(exposed.mosaic, truth, seen.name, exposed.notes))
@@ -103,7 +133,10 @@ def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
 def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
     """The scene before a pattern with the channels `wanted`."""
     if channels is not None and isinstance(source, Picture | str | Path):
-        raise InputError(f"`channels` is {channels!r}, but it names those of an array; a picture or a file has its own")
+        raise InputError(
+            f"`channels` is {channels!r}, but it names those of an array; a picture or a file "
+            "has its own"
+        )
     if isinstance(source, Picture):
         return scene_of_light(source.rgb, source.calibration, source.metadata)
     if isinstance(source, str | Path):
@@ -113,11 +146,18 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
     except ValueError:  # rows of different lengths
         array = np.array(None)
     if array.dtype == object:
-        raise InputError(f"expected the name of a file, an array or a picture, and not {type(source).__name__}")
+        raise InputError(
+            f"expected the name of a file, an array or a picture, and not {type(source).__name__}"
+        )
     if array.ndim != 3 or not array.size:
         grey = "; of a grey scene give each pixel three equal channels" if array.ndim == 2 else ""
-        raise InputError(f"the array has shape {array.shape}, expected (rows, columns, channels), none of them 0{grey}")
+        raise InputError(
+            f"the array has shape {array.shape}, expected (rows, columns, channels), none of "
+            f"them 0{grey}"
+        )
     if channels is not None and array.shape[2] != len(channels):
         shape = f"(rows, columns, {len(channels)})"
-        raise InputError(f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}")
+        raise InputError(
+            f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}"
+        )
     return scene_in_array(array, wanted, channels, linear=linear)

@@ -1,4 +1,6 @@
-"""The built-in scene: fallen leaves and a row of test charts, to try everything without a photograph."""
+"""The built-in scene: fallen leaves and a row of test charts, to try everything without a
+photograph.
+"""
 
 from collections.abc import Callable
 
@@ -11,8 +13,10 @@ from .charts import BRIGHTEST, CARD, DARKEST, colour_star, detail_chart, grey_st
 from .dead_leaves import STRIP, dead_leaves
 
 SAMPLES = 3  # per pixel and axis of a chart
-ASPECT = 1.5  # width over height of the frame that the layout is made for; in others only the gaps differ
-HEIGHT, GAP, BORDER = 0.26, 0.05, 0.011  # chart, space below it, card around it; parts of the frame's scale
+# width over height of the frame that the layout is made for; in others only the gaps differ
+ASPECT = 1.5
+# chart, space below it, card around it; parts of the frame's scale
+HEIGHT, GAP, BORDER = 0.26, 0.05, 0.011
 LEAST_HEIGHT = 24  # pixels: smaller charts would only be mush, so there are none
 CORNER = 0.02  # radius of the card's corners, part of the frame's scale
 
@@ -20,14 +24,21 @@ Drawing = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
 """Draws a chart, see `charts`."""
 
 # From left to right: width over height, drawing.
-CHARTS: tuple[tuple[float, Drawing], ...] = ((1.5, patches_chart), (1.0, grey_star), (1.0, colour_star), (1.0, detail_chart))
+CHARTS: tuple[tuple[float, Drawing], ...] = (
+    (1.5, patches_chart),
+    (1.0, grey_star),
+    (1.0, colour_star),
+    (1.0, detail_chart),
+)
 
 
 def builtin_scene(width: int, height: int) -> Scene:
-    """Draw the test scene at any size from 1 x 1: linear sRGB, 0.01 to 0.95. The same size gives the same pixels.
+    """Draw the test scene at any size from 1 x 1: linear sRGB, 0.01 to 0.95. The same size gives
+    the same pixels.
 
-    It shows dead leaves (see `dead_leaves`) under a soft light. Frames of about 140 x 95 pixels and more have charts in front of
-    them: a ColorChecker, a Siemens star in luminance, one in chromaticity, and slanted edges with lettering (see `charts`).
+    It shows dead leaves (see `dead_leaves`) under a soft light. Frames of about 140 x 95 pixels and
+    more have charts in front of them: a ColorChecker, a Siemens star in luminance, one in
+    chromaticity, and slanted edges with lettering (see `charts`).
     """
     scale = min(width / ASPECT, height)
     picture = dead_leaves(width, height, scale)
@@ -39,7 +50,9 @@ def builtin_scene(width: int, height: int) -> Scene:
 
 
 def _light(width: int, height: int) -> FloatArray:
-    """Return the light on the leaves, (height, width): it falls off from the upper left to the lower right."""
+    """Return the light on the leaves, (height, width): it falls off from the upper left to the
+    lower right.
+    """
     down, right = np.linspace(0, 1, height)[:, None], np.linspace(0, 1, width)[None, :]
     return (1.25 - 0.55 * (0.5 * right + 0.5 * down) ** 1.2).astype(np.float32)
 
@@ -57,8 +70,12 @@ def _add_charts(picture: FloatArray, scale: float) -> None:
         left += across + gap
 
 
-def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing) -> None:
-    """Draw one chart of width x size pixels into `rgb` at (left, top), antialiased, with its card and a soft shadow."""
+def _lay(
+    rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing
+) -> None:
+    """Draw one chart of width x size pixels into `rgb` at (left, top), antialiased, with its card
+    and a soft shadow.
+    """
     margin = round(BORDER * scale)
     shadow, reach = 1.6 * margin, 3 * margin
     rows = slice(max(top - reach, 0), min(top + size + 2 * reach, rgb.shape[0]))
@@ -75,10 +92,16 @@ def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: flo
         card = np.full((below.size, x.size, rgb.shape[2]), CARD)
         drawn = (below > 0) & (below < size)
         if drawn.any():
-            card[np.ix_(drawn, inner)] = draw(*np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size)
-        covered = (_outside(x[None, :], below[:, None], width, size, CORNER * scale) < margin).astype(np.float64)[..., None]
+            card[np.ix_(drawn, inner)] = draw(
+                *np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size
+            )
+        covered = (
+            _outside(x[None, :], below[:, None], width, size, CORNER * scale) < margin
+        ).astype(np.float64)[..., None]
         card *= covered
-        target = rgb[top - margin + first :, left - margin : left + width + margin][: below.size // SAMPLES]
+        target = rgb[top - margin + first :, left - margin : left + width + margin][
+            : below.size // SAMPLES
+        ]
         target *= (1 - _mean(covered)).astype(np.float32)
         target += _mean(card).astype(np.float32)
 
@@ -88,8 +111,12 @@ def _grid(start: int, stop: int, samples: int) -> DoubleArray:
     return start + (np.arange((stop - start) * samples) + 0.5) / samples
 
 
-def _outside(x: DoubleArray, y: DoubleArray, width: float, height: float, corner: float) -> DoubleArray:
-    """Return the signed distance from the rectangle (0, 0, width, height) with rounded corners of radius `corner`."""
+def _outside(
+    x: DoubleArray, y: DoubleArray, width: float, height: float, corner: float
+) -> DoubleArray:
+    """Return the signed distance from the rectangle (0, 0, width, height) with rounded corners of
+    radius `corner`.
+    """
     right = np.maximum(np.maximum(corner - x, x - (width - corner)), 0)
     down = np.maximum(np.maximum(corner - y, y - (height - corner)), 0)
     return np.hypot(right, down) - corner

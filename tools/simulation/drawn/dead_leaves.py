@@ -1,9 +1,10 @@
 """Dead leaves: a picture of occluding shapes, with the statistics of natural scenes.
 
-Leaves of all sizes fall at random and hide what lies below (G. Matheron's model; A. B. Lee, D. Mumford and J. Huang, "Occlusion
-Models for Natural Images", IJCV 2001: radii distributed as r^-3 give the scale invariance that photographs have). Each leaf has
-one material, so its chromaticity is constant, while shading, veins and cast shadows vary its luminance. This is the paper's
-assumption about the world; the outlines of the leaves are edges that break it.
+Leaves of all sizes fall at random and hide what lies below (G. Matheron's model; A. B. Lee, D.
+Mumford and J. Huang, "Occlusion Models for Natural Images", IJCV 2001: radii distributed as r^-3
+give the scale invariance that photographs have). Each leaf has one material, so its chromaticity is
+constant, while shading, veins and cast shadows vary its luminance. This is the paper's assumption
+about the world; the outlines of the leaves are edges that break it.
 """
 
 from dataclasses import dataclass
@@ -19,8 +20,8 @@ LeafArray = NDArray[np.int32]  # indices of leaves
 SAMPLES = 3  # per pixel and axis: outlines are antialiased with nine
 LARGEST, SMALLEST = 0.13, 0.0035  # radii, in parts of the frame's scale
 LEAST = 1.5  # pixels: no radius is smaller
-# Leaves over each point, per octave of radius, largest first. Equal figures would be exactly r^-3; fewer small leaves leave some
-# calm surfaces, as in a photograph.
+# Leaves over each point, per octave of radius, largest first. Equal figures would be exactly r^-3;
+# fewer small leaves leave some calm surfaces, as in a photograph.
 COVER = (1.7, 1.1, 0.7, 0.4, 0.25, 0.16, 0.11)
 FILL = 0.66  # part of its bounding disc that a leaf covers, on average
 TIPPED = 0.7  # part of the leaves that are pointed; the others are ellipses
@@ -41,18 +42,26 @@ _CODES, _FREQUENCIES = np.array(_COLOURS).T
 _CHANNELS = [(_CODES.astype(int) >> shift) & 255 for shift in (16, 8, 0)]
 MATERIALS = decode_srgb(np.stack(_CHANNELS, axis=1) / 255)
 """Reflectances that leaves may have, linear sRGB (materials, 3)."""
-VARIATION = 0.09  # standard deviation of the logarithm of each channel's reflectance among leaves of one material
+# standard deviation of the logarithm of each channel's reflectance among leaves of one material
+VARIATION = 0.09
 
 
 @dataclass(frozen=True, eq=False)
 class Leaves:
     """n leaves, the lowest first; arrays (n,).
 
-    x, y, radius: pixels.
-    angle: radians.
-    breadth: width across, in parts of the radius.
-    tipped: whether the leaf is pointed.
-    reflectance: float32 (n, 3).
+    Attributes
+    ----------
+    x, y, radius : DoubleArray
+        Pixels.
+    angle : DoubleArray
+        Radians.
+    breadth : DoubleArray
+        Width across, in parts of the radius.
+    tipped : BoolArray
+        Whether the leaf is pointed.
+    reflectance : FloatArray
+        float32 (n, 3).
     """
 
     x: DoubleArray
@@ -65,11 +74,17 @@ class Leaves:
 
 
 def dead_leaves(width: int, height: int, scale: float, seed: int = 1) -> FloatArray:
-    """Draw a frame of dead leaves: reflectance times shading, linear sRGB, float32 (height, width, 3), about 0.003 to 0.95.
+    """Draw a frame of dead leaves: reflectance times shading, linear sRGB, float32 (height, width,
+    3), about 0.003 to 0.95.
 
-    width, height: pixels.
-    scale: pixels per unit of LARGEST and SMALLEST.
-    seed: the same arguments give the same picture.
+    Parameters
+    ----------
+    width, height : int
+        Pixels.
+    scale : float
+        Pixels per unit of LARGEST and SMALLEST.
+    seed : int, optional
+        The same arguments give the same picture.
     """
     leaves = scatter(width, height, scale, seed)
     picture: FloatArray = np.empty((height, width, 3), np.float32)
@@ -90,11 +105,18 @@ def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
         high = largest * 0.5**octave
         low = max(high / 2, smallest)
         cover = COVER[min(octave, len(COVER) - 1)] * np.log2(high / low)
-        mean_square = 2 * np.log(high / low) / (low**-2 - high**-2)  # mean of radius**2 with density r^-3
-        count = int(np.ceil(cover * (width + 2 * high) * (height + 2 * high) / (np.pi * mean_square * FILL)))
+        # mean of radius**2 with density r^-3
+        mean_square = 2 * np.log(high / low) / (low**-2 - high**-2)
+        count = int(
+            np.ceil(cover * (width + 2 * high) * (height + 2 * high) / (np.pi * mean_square * FILL))
+        )
         draw = np.random.default_rng((seed, octave)).random((3, count))
         radius = (high**-2 + draw[0] * (low**-2 - high**-2)) ** -0.5
-        found.append(np.stack([draw[1] * (width + 2 * high) - high, draw[2] * (height + 2 * high) - high, radius]))
+        found.append(
+            np.stack(
+                [draw[1] * (width + 2 * high) - high, draw[2] * (height + 2 * high) - high, radius]
+            )
+        )
     draws = np.random.default_rng((seed, octaves, 0))
     x, y, radius = draws.permutation(np.concatenate(found, axis=1), axis=1)
     tipped = draws.random(x.size) < TIPPED
@@ -110,10 +132,14 @@ def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
 
 
 def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
-    """Return a reflectance per leaf, float32 (n, 3): one material each, often that of its neighbours, as under one tree."""
+    """Return a reflectance per leaf, float32 (n, 3): one material each, often that of its
+    neighbours, as under one tree.
+    """
     likely = np.tile(np.log(_FREQUENCIES), (x.size, 1))
     for phase, across, down in draws.random((3, 3, len(MATERIALS))):
-        likely += 1.1 * np.sin(2 * np.pi * (phase + np.outer(x, 9 * across - 4.5) + np.outer(y, 9 * down - 4.5)))
+        likely += 1.1 * np.sin(
+            2 * np.pi * (phase + np.outer(x, 9 * across - 4.5) + np.outer(y, 9 * down - 4.5))
+        )
     chosen = np.argmax(likely + draws.gumbel(size=likely.shape), axis=1)
     brightness = draws.normal(0, 0.22, (x.size, 1))
     varied = MATERIALS[chosen] * np.exp(brightness + draws.normal(0, 1, (x.size, 3)) * VARIATION)
@@ -121,21 +147,28 @@ def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) ->
 
 
 def _paint(leaves: Leaves, top: int, bottom: int, width: int, step: int) -> FloatArray:
-    """Draw rows top..bottom of the picture, (bottom - top, width, 3). step: length of a step of shadow, in samples."""
+    """Draw rows top..bottom of the picture, (bottom - top, width, 3). step: length of a step of
+    shadow, in samples.
+    """
     above = min(top * SAMPLES, SHADOW_STEPS * step)  # rows above that cast shadows into this strip
     upmost = _topmost(leaves, top * SAMPLES - above, bottom * SAMPLES, width * SAMPLES)
     index = upmost[above:]
     light = _shading(leaves, index, top)
-    for distance in range(step, SHADOW_STEPS * step + 1, step):  # the light comes from the upper left
+    # the light comes from the upper left
+    for distance in range(step, SHADOW_STEPS * step + 1, step):
         right = min(round(0.75 * distance), index.shape[1] - 1)
         rows = np.maximum(np.arange(above - distance, above - distance + len(index)), 0)
         caster = upmost[rows, : index.shape[1] - right]
         light[:, right:] *= np.where(caster > index[:, right:], np.float32(SHADOW), np.float32(1))
-    reflectance = np.concatenate([leaves.reflectance, np.array([GROUND], np.float32)])  # index -1 is the ground
+    # index -1 is the ground
+    reflectance = np.concatenate([leaves.reflectance, np.array([GROUND], np.float32)])
     mean = np.zeros((bottom - top, width, 3), np.float32)
     for row in range(SAMPLES):
         for column in range(SAMPLES):
-            mean += reflectance[index[row::SAMPLES, column::SAMPLES]] * light[row::SAMPLES, column::SAMPLES, None]
+            mean += (
+                reflectance[index[row::SAMPLES, column::SAMPLES]]
+                * light[row::SAMPLES, column::SAMPLES, None]
+            )
     return mean / np.float32(SAMPLES**2)
 
 
@@ -148,7 +181,8 @@ def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
     left, right = _span(centre_x, radius, 0, columns)
     cosine, sine = np.cos(leaves.angle) / radius, np.sin(leaves.angle) / radius
     for leaf in np.flatnonzero((up < down) & (left < right)).tolist():
-        # Differences in double precision, from the frame's corner, so that outlines do not depend on the strip.
+        # Differences in double precision, from the frame's corner, so that outlines do not depend
+        # on the strip.
         rows = (np.arange(up[leaf], down[leaf]) - centre_y[leaf]).astype(np.float32)[:, None]
         across = (np.arange(left[leaf], right[leaf]) - centre_x[leaf]).astype(np.float32)[None, :]
         c, s = np.float32(cosine[leaf]), np.float32(sine[leaf])
@@ -161,14 +195,20 @@ def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
     return topmost
 
 
-def _span(centre: DoubleArray, radius: DoubleArray, first: int, last: int) -> tuple[IndexArray, IndexArray]:
-    """Return each leaf's first sample along an axis and the one after its last, within first..last."""
+def _span(
+    centre: DoubleArray, radius: DoubleArray, first: int, last: int
+) -> tuple[IndexArray, IndexArray]:
+    """Return each leaf's first sample along an axis and the one after its last, within
+    first..last.
+    """
     start, stop = np.ceil(centre - radius), np.floor(centre + radius + 1)
     return start.clip(first, last).astype(np.intp), stop.clip(first, last).astype(np.intp)
 
 
 def _shading(leaves: Leaves, index: LeafArray, top: int) -> FloatArray:
-    """Return the part of the light that each sample reflects, about 0.4 to 1.4: curvature, midrib and veins; 1 on the ground."""
+    """Return the part of the light that each sample reflects, about 0.4 to 1.4: curvature, midrib
+    and veins; 1 on the ground.
+    """
 
     def per_sample(values: DoubleArray) -> FloatArray:
         return np.append(values, 0).astype(np.float32)[index]
@@ -181,8 +221,12 @@ def _shading(leaves: Leaves, index: LeafArray, top: int) -> FloatArray:
     along = right * cosine + down * sine
     aside = (down * cosine - right * sine) * per_sample(1 / leaves.breadth)
     away = np.abs(aside)
-    veins = 0.06 * np.sin(18 * (along + 0.6 * away)) + np.float32(0.18) * (away < 0.08 - 0.06 * np.abs(along))
+    veins = 0.06 * np.sin(18 * (along + 0.6 * away)) + np.float32(0.18) * (
+        away < 0.08 - 0.06 * np.abs(along)
+    )
     curvature = 1 - 0.28 * (0.6 * right + 0.8 * down) - 0.18 * (along * along + aside * aside)
-    light: FloatArray = (curvature * (1 + veins * np.append(leaves.tipped, False)[index])).astype(np.float32, copy=False)
+    light: FloatArray = (curvature * (1 + veins * np.append(leaves.tipped, False)[index])).astype(
+        np.float32, copy=False
+    )
     light[index < 0] = 1
     return light

@@ -10,7 +10,9 @@ from panchroma.tools.simulation.bayer import ORDER, sample_bayer
 
 
 def bilinear(mosaic: FloatArray) -> DoubleArray:
-    """Each missing value: the mean of its channel's samples among the eight neighbours, in the mirrored frame."""
+    """Each missing value: the mean of its channel's samples among the eight neighbours, in the
+    mirrored frame.
+    """
     height, width = mosaic.shape
     padded = np.pad(mosaic.astype(float), 1, mode="reflect")
     rgb = np.empty((height, width, 3))
@@ -33,11 +35,14 @@ def bilinear(mosaic: FloatArray) -> DoubleArray:
 @pytest.mark.parametrize("shape", [(2, 2), (5, 8), (6, 7), (9, 9)])
 def test_bilinear_is_the_mean_of_the_nearest_samples(shape: tuple[int, int]) -> None:
     mosaic = np.random.default_rng(1).random(shape).astype(np.float32)
-    np.testing.assert_allclose(demosaic_bilinear(mosaic), bilinear(mosaic), atol=1e-6)  # float32 rounding
+    # float32 rounding
+    np.testing.assert_allclose(demosaic_bilinear(mosaic), bilinear(mosaic), atol=1e-6)
 
 
 def green_of(mosaic: FloatArray, row: int, column: int) -> float:
-    """Green at a red or blue site far from the border, word by word from sections II and III of the paper."""
+    """Green at a red or blue site far from the border, word by word from sections II and III of the
+    paper.
+    """
     m = mosaic.astype(float)
     low_pass = np.array([4, 9, 15, 23, 26, 23, 15, 9, 4]) / 128
 
@@ -49,8 +54,13 @@ def green_of(mosaic: FloatArray, row: int, column: int) -> float:
         assert min(place) >= 0
         return float(m[place])
 
-    def difference(n: int, step: tuple[int, int]) -> float:  # green minus the other colour of the line
-        middle, near, far = value(n, step), value(n - 1, step) + value(n + 1, step), value(n - 2, step) + value(n + 2, step)
+    # green minus the other colour of the line
+    def difference(n: int, step: tuple[int, int]) -> float:
+        middle, near, far = (
+            value(n, step),
+            value(n - 1, step) + value(n + 1, step),
+            value(n - 2, step) + value(n + 2, step),
+        )
         other = near / 2 + (2 * middle - far) / 4
         return middle - other if green(row + n * step[0], column + n * step[1]) else other - middle
 
@@ -72,7 +82,10 @@ def test_green_is_the_papers() -> None:
     for row in range(11, 19):
         for column in range(12, 20):
             if ORDER[row % 2 * 2 + column % 2] != "G":
-                assert picture[row, column, 1] == pytest.approx(green_of(mosaic, row, column), abs=1e-6)  # float32
+                # float32
+                assert picture[row, column, 1] == pytest.approx(
+                    green_of(mosaic, row, column), abs=1e-6
+                )
 
 
 def test_measured_samples_stay_and_an_even_colour_comes_back() -> None:

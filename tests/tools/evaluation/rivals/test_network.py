@@ -1,4 +1,6 @@
-"""Networks: anybody's is fed as its description says, what is wrong is said with the file's name."""
+"""Networks: anybody's is fed as its description says, what is wrong is said with the file's
+name.
+"""
 
 import json
 from pathlib import Path
@@ -16,16 +18,30 @@ from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.noise import BayerShot
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)
-QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}  # of GRBG: red, green, blue, green
+# of GRBG: red, green, blue, green
+QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}
 
 
 def network(folder: Path, weights: np.ndarray, blocks: int, **said: Any) -> str:
-    """A convolution with these weights, its planes then put into blocks x blocks pixels each; and its description."""
-    nodes = [helper.make_node("Conv", ["x", "w"], ["c"]), helper.make_node("DepthToSpace", ["c"], ["y"], blocksize=blocks)]
+    """A convolution with these weights, its planes then put into blocks x blocks pixels each; and
+    its description.
+    """
+    nodes = [
+        helper.make_node("Conv", ["x", "w"], ["c"]),
+        helper.make_node("DepthToSpace", ["c"], ["y"], blocksize=blocks),
+    ]
     sizes = [[1, each, None, None] for each in (weights.shape[1], 3)]
-    ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, size) for name, size in zip("xy", sizes, strict=True)]
-    graph = helper.make_graph(nodes, "g", ends[:1], ends[1:], [numpy_helper.from_array(weights.astype(np.float32), "w")])
-    save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8), folder / "mine.onnx")
+    ends = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, size)
+        for name, size in zip("xy", sizes, strict=True)
+    ]
+    graph = helper.make_graph(
+        nodes, "g", ends[:1], ends[1:], [numpy_helper.from_array(weights.astype(np.float32), "w")]
+    )
+    save(
+        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8),
+        folder / "mine.onnx",
+    )
     (folder / "mine.json").write_text(json.dumps(said))
     return str(folder / "mine.onnx")
 
@@ -34,14 +50,24 @@ def of_quads(folder: Path, red: list[float], **said: Any) -> str:
     """Every pixel of a quad has its mean colour; red is that of the five planes weighted so."""
     weights = np.zeros((12, 5, 1, 1))
     for plane in range(4):
-        weights[plane * 3 : plane * 3 + 3, :, 0, 0] = np.array([red, [0, 0.5, 0, 0.5, 0], [0, 0, 1, 0, 0]])
+        weights[plane * 3 : plane * 3 + 3, :, 0, 0] = np.array(
+            [red, [0, 0.5, 0, 0.5, 0], [0, 0, 1, 0, 0]]
+        )
     return network(folder, weights, 2, **said)
 
 
-@pytest.mark.parametrize(("order", "shape"), [("RGGB", (61, 80)), ("GRBG", (330, 75)), ("GBRG", (61, 80)), ("BGGR", (330, 75))])
-def test_sparse_planes_of_any_order_are_those_of_bilinear_interpolation(tmp_path: Path, order: str, shape: tuple[int, int]) -> None:
+@pytest.mark.parametrize(
+    ("order", "shape"),
+    [("RGGB", (61, 80)), ("GRBG", (330, 75)), ("GBRG", (61, 80)), ("BGGR", (330, 75))],
+)
+def test_sparse_planes_of_any_order_are_those_of_bilinear_interpolation(
+    tmp_path: Path, order: str, shape: tuple[int, int]
+) -> None:
     weights = np.zeros((3, 3, 3, 3))
-    cross, ring = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4, np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
+    cross, ring = (
+        np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4,
+        np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4,
+    )
     for channel in range(3):
         weights[channel, channel] = cross if channel == 1 else ring
     path = network(tmp_path, weights, 1, order=order, inputs={"x": {"form": "sparse"}})
@@ -51,7 +77,9 @@ def test_sparse_planes_of_any_order_are_those_of_bilinear_interpolation(tmp_path
 
 
 def test_balance_code_and_bias_are_undone(tmp_path: Path) -> None:
-    """Quads in the network's own order, coded, with a bias that the last plane's weight takes off again."""
+    """Quads in the network's own order, coded, with a bias that the last plane's weight takes off
+    again.
+    """
     fed = {"x": {**QUADS["x"], "add": [-0.25, 0, 0, 0], "noise": True}}
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", gamma=2.2, offset=0.01, inputs=fed)
     rgb = np.broadcast_to(np.array([0.3, 0.5, 0.2], np.float32), (40, 44, 3))
@@ -59,7 +87,9 @@ def test_balance_code_and_bias_are_undone(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[..., 1:], rgb[..., 1:], atol=1e-5)
     low, high = 0.01 ** (1 / 2.2), 1.01 ** (1 / 2.2)
     code = ((0.3 / 0.5 + 0.01) ** (1 / 2.2) - low) / (high - low) - 0.25
-    np.testing.assert_allclose(found[..., 0], 0.5 * ((code * (high - low) + low) ** 2.2 - 0.01), atol=1e-5)
+    np.testing.assert_allclose(
+        found[..., 0], 0.5 * ((code * (high - low) + low) ** 2.2 - 0.01), atol=1e-5
+    )
 
 
 @pytest.mark.parametrize(("shot", "read"), [(0.0, 0.02), (0.004, 0.0)])
@@ -73,9 +103,13 @@ def test_noise_is_that_of_balanced_samples(tmp_path: Path, shot: float, read: fl
 def test_a_network_for_unbalanced_samples_gets_them_as_they_are(tmp_path: Path) -> None:
     mosaic = sample_bayer(builtin_scene(60, 60).rgb)
     for balanced in (True, False):
-        path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", balanced=balanced, gamma=2.2, inputs=QUADS)
+        path = of_quads(
+            tmp_path, [1, 0, 0, 0, 0], order="GRBG", balanced=balanced, gamma=2.2, inputs=QUADS
+        )
         shot = BayerShot(mosaic, 0.0, 0.0)
-        first, second = (choose([path])[0].function(shot, white) for white in (WHITE, np.ones(3, np.float32)))
+        first, second = (
+            choose([path])[0].function(shot, white) for white in (WHITE, np.ones(3, np.float32))
+        )
         assert np.array_equal(first, second) != balanced
 
 

@@ -29,7 +29,9 @@ def demosaic(name: str, mosaic: FloatArray) -> FloatArray:
 
 def smooth_scene(rows: int, columns: int) -> FloatArray:
     down, right = np.meshgrid(np.linspace(0, 3, rows), np.linspace(0, 4, columns), indexing="ij")
-    return np.stack([0.5 + 0.3 * np.sin(down + right), 0.4 + 0.2 * np.cos(down), 0.3 + 0.2 * np.sin(right)], -1).astype(np.float32)
+    return np.stack(
+        [0.5 + 0.3 * np.sin(down + right), 0.4 + 0.2 * np.cos(down), 0.3 + 0.2 * np.sin(right)], -1
+    ).astype(np.float32)
 
 
 @pytest.mark.parametrize("name", RIVALS)
@@ -45,7 +47,9 @@ def test_colours_land_in_their_channels_and_an_even_one_comes_back(name: str) ->
 
 
 def test_a_line_is_no_mosaic() -> None:
-    cameras = CameraPair(PaperProtocol(0.0), 0, np.zeros((1, 8, 3), np.float32), CfaPattern.bayer(6), None)
+    cameras = CameraPair(
+        PaperProtocol(0.0), 0, np.zeros((1, 8, 3), np.float32), CfaPattern.bayer(6), None
+    )
     with pytest.raises(InputError, match="2 rows"):
         methods()["bilinear"].render(cameras)
 
@@ -81,7 +85,9 @@ def test_denoising_lowers_noise_and_keeps_the_light() -> None:
     truth = sample_bayer(smooth_scene(40, 40))
     rng = np.random.default_rng(0)
     shot, read = 2e-3, 5e-3
-    before = (rng.poisson(truth / shot) * shot + read * rng.standard_normal(truth.shape)).astype(np.float32)
+    before = (rng.poisson(truth / shot) * shot + read * rng.standard_normal(truth.shape)).astype(
+        np.float32
+    )
     after = denoise_bayer(BayerShot(before, shot, read))
     assert np.std(after - truth) < 0.5 * np.std(before - truth)
     assert np.mean(after - truth) == pytest.approx(np.mean(before - truth), abs=1e-3)
