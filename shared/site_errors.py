@@ -16,20 +16,20 @@ from .pattern import CfaPattern
 _NEAR, _CHANNELS = 0.35, 0.4
 
 
-def nearness(pattern: CfaPattern, correlation: float = _NEAR) -> DoubleArray:
-    """`correlation` to the power of the distance in pixels between two sites of a block, float64
-    (S, S).
+def nearness(pattern: CfaPattern) -> DoubleArray:
+    """Correlation of the errors at two sites of a block, float64 (S, S): 0.35 to the power of their
+    distance in pixels.
 
     Examples
     --------
     >>> from panchroma.shared import CfaPattern
     >>> from panchroma.shared.site_errors import nearness
-    >>> nearness(CfaPattern.bayer(6), 0.5)[0].round(2).tolist()  # beside, below, diagonal
-    [1.0, 0.5, 0.5, 0.38]
+    >>> nearness(CfaPattern.bayer(6))[0].round(2).tolist()  # beside, below, diagonal
+    [1.0, 0.35, 0.35, 0.23]
     """
     place = np.array(pattern.sites)[:, :2]
     distance = np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
-    return correlation**distance
+    return _NEAR**distance
 
 
 def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:

@@ -26,8 +26,7 @@ class Motion:
 
     The point (centre + (v, u)), v down and u across, of the reference lies in the other frame at
 
-        centre + shift + (v cos(angle) - u sin(angle), v sin(angle) + u cos(angle)) + its local
-        shift
+        centre + shift + (v cos(angle) - u sin(angle), v sin(angle) + u cos(angle)) + local shift
 
     where centre is ((H - 1) / 2, (W - 1) / 2). `offline.burst.in_frame` and `in_reference` compute
     it and its inverse.

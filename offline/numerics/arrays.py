@@ -1,5 +1,5 @@
-"""Types of what kernels take: NumPy's for type checkers, and with the number of axes, from which
-Numba knows what to compile.
+"""Types of the arguments of kernels: NumPy's for type checkers, and the number of axes, for which
+Numba compiles.
 
 A digit is the number of axes. Arrays are contiguous, except where a part of kernels is given a
 section of one.
@@ -19,20 +19,14 @@ Floats2 = Annotated[FloatArray, types.float32[:, ::1]]
 Floats3 = Annotated[FloatArray, types.float32[:, :, ::1]]
 Floats4 = Annotated[FloatArray, types.float32[:, :, :, ::1]]
 Frozen2 = Annotated[FloatArray, Floats2.__metadata__[0].copy(readonly=True)]
-"""Float32 that a kernel does not write, so that it may be given an array that must not be written;
-so is `Frozen3`.
-"""
-Frozen3 = Annotated[FloatArray, Floats3.__metadata__[0].copy(readonly=True)]
+"""Float32 that a kernel does not write: it may be given an array that must not be written."""
 Doubles1 = Annotated[DoubleArray, types.float64[::1]]
 Doubles2 = Annotated[DoubleArray, types.float64[:, ::1]]
 Doubles3 = Annotated[DoubleArray, types.float64[:, :, ::1]]
 Ints1 = Annotated[IndexArray, types.intp[::1]]
 Ints2 = Annotated[IndexArray, types.intp[:, ::1]]
-StridedInts1 = Annotated[IndexArray, types.intp[:]]
 Bools1 = Annotated[BoolArray, types.boolean[::1]]
 Bools2 = Annotated[BoolArray, types.boolean[:, ::1]]
-Bytes1 = Annotated[ByteArray, types.uint8[::1]]
-Bytes2 = Annotated[ByteArray, types.uint8[:, ::1]]
 Bytes3 = Annotated[ByteArray, types.uint8[:, :, ::1]]
 
 Pair = tuple[int, int]

@@ -4,8 +4,8 @@ squares, tile by tile.
 Each field x minimises, with w the weights of its samples and b these times what is sampled, s the
 smoothness, f the fading, t an edge and l the luminance,
 
-    sum_n (w[n] x[n]^2 - 2 b[n] x[n] + f x[n]^2) + sum_nn' s / (1 + ((l[n] - l[n']) / t)^2) (x[n] -
-    x[n'])^2
+    sum_n (w[n] x[n]^2 - 2 b[n] x[n] + f x[n]^2)
+    + sum_nn' s / (1 + ((l[n] - l[n']) / t)^2) (x[n] - x[n'])^2
 
 over neighbours n, n', diagonal ones with half the smoothness.
 """

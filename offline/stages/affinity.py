@@ -61,7 +61,7 @@ class AffinitySettings(StageSettings):
 
     Attributes
     ----------
-    scales : Annotated[tuple[float, ...], _SCALES]
+    scales : tuple[float, ...]
         Standard deviations of the derivative filters, pixels (the paper gives none: errata).
     tolerance, iterations : Between, Count
         Of conjugate gradients, residual relative to the right-hand side, 0 to 1, and largest

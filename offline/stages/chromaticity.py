@@ -40,7 +40,7 @@ class ChromaticitySettings(StageSettings):
 
     Attributes
     ----------
-    taps : Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, 'an odd number')]
+    taps : int
         Length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
     repetitions : CountOrNone
         Largest number of repetitions of the medians ("till convergence" in the paper).

@@ -7,10 +7,10 @@ which keep luminance, a pixel has l = (R + G + B) / 3 and colour p_k = e_k . (R,
 times gamma. Around a cell, with the mean <.> of 3 x 3 cells, the residuals r_s of the render at the
 S sites before they were corrected, and the variance v of the noise in r:
 
-    t_k = <p_k> / <l>   mean colour
-    d_0 = l - <l>,  d_k = p_k - l t_k   departures from one luminance, and from one colour
-    E = < mean r^2 + mean d_k^2 >   evidence of colour
-    a = sqrt(E + 0.25 < mean d_0^2 >)   activity
+    t_k = <p_k> / <l>                         mean colour
+    d_0 = l - <l>,  d_k = p_k - l t_k         departures from one luminance, and from one colour
+    E = < mean r^2 + mean d_k^2 >             evidence of colour
+    a = sqrt(E + 0.25 < mean d_0^2 >)         activity
     b = min(a, 4 sqrt(max(E - 0.2 <v>, 0)))   bound: a place of one colour is left alone
 
 The network sees d_0 / a, d_k / a, r / a, t_k, log2(1 + sqrt v / a), 0.3 log2(1 + <l> / a) and b /

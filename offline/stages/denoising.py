@@ -56,7 +56,7 @@ class DenoisingSettings(StageSettings):
     ----------
     strength : NotNegative
         How much noise to remove, as a multiple of the noise there is; 0 = none.
-    sizes : Annotated[tuple[int, ...], _SIZES]
+    sizes : tuple[int, ...]
         Sides of the DCT blocks, pixels, multiples of 4.
     threshold : Positive
         Threshold of the first pass, in standard deviations of the noise.

@@ -9,8 +9,8 @@ chromaticity pooled over similar tiles stays. None of this is in the paper, whos
 
 Of each channel, the difference x from a base chromaticity b minimises
 
-    sum_n w[n] (b[n] + x[n] - r[n])^2 + f sum_n x[n]^2 + sum_nn' s (x[n] - x[n'])^2 / (1 + ((l[n] -
-    l[n']) / t)^2),
+    sum_n w[n] (b[n] + x[n] - r[n])^2 + f sum_n x[n]^2
+    + sum_nn' s (x[n] - x[n'])^2 / (1 + ((l[n] - l[n']) / t)^2),
 
 with the confidence w in a site (0 elsewhere), fading f, smoothness s, luminance l and an edge t
 (`numerics.linked`). The base is the picture's own chromaticity as far as noise hides what sites

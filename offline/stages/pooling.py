@@ -12,8 +12,8 @@ gains much from them, and so does a block on an edge, whose luminance is filled 
 each pass, over a window of blocks b' around b,
 
     A'_i(b) = sum w(b, b') A_i(b'),  B' likewise,  w = near(b - b') exp(-d),
-    d = |n (c(b) - c(b'))|^2 / (2 tolerance (s^2(b) + s^2(b'))) + (log l(b) - log l(b'))^2 / (2
-    light^2),
+    d = |n (c(b) - c(b'))|^2 / (2 tolerance (s^2(b) + s^2(b')))
+        + (log l(b) - log l(b'))^2 / (2 light^2),
 
 where c is the chromaticity so far, smoothed, s^2 the variance that noise has left in it, and n
 grows with the number of sites of a channel, whose differences are surer. Then c minimises
@@ -78,7 +78,7 @@ class PoolingSettings(StageSettings):
 
     Attributes
     ----------
-    passes : Annotated[tuple[PoolingPass, ...], _PASSES]
+    passes : tuple[PoolingPass, ...]
         One `PoolingPass` each; empty = no pooling.
     light : Positive
         How much the luminance of blocks may differ: standard deviation of the Gaussian weight of
