@@ -135,7 +135,7 @@ class NoiseModel:
         """
         least, most = NOISE_RANGE
         clamped = (
-            (0.0 if each < least else min(each, most) for each in figures)
+            (0.0 if figure < least else min(figure, most) for figure in figures)
             for figures in (self.shot, self.read)
         )
         return NoiseModel(*map(tuple, clamped))

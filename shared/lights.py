@@ -156,7 +156,7 @@ def checked_lights(values: Any, channels: str) -> Lights:
     InputError
         Unless they differ.
     """
-    if len(values) != 2 or not all(isinstance(each, CalibratedLight) for each in values):
+    if len(values) != 2 or not all(isinstance(value, CalibratedLight) for value in values):
         raise InputError(f"calibration: lights is {shown(values)}, expected two lights")
     warm, cold = sorted(values, key=lambda each: temperature(each.white))
     if len(warm.neutral) != len(channels) or len(cold.neutral) != len(channels):
@@ -228,7 +228,7 @@ def colours_under(lights: Lights, neutral: Sequence[float] | None) -> Matrix:
     Where the neutral is no colour of light, such as an estimate from a wall of leaves, the channels
     of the light whose neutral is nearest are scaled (von Kries).
     """
-    pairs = [(each.white, each.xyz_to_camera) for each in lights]
+    pairs = [(light.white, light.xyz_to_camera) for light in lights]
     if neutral is None:
         inverse = [
             1 / temperature(white) for white in (*(white for white, _ in pairs), ILLUMINANTS["D50"])

@@ -56,7 +56,7 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     else:
         pixels, cells = mean_light(g)
     spread = propagate(g, pooled, colour, cells, "" if linear else burnt_out(g, cells))  # Eq. 10
-    camera = [g("Mul", each, spread) for each in pixels]  # Eq. 17
+    camera = [g("Mul", pixel, spread) for pixel in pixels]  # Eq. 17
     return _finished(g, interleave(g, camera if linear else [display(g, each) for each in camera]))
 
 

@@ -75,7 +75,7 @@ def interleave(g: PatternGraph, planes: list[str]) -> str:
     values = (
         planes[0]
         if len(planes) == 1
-        else g("Concat", *(g("Reshape", each, [1, channels, -1]) for each in planes), axis=0)
+        else g("Concat", *(g("Reshape", plane, [1, channels, -1]) for plane in planes), axis=0)
     )
     values = g.reshape(values, [within, within, channels, across, across, *g.patches])
     # Depth to space in two steps: move whole rows of patches into place, then interleave the

@@ -310,7 +310,7 @@ def _journal(folder: Path) -> Journal:
 
 def _stamp(files: Iterable[str | Path]) -> str:
     """Digest of the size and time of modification of each file."""
-    found = (file_status(each) for each in files)
+    found = (file_status(file) for file in files)
     return key(files=[(each.st_size, each.st_mtime_ns) if each else None for each in found])
 
 

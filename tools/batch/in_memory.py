@@ -101,7 +101,7 @@ def renderings(
     settings = [settings_named(preset) for preset in presets]
     with announced_compilation(progress):
         compile_ahead(settings, processors(), progress)
-        return [render(mosaic, each, progress) for each in settings]
+        return [render(mosaic, setting, progress) for setting in settings]
 
 
 def merged_picture(mosaics: Sequence[Mosaic], progress: StageProgress) -> FloatArray:

@@ -56,7 +56,8 @@ class WhiteBalance:
                 "2.1,1,1.6"
             )
         if not all(
-            math.isfinite(each) and 1 / _LARGEST <= each <= _LARGEST for each in multipliers
+            math.isfinite(multiplier) and 1 / _LARGEST <= multiplier <= _LARGEST
+            for multiplier in multipliers
         ):
             raise InputError(
                 f"`wb` is {wanted!r}, expected multipliers between {1 / _LARGEST:g} and "

@@ -406,7 +406,7 @@ def conclude_colour(seen: Measurements) -> Part | None:
     every: dict[str, Any] = facts[0]
     changes: dict[str, Any] = {"camera_to_xyz": found[0][0], "neutral": found[0][1], "lights": None}
     if seen.lights:
-        every = {"light": list(lights)} | {name: [each[name] for each in facts] for name in every}
+        every = {"light": list(lights)} | {name: [fact[name] for fact in facts] for name in every}
         both = (CalibratedLight(light, *each) for light, each in zip(lights, found, strict=True))
         changes = {"lights": tuple(both), "neutral": None, "neutral_estimated": False}
     return Part("colour", every, changes, warnings, contradictions, result=best)

@@ -419,7 +419,7 @@ def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
                 break
             names = _COLOURS if len(members) == len(_COLOURS) else _MORE_COLOURS
             groups = sorted(
-                (sites[each] for each in members),
+                (sites[member] for member in members),
                 key=lambda group: (-len(group), -level[group].mean()),
             )
             for letter, group in zip(names, groups, strict=False):

@@ -163,7 +163,9 @@ def likely_strides(data: Bytes, stride: int) -> list[int]:
         """Two rows further down the picture resembles itself too, and may even do so a little
         more.
         """
-        shorter: Sequence[int] = [each for each in heights if each < lag and lag % each == 0]
+        shorter: Sequence[int] = [
+            height for height in heights if height < lag and lag % height == 0
+        ]
         return any(heights[each] > _HALF * heights[lag] for each in shorter)
 
     return sorted((lag for lag in heights if not is_multiple(lag)), key=lambda lag: -heights[lag])

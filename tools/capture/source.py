@@ -85,9 +85,9 @@ class SourceOptions:
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
         """Raise InputError if one of these is given, though it does not go with the source."""
-        for each in fields(self):
-            if each.name in names and getattr(self, each.name) != each.default:
-                raise InputError(f"`{each.name}` does not go with {self.source}: {reason}")
+        for field in fields(self):
+            if field.name in names and getattr(self, field.name) != field.default:
+                raise InputError(f"`{field.name}` does not go with {self.source}: {reason}")
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
     if given.source == STREAM or given.source.startswith((_BUILTIN, GENICAM)):
         given.refuse(["new"], "only a folder can already contain frames")
     if given.source.startswith(_BUILTIN):
-        given.refuse([each.name for each in fields(given)[1:]], "the built-in sensor has its own")
+        given.refuse([field.name for field in fields(given)[1:]], "the built-in sensor has its own")
         camera, pattern = described(None)
         return _builtin(given.source, camera, pattern)
     if given.source.startswith(GENICAM):

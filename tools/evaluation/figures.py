@@ -193,7 +193,7 @@ def _values(parts: Sequence[Measures]) -> dict[str, float | None]:
     whole = np.mean([each.psnr for each in parts], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
     values["wrong_hue"] = float(np.mean([each.wrong_hue or 0.0 for each in parts]))
-    seen, true = np.sum([each.kept for each in parts], axis=0)
+    seen, true = np.sum([part.kept for part in parts], axis=0)
     for place, (one, all_) in enumerate(zip(seen, true, strict=True), 1):
         values[f"kept_{place}"] = float(one / all_) if all_ else None
     return values

@@ -63,7 +63,7 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     coloured = np.square(true).mean(axis=2) > _LEAST**2
     place = np.searchsorted(np.quantile(luminance, PLACES[:-1]), luminance[coloured])
     products = ((first * true).sum(axis=2)[coloured] for first in (seen, true))
-    return np.stack([np.bincount(place, each, len(PLACES)) for each in products])
+    return np.stack([np.bincount(place, product, len(PLACES)) for product in products])
 
 
 def _balance(truth: FloatArray) -> DoubleArray:

@@ -70,7 +70,7 @@ class Method:
     @property
     def identity(self) -> dict[str, Any]:
         """Dependencies of results besides scene, noise and pattern, as JSON values."""
-        packages = {each: package_version(each) for each in self.packages}
+        packages = {package: package_version(package) for package in self.packages}
         name = "network" if self.file else self.name
         return {"method": name, "version": self.version, "packages": packages}
 

@@ -51,7 +51,7 @@ def build_page(
         summary=describe(figures),
         groups=groups,
         pairs=[_shown(each) for why in (AHEAD, BEHIND) for each in _clearest(exhibits, why)],
-        worst=[_shown(each) for each in exhibits if each.crop.why not in (AHEAD, BEHIND)],
+        worst=[_shown(exhibit) for exhibit in exhibits if exhibit.crop.why not in (AHEAD, BEHIND)],
         failures=failures,
         facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": study.seed},
         conditions=study.protocol.conditions,

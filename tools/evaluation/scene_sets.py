@@ -166,7 +166,7 @@ def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
     found = search(sources, ENDINGS, output=output, is_file=is_drawn, set_aside=set_aside)
     for folder, what in found.failures:
         raise InputError(f"{folder}: {what}")
-    return list(dict.fromkeys(each.name for each in found.sources)), found.left_out
+    return list(dict.fromkeys(source.name for source in found.sources)), found.left_out
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:

@@ -51,8 +51,8 @@ def method_table(figures: Figures, group: str) -> Table:
     """
     study, table = figures.study, Table(["", *(each.title for each in CRITERIA)], [], [])
     for level in study.levels:
-        found = [each for each in figures.rows if each.place == Place(group, level)]
-        scores = np.array([[each.score(figure) for each in CRITERIA] for figure in found])
+        found = [row for row in figures.rows if row.place == Place(group, level)]
+        scores = np.array([[criterion.score(figure) for criterion in CRITERIA] for figure in found])
         table.rows.append([level.text])
         table.best.append([])
         highest = scores == np.fmax.reduce(scores, initial=np.nan)
@@ -94,7 +94,7 @@ def rows(figures: Figures) -> list[dict[str, Any]]:
     """Return one flat object per figure, sets (scene None) before scenes; PSNR quantiles are
     PLANE_q10 to PLANE_q75.
     """
-    return [_row(each) for each in figures.rows]
+    return [_row(row) for row in figures.rows]
 
 
 def _row(figure: Figure) -> dict[str, Any]:
@@ -194,10 +194,12 @@ def _level(figures: Figures, group: str, level: Protocol) -> dict[str, Any]:
     lead, scenes = figures.lead(place), figures.leads(group, level)
     return {
         "level": level.level,
-        "winner": {each.name: figures.best(place, each, methods) for each in CRITERIA},
+        "winner": {
+            criterion.name: figures.best(place, criterion, methods) for criterion in CRITERIA
+        },
         "best_rival": lead and lead.rival,
         "margin_rgb": lead and round(lead.value, 4),
-        "scenes_won": sum(each.value >= EVEN for each in scenes),
+        "scenes_won": sum(scene.value >= EVEN for scene in scenes),
         "scenes": len(scenes),
     }
 

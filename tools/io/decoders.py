@@ -315,7 +315,7 @@ def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], F
         names = {channel.name for channel in header["channels"]}
         # the filters' own channels before those they can be made from
         choices = [wanted, scene_channels(wanted), RGB]
-        found = next((each for each in choices if set(each) <= names), "Y")
+        found = next((choice for choice in choices if set(choice) <= names), "Y")
         if not set(found) <= names or "RY" in names:
             expected = "R, G, B" if wanted == RGB else f"{', '.join(wanted)}, or R, G, B"
             raise InputError(

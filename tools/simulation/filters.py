@@ -117,12 +117,12 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
             f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}"
             + (
                 f" (of which {_listed(others)} can be made)"
-                if (others := [each for each in sources if each not in there])
+                if (others := [source for source in sources if source not in there])
                 else ""
             )
             + "; use a scene with these channels, or another pattern"
         )
-    passed = np.array([sources[each] for each in channels])
+    passed = np.array([sources[channel] for channel in channels])
     gamma, notes = _weights(channels, passed, there)
     if composed := [letter for letter in channels if letter not in there]:
         notes = (

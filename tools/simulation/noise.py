@@ -157,7 +157,7 @@ class PaperProtocol(Protocol):
     @classmethod
     def places(cls, levels: Sequence[Protocol]) -> list[float]:
         """Return where levels lie along the axis of a plot: in proportion."""
-        return [each.level for each in levels]
+        return [level.level for level in levels]
 
     @property
     def text(self) -> str:
