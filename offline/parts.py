@@ -167,7 +167,7 @@ def run_stages(
     ...         shown = part.rows(*rows)
     ...         return Part(shown.first, shown.luminance / 2, shown.chromaticity)
     >>> parts = [Part(row, np.ones((1, 4), np.float32), np.ones((1, 4, 3), np.float32)) for row in
-    range(2)]
+    ...     range(2)]
     >>> [float(part.luminance.max()) for part in run_stages(parts, [Darker(), Darker()], 2)]
     [0.25, 0.25]
     """

@@ -203,7 +203,7 @@ def render_bands(
     >>> from panchroma.offline import PAPER, render_bands
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((300, 40), 0.75, np.float32), CfaPattern.bayer(6),
-    SensorCalibration())
+    ...     SensorCalibration())
     >>> bands = list(render_bands(grey, PAPER))
     >>> len(bands), sum(len(band) for band in bands)
     (6, 300)

@@ -52,7 +52,7 @@ class Camera:
     >>> from pathlib import Path
     >>> from panchroma.shared import Camera, CfaPattern, SensorCalibration, read_camera
     >>> camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8), sensor="bench"),
-    CfaPattern.bayer(6))
+    ...     CfaPattern.bayer(6))
     >>> Path("camera.json").write_text(json.dumps(camera.to_json())) > 0
     True
     >>> read_camera("camera.json") == camera
@@ -203,8 +203,8 @@ def read_camera(path: Path | str) -> Camera:
     --------
     >>> from pathlib import Path
     >>> from panchroma.shared import read_camera
-    >>> Path("camera.json").write_text('{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level":
-    60000}') > 0
+    >>> document = '{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000}'
+    >>> Path("camera.json").write_text(document) > 0
     True
     >>> read_camera("camera.json").calibration.gamma
     (0.9, 1.1, 0.8)

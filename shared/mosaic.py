@@ -166,7 +166,7 @@ class Mosaic:
         >>> import numpy as np
         >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
         >>> mosaic = Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6),
-        SensorCalibration.of_bits(12))
+        ...     SensorCalibration.of_bits(12))
         >>> float(mosaic.evenly_shaded().signal[5, 5])
         3.0
         """

@@ -28,9 +28,10 @@ class Block(NamedTuple):
     --------
     >>> from panchroma.shared.networks import Block
     >>> from panchroma.shared.pattern import CfaPattern
-    >>> Block.of(CfaPattern.bayer(6, "BGGR")),
-    Block.of(CfaPattern.of_letters("GRWW/WBWW/WWWW/WWWW"))
-    (Block(letters=('RG', 'GB'), steps=(-1, -1)), Block(letters=('RG', 'BW'), steps=(1, -1)))
+    >>> Block.of(CfaPattern.bayer(6, "BGGR"))
+    Block(letters=('RG', 'GB'), steps=(-1, -1))
+    >>> Block.of(CfaPattern.of_letters("GRWW/WBWW/WWWW/WWWW"))
+    Block(letters=('RG', 'BW'), steps=(1, -1))
     """
 
     letters: tuple[str, ...]

@@ -53,9 +53,10 @@ def name_of(tile: tuple[str, ...]) -> str:
     Examples
     --------
     >>> from panchroma.shared.tiles import name_of
-    >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW")),
-    name_of(("RGW", "GWW", "WWB"))
-    ('Kodak', 'K=4', '')
+    >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW"))
+    ('Kodak', 'K=4')
+    >>> name_of(("RGW", "GWW", "WWB"))
+    ''
     """
     return place_of(tile)[0]
 

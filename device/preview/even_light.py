@@ -26,9 +26,9 @@ def even_light(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
     >>> from panchroma.device.preview.even_light import even_light
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
     >>> calibration = SensorCalibration.of_bits(12, shading=Shading(np.ones((4, 4, 4)).tolist(),
-    (12, 18)))
+    ...     (12, 18)))
     >>> codes, levels = even_light(Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6),
-    calibration))
+    ...     calibration))
     >>> round(float((codes[5, 5] - levels["black"][-1]) * levels["scale"][-1]), 3)  # scene units
     3.0
     """

@@ -147,9 +147,9 @@ def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, 
     >>> from panchroma.offline.burst import copies
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> one, other = (np.random.default_rng(seed).integers(5000, 6000, (24, 36), np.uint16) for seed
-    in (1, 2))
+    ...     in (1, 2))
     >>> copies([Mosaic(codes, CfaPattern.bayer(6), SensorCalibration()) for codes in (one, other,
-    one.copy())])
+    ...     one.copy())])
     {2: 0}
     """
     originals: dict[object, int] = {}

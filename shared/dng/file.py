@@ -45,7 +45,7 @@ def write_dng(
     >>> import numpy as np
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
     >>> mosaic = Mosaic(np.full((12, 18), 1000, np.uint16), CfaPattern.bayer(6),
-    SensorCalibration.of_bits(12))
+    ...     SensorCalibration.of_bits(12))
     >>> write_dng("shot.dng", mosaic, preview=np.zeros((12, 18, 3), np.uint8))
     >>> bool((read_dng("shot.dng").codes == mosaic.codes).all())
     True
@@ -77,7 +77,7 @@ def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
     >>> codes = np.full((12, 18), 1000, np.uint16)
     >>> write_dng("shot.dng", Mosaic(codes, CfaPattern.bayer(4), SensorCalibration.of_bits(12)),
-    np.zeros((8, 8, 3), np.uint8))
+    ...     np.zeros((8, 8, 3), np.uint8))
     >>> mosaic = read_dng("shot.dng")
     >>> mosaic.shape, mosaic.pattern.period, mosaic.calibration.bits
     ((12, 18), 4, 12)

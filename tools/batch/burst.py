@@ -138,7 +138,7 @@ def series(sources: Sequence[Source]) -> list[str]:
     Examples
     --------
     >>> series([Source("shots/rose-2.dng", Path("rose-2.dng")), Source("shots/rose-1.dng",
-    Path("rose-1.dng"))])
+    ...     Path("rose-1.dng"))])
     ['shots/rose-1.dng', 'shots/rose-2.dng']
     """
     named = [source.name for source in sources if not source.found]
@@ -187,7 +187,7 @@ def series_stem(names: Sequence[str]) -> str:
     Examples
     --------
     >>> series_stem(["shots/rose-1.dng", "shots/rose-2.dng"]), series_stem(["IMG_0001.dng",
-    "IMG_0002.dng"])
+    ...     "IMG_0002.dng"])
     ('rose', 'IMG_0001')
     """
     stems = [Path(name).stem for name in names]

@@ -202,7 +202,7 @@ def burst_frames(
     >>> import numpy as np
     >>> light = np.full((200, 300, 3), 0.5, np.float32)
     >>> [frame.rgb.shape for frame in burst_frames(light, SimulatedBurst(2, pixels=3),
-    np.random.default_rng(1), pixel=2)]
+    ...     np.random.default_rng(1), pixel=2)]
     [(82, 132, 3), (82, 132, 3)]
     """
     # the centre of the scene is that of the frames

@@ -112,7 +112,7 @@ def evaluate(
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
     >>> paper, best = (panchroma.evaluate(panchroma.render(shot, preset=name), shot.truth) for name
-    in ("paper", "best"))
+    ...     in ("paper", "best"))
     >>> best.median > paper.median
     True
     """

@@ -94,7 +94,7 @@ def simulate(
     <Shot builtin-120x90: 120 x 90, R, G, B in 8 of 4 x 4 pixels>
     >>> bands = np.random.default_rng(0).random((60, 60, 4), np.float32)
     >>> shot = panchroma.simulate(bands, pattern="ABWWWW CDWWWW WWWWWW WWWWWW WWWWWW WWWWWW",
-    sigma=0.01)
+    ...     sigma=0.01)
     >>> shot.truth
     <Picture 60 x 60, linear A, B, C, D>
     """
