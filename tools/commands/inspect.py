@@ -210,12 +210,12 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
     """Rows that shots and camera files share."""
     lights = document.get("lights", ())
     estimated = ", estimated from the picture" if document.get("neutral_estimated") else ""
-    colour = "calibrated" if document["camera_to_xyz"] else "no matrix"
+    colour = "calibrated" if lights or document["camera_to_xyz"] else "no matrix"
     rows = {
         "levels": f"black {_values(document['black_level'])}, white {document['white_level']}",
         "gamma": f"{_values(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
-        "colour": "calibrated under two lights" if lights else colour,
+        "colour": f"{colour} under two lights" if lights else colour,
     }
     for light in lights:
         matrix = _matrix(light["camera_to_xyz"])
