@@ -225,8 +225,7 @@ def test_a_temporary_file_swept_before_it_was_locked_is_made_again(
     assert contents(tmp_path) == {"shot.dng": b"whole"}
 
 
-# --- links, pipes, permissions
-# --------------------------------------------------------------------------------------------------
+# --- links, pipes, permissions -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mode", ["rb", "ab", "ab+"])

@@ -31,8 +31,7 @@ def shots(tmp_path: Path) -> Path:
     return folder
 
 
-# --- help
-# --------------------------------------------------------------------------------------------------
+# --- help ----------------------------------------------------------------------------------------
 
 
 def test_version() -> None:
@@ -129,8 +128,7 @@ def test_a_dry_run_makes_no_folder(
     assert names(tmp_path) == {"shots"}
 
 
-# --- errors
-# --------------------------------------------------------------------------------------------------
+# --- errors --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -225,8 +223,7 @@ def test_options_of_every_verb_may_stand_before_it(shots: Path) -> None:
     assert "--scale" in run("-q", "preview", "--help", code=0).out
 
 
-# --- interrupts
-# --------------------------------------------------------------------------------------------------
+# --- interrupts ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("stage", ["luminance", "colour", "reading"])
@@ -296,8 +293,7 @@ def test_an_interrupt_does_not_wait_for_a_shot_to_be_decoded(shots: Path, tmp_pa
     spawn("render", shots / SHOT, "-o", tmp_path, script=script, code=130)
 
 
-# --- streams
-# --------------------------------------------------------------------------------------------------
+# --- streams -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -363,8 +359,7 @@ def test_file_names_that_no_encoding_holds(shots: Path) -> None:
         assert r"\udcff.dng" in outcome.out.splitlines()[0]
 
 
-# --- what is shown
-# --------------------------------------------------------------------------------------------------
+# --- what is shown -------------------------------------------------------------------------------
 
 
 def test_a_list_may_begin_with_a_negative_number(tmp_path: Path) -> None:

@@ -195,8 +195,7 @@ def _outdated(seen: Measurements, measured: Mapping[str, Any]) -> tuple[str, ...
     )
 
 
-# --- gamma
-# --------------------------------------------------------------------------------------------------
+# --- gamma ---------------------------------------------------------------------------------------
 
 
 def conclude_gamma(seen: Measurements) -> Part | None:
@@ -350,8 +349,7 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     return warnings
 
 
-# --- colour
-# --------------------------------------------------------------------------------------------------
+# --- colour --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -487,8 +485,7 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
     )
 
 
-# --- dark and flat frames
-# --------------------------------------------------------------------------------------------------
+# --- dark and flat frames ------------------------------------------------------------------------
 
 
 def conclude_black_level(seen: Measurements) -> Part | None:

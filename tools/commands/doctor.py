@@ -72,8 +72,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if wrong else 0
 
 
-# --- the checks: each reports what it finds, and how to repair what is wrong
-# ------------------------------------------------------
+# --- the checks: each reports what it finds, and how to repair what is wrong ---------------------
 
 
 class Finding(NamedTuple):

@@ -38,8 +38,7 @@ def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
     )
 
 
-# --- how much
-# --------------------------------------------------------------------------------------------------
+# --- how much ------------------------------------------------------------------------------------
 
 
 def test_sizes_are_read_and_shown_rounded_up() -> None:
@@ -90,8 +89,7 @@ def test_100_megapixels_are_foreseen_to_fit_2_2_gigabytes(monkeypatch: pytest.Mo
     assert 1.7e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 2.2e9
 
 
-# --- what does not fit
-# --------------------------------------------------------------------------------------------------
+# --- what does not fit ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "tif"])
@@ -110,8 +108,7 @@ def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, nam
     )
 
 
-# --- compiling
-# --------------------------------------------------------------------------------------------------
+# --- compiling -----------------------------------------------------------------------------------
 
 
 def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

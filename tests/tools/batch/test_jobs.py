@@ -88,8 +88,7 @@ def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path)
             do(["one.in", "two.in"], tmp_path, work)
 
 
-# --- what may be written
-# --------------------------------------------------------------------------------------------------
+# --- what may be written -------------------------------------------------------------------------
 
 
 def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Said) -> None:
@@ -157,8 +156,7 @@ def test_results_go_to_the_top_and_subfolders_are_mirrored() -> None:
     ]
 
 
-# --- the output folder
-# --------------------------------------------------------------------------------------------------
+# --- the output folder ---------------------------------------------------------------------------
 
 
 def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> None:

@@ -134,8 +134,7 @@ def test_a_line_that_no_render_has_written_ends_the_reading(tmp_path: Path) -> N
         Journal(tmp_path).of("a.tif")
 
 
-# --- keys
-# --------------------------------------------------------------------------------------------------
+# --- keys ----------------------------------------------------------------------------------------
 
 EVEN = Shading((((1.0,) * 4,) * 4,) * 4, (13, 17), 35, 0.01)
 CALIBRATION = SensorCalibration.of_bits(

@@ -72,8 +72,7 @@ def merged(
     )
 
 
-# --- what is made
-# --------------------------------------------------------------------------------------------------
+# --- what is made --------------------------------------------------------------------------------
 
 
 def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_frame(
@@ -110,8 +109,7 @@ def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_
         assert fate["gain"] == pytest.approx(1, abs=0.02)
 
 
-# --- known shifts
-# --------------------------------------------------------------------------------------------------
+# --- known shifts --------------------------------------------------------------------------------
 
 
 def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: Path) -> None:
@@ -131,8 +129,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     assert psnr(tifffile.imread(out / "step.tif"), truth) > psnr(alone, truth) + 3
 
 
-# --- which frames
-# --------------------------------------------------------------------------------------------------
+# --- which frames --------------------------------------------------------------------------------
 
 
 LEFT_OUT: dict[str, Callable[[Mosaic], Mosaic]] = {
@@ -198,8 +195,7 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     )
 
 
-# --- what is there already
-# --------------------------------------------------------------------------------------------------
+# --- what is there already -----------------------------------------------------------------------
 
 
 def test_what_exists_stays(taken: Path, out: Path) -> None:

@@ -284,8 +284,7 @@ def test_a_folder_s_frames_become_shots_and_stay(out: Path, frames: Path) -> Non
     assert heard.err.endswith("1 saved, 0 dropped, 1 failed\n")
 
 
-# --- a stream that slips
-# --------------------------------------------------------------------------------------------------
+# --- a stream that slips -------------------------------------------------------------------------
 
 MOVING = ("--size", "310x220", "--pixel-format", "raw12")
 LINE = 465  # bytes

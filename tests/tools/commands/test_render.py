@@ -46,8 +46,7 @@ def save(path: Path, codes: ArrayLike | None = None) -> Path:
     )
 
 
-# --- what is made
-# --------------------------------------------------------------------------------------------------
+# --- what is made --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -204,8 +203,7 @@ def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
     assert words not in run("render", shot, "-o", out, "--overwrite").err
 
 
-# --- what is refused
-# --------------------------------------------------------------------------------------------------
+# --- what is refused -----------------------------------------------------------------------------
 
 
 def flipped(data: bytes, place: int) -> bytes:

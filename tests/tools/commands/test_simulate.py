@@ -39,8 +39,7 @@ def simulate(out: Path, *options: str | Path) -> Any:
     return read_dng(out / SHOT)
 
 
-# --- what is made
-# --------------------------------------------------------------------------------------------------
+# --- what is made --------------------------------------------------------------------------------
 
 
 def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
@@ -230,8 +229,7 @@ def test_the_truth_is_also_a_picture_to_look_at_and_nothing_of_a_user_is_replace
     assert (out / SHOWN).read_bytes() == before
 
 
-# --- bursts
-# --------------------------------------------------------------------------------------------------
+# --- bursts --------------------------------------------------------------------------------------
 
 FRAMES = [f"builtin-150x120-{number}.dng" for number in (1, 2, 3)]
 BESIDE = {f"builtin-150x120.{ending}" for ending in ("truth.tif", "truth.png", "motion.json")}

@@ -191,8 +191,7 @@ def test_other_quads_are_refused(letters: bytes, pattern: list[list[int]], reaso
         bayer_pattern(raw)
 
 
-# --- linear DNGs
-# --------------------------------------------------------------------------------------------------
+# --- linear DNGs ---------------------------------------------------------------------------------
 
 SHAPE = (40, 52, 3)
 LOSSLESS = {"lossless": True, "predictor": 1, "bitspersample": 16}

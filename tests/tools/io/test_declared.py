@@ -119,8 +119,7 @@ def test_chunks_of_png(tmp_path: Path, samples: Any, chunks: dict[str, bytes], n
     assert len(scene.notes) == notes
 
 
-# --- JPEG
-# --------------------------------------------------------------------------------------------------
+# --- JPEG ----------------------------------------------------------------------------------------
 
 BLOCKS = RNG.uniform(0.02, 0.4, (3, 4, 3)).repeat(8, axis=0).repeat(8, axis=1)
 
@@ -208,8 +207,7 @@ def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(
     assert words in note
 
 
-# --- TIFF
-# --------------------------------------------------------------------------------------------------
+# --- TIFF ----------------------------------------------------------------------------------------
 
 
 PRIMARIES, WHITE = (319, 5, 6, rationals(ADOBE), True), (318, 5, 2, rationals(D65), True)
@@ -252,8 +250,7 @@ def test_fields_of_tiff(
     assert len(scene.notes) == notes
 
 
-# --- DNG and EXR
-# --------------------------------------------------------------------------------------------------
+# --- DNG and EXR ---------------------------------------------------------------------------------
 
 
 def opcodes(*numbers: int) -> tuple[int, Any]:

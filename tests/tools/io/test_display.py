@@ -34,8 +34,7 @@ def random_picture(shape: tuple[int, ...], seed: int = 0) -> FloatArray:
     return np.random.default_rng(seed).random(shape, np.float32)
 
 
-# --- white
-# --------------------------------------------------------------------------------------------------
+# --- white ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SPACES)
@@ -67,8 +66,7 @@ def test_noise_below_black_does_not_lift_the_other_channels_shadows() -> None:
     assert abs(transform.apply(noise).mean(axis=(0, 1))).max() < 5e-4
 
 
-# --- colour
-# --------------------------------------------------------------------------------------------------
+# --- colour --------------------------------------------------------------------------------------
 
 
 def test_an_uncalibrated_sensor_has_the_primaries_of_srgb() -> None:
@@ -155,8 +153,7 @@ def test_what_has_no_colour_is_refused(
         ColourTransform.to_space(SensorCalibration(**calibration), space)
 
 
-# --- curve
-# --------------------------------------------------------------------------------------------------
+# --- curve ---------------------------------------------------------------------------------------
 
 
 def test_curve_is_that_of_the_standard() -> None:

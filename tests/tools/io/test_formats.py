@@ -55,8 +55,7 @@ def kinds(formats: str) -> pytest.MarkDecorator:
     )
 
 
-# --- pixels
-# --------------------------------------------------------------------------------------------------
+# --- pixels --------------------------------------------------------------------------------------
 
 
 def read(file: io.BytesIO, kind: PictureKind, folder: Path) -> NDArray[Any]:
@@ -150,8 +149,7 @@ def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated(
     assert np.array_equal(codes[60:], quantise(rgb[60:], 16))
 
 
-# --- what goes along
-# --------------------------------------------------------------------------------------------------
+# --- what goes along -----------------------------------------------------------------------------
 
 
 @kinds("tif png jpg uhdr")
@@ -198,8 +196,7 @@ def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
         assert encoded(scene((3, 4)), kind, **unknown).getvalue()
 
 
-# --- what can be chosen
-# --------------------------------------------------------------------------------------------------
+# --- what can be chosen --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

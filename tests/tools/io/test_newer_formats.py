@@ -22,8 +22,7 @@ from tests.exiftool import fields
 from tests.tools.io.examples import CALIBRATION, SIZES, encoded, scene, shown
 from tests.tools.io.examples import KINDS as ALL_KINDS
 
-# --- Ultra HDR
-# --------------------------------------------------------------------------------------------------
+# --- Ultra HDR -----------------------------------------------------------------------------------
 
 STEP = 0.03
 """Of a picture's light where it is even: half a code of sRGB at middle grey, half a step of the
@@ -122,8 +121,7 @@ def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     assert described["XMP-hdrgm:BaseRenditionIsHDR"] in (False, "False")
 
 
-# --- JPEG XL
-# --------------------------------------------------------------------------------------------------
+# --- JPEG XL -------------------------------------------------------------------------------------
 
 KINDS = [kind for kind in ALL_KINDS if kind.format == "jxl"]
 LITTLE = 0.012

@@ -112,8 +112,7 @@ def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> Non
         SimulatedBurst(**{"frames": 3, **figures})  # type: ignore[arg-type]
 
 
-# --- a camera that has moved
-# --------------------------------------------------------------------------------------------------
+# --- a camera that has moved ---------------------------------------------------------------------
 
 SHAPE = (150, 171)
 ACCURATE = 0.03  # of waves up to 0.7 of the highest frequency, whose sum is between 0 and 2

@@ -173,8 +173,7 @@ def test_commands_start_without_the_libraries_of_file_formats() -> None:
     assert run_python(script) == "none\n"
 
 
-# --- files that are no scenes
-# --------------------------------------------------------------------------------------------------
+# --- files that are no scenes --------------------------------------------------------------------
 
 Write = Callable[[Path], object]
 X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
@@ -275,8 +274,7 @@ def test_what_is_no_scene_is_refused_with_the_reason(
         load_scene(str(tmp_path / name))
 
 
-# --- a call in a process with limits
-# ---------------------------------------------------------------------------------------------
+# --- a call in a process with limits -------------------------------------------------------------
 
 
 def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
@@ -338,8 +336,7 @@ def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:
         _received(BytesIO(answer + b"\n" + bytes(6)), 1 << 20)
 
 
-# --- threads
-# --------------------------------------------------------------------------------------------------
+# --- threads -------------------------------------------------------------------------------------
 
 
 def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) -> None:
@@ -371,8 +368,7 @@ def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) 
     assert state() == before
 
 
-# --- folders
-# --------------------------------------------------------------------------------------------------
+# --- folders -------------------------------------------------------------------------------------
 
 
 def test_of_pictures_beside_a_camera_raw_the_raw_is_the_scene(tmp_path: Path) -> None:

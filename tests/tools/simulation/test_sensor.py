@@ -54,8 +54,7 @@ def assert_moments(values: DoubleArray, mean: float, variance: float) -> None:
     assert abs(values.var() - variance) < ERRORS * variance * math.sqrt(2 / values.size)
 
 
-# --- what a pixel reads
-# --------------------------------------------------------------------------------------------------
+# --- what a pixel reads --------------------------------------------------------------------------
 
 
 @every_case
@@ -70,8 +69,7 @@ def test_a_pixel_reads_one_channel_or_the_weighted_sum(
     )
 
 
-# --- the paper's noise
-# --------------------------------------------------------------------------------------------------
+# --- the paper's noise ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.3])
@@ -112,8 +110,7 @@ def test_an_impossible_sigma_or_exposure_is_refused(make: Any, amount: float, wo
         make(flat(1, 1, 1), PATTERN, SensorCalibration(), amount, rng())
 
 
-# --- the noise of a sensor
-# --------------------------------------------------------------------------------------------------
+# --- the noise of a sensor -----------------------------------------------------------------------
 
 # Sixteen bits, so that rounding to codes adds a variance (step**2 / 12) that is little beside the
 # noise, and is known.
