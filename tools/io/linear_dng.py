@@ -23,10 +23,12 @@ from ...shared.white_balance import clipped_share, normalised
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER
 from .file_size import check_pieces, data_bytes
+from .jpegxl import declared_size
 from .scene import Scene, check_size
 from .tiff import tag_numbers
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
+_CROP_ORIGIN, _CROP_SIZE, _BASELINE_EXPOSURE = 50719, 50720, 50730
 _LEVELS = (
     _LINEARIZATION_TABLE,
     _BLACK_DELTA_H,
@@ -34,10 +36,13 @@ _LEVELS = (
     _ACTIVE_AREA,
     TAG["BlackLevelRepeatDim"],
     TAG["BlackLevel"],
+    _CROP_ORIGIN,
+    _CROP_SIZE,
 )
 # nothing else is, such as an original RAW inside
 _READ = {*TIFF.TAG_LOAD, *_LEVELS, TAG["WhiteLevel"], TAG["AsShotNeutral"]}
 _DEFLATE = (8, 32946)
+_JPEG_XL = 52546  # DNG 1.7.1, chapter 4
 # Corrections that a DNG asks for (DNG 1.7.1, chapter 7), such as a gain map against dark corners.
 _LISTS = (51008, 51009, 51022)  # OpcodeList1 to 3
 # From number 1 on.
@@ -56,11 +61,12 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     """Read the scene in a DNG whose main picture has three linear samples per pixel; None if it has
     a mosaic.
 
-    rgb is (sample - black) / (white - black) of the active area, after the linearization table. It
-    is neither rotated nor white-balanced, and not brightened by BaselineExposure. Values below
-    black become 0, values above white exceed 1. Integers at the white level are clipped, and become
-    white (see `clipped`). Matrix, neutral and orientation are the file's. Lossless compressions are
-    read (DNG 1.7.1, chapter 4), integers and floating point.
+    rgb is (sample - black) / (white - black) of the default crop of the active area, after the
+    linearization table. It is neither rotated nor white-balanced, and not brightened by
+    BaselineExposure. Values below black become 0, values above white exceed 1. Integers at the
+    white level are clipped, and become white (see `clipped`). Matrix, neutral and orientation are
+    the file's. Lossless compressions and JPEG XL are read (DNG 1.7.1, chapter 4), integers and
+    floating point.
 
     Parameters
     ----------
@@ -72,7 +78,7 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     Raises
     ------
     InputError
-        For lossy compression, for impossible levels, and for a damaged file.
+        For lossy JPEG and rare compressions, for impossible levels, and for a damaged file.
     """
     with path.open("rb") as stream:
         check_directories(stream, _READ)
@@ -83,14 +89,13 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             _check(page, path.stat().st_size, data_bytes(path), max_pixels)
             if page.compression in _DEFLATE:
                 _check_inflated(page, stream)
-            integers = (
-                page.compression in tuple(Compression)
-                and page.dtype is not None
-                and page.dtype.kind == "u"
-            )
+            if page.compression == _JPEG_XL:
+                _check_declared(page, stream)
+            unsigned = page.dtype is not None and page.dtype.kind == "u"
+            integers = unsigned and page.compression in (*Compression, _JPEG_XL)
             samples = (
                 _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES)
-                if integers
+                if unsigned and page.compression in tuple(Compression)
                 else page.asarray(maxworkers=1)
             )
             rgb = _levelled(samples, page)
@@ -141,11 +146,11 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
 
     size, held: of the file, bytes; with holes and without.
     """
-    if page.compression not in (*Compression, *_DEFLATE):
+    if page.compression not in (*Compression, *_DEFLATE, _JPEG_XL):
         kind = getattr(page.compression, "name", page.compression)
         raise InputError(
-            f"the linear DNG is compressed by {kind}, which is lossy or rare; export it without "
-            "lossy compression"
+            f"the linear DNG is compressed by {kind}, which is lossy or rare; export it with JPEG "
+            "XL or lossless compression"
         )
     kind, bits = page.dtype, page.bitspersample
     if (
@@ -176,15 +181,31 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
         )
 
 
+def _piece_shape(page: TiffPage) -> tuple[int, int]:
+    """Return (rows, columns) of a tile, or of a strip."""
+    if page.is_tiled:
+        return page.tilelength, page.tilewidth
+    return min(page.rowsperstrip, page.imagelength), page.imagewidth
+
+
+def _check_declared(page: TiffPage, stream: Any) -> None:
+    """Raise InputError if the JPEG XL image of a strip or tile declares more than that holds."""
+    rows, columns = _piece_shape(page)
+    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        stream.seek(offset)
+        height, width = declared_size(stream.read(count))
+        if height > rows or width > columns:
+            raise InputError(
+                f"a JPEG XL image of the linear DNG declares {width} x {height} pixels in a place "
+                f"for {columns} x {rows}: it is damaged, or made to fill the memory"
+            )
+
+
 def _check_inflated(page: TiffPage, stream: Any) -> None:
     """Raise InputError if a strip or tile inflates to more than it should hold: tifffile has no
     limit.
     """
-    rows, columns = (
-        (page.tilelength, page.tilewidth)
-        if page.is_tiled
-        else (min(page.rowsperstrip, page.imagelength), page.imagewidth)
-    )
+    rows, columns = _piece_shape(page)
     most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
     for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         stream.seek(offset)
@@ -220,7 +241,20 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
             "levels are damaged"
         )
     rgb = (rgb - black.astype(np.float32)) * (1 / (white - lowest)).astype(np.float32)
-    return np.maximum(rgb, 0, out=rgb)
+    return np.maximum(rgb, 0, out=rgb)[_default_crop(page, rgb.shape)]
+
+
+def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Return the rows and columns that the file shows, of an active area of this shape (H, W, 3):
+    all without a crop, or with one that does not lie inside.
+    """
+    origin, size = tag_numbers(page, _CROP_ORIGIN), tag_numbers(page, _CROP_SIZE)
+    everything = slice(None), slice(None)
+    if origin.size != 2 or size.size != 2 or not np.isfinite([*origin, *size]).all():
+        return everything
+    (left, top), (width, height) = np.rint([origin, size]).astype(int).tolist()
+    inside = 0 <= top < top + height <= shape[0] and 0 <= left < left + width <= shape[1]
+    return (slice(top, top + height), slice(left, left + width)) if inside else everything
 
 
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
@@ -245,26 +279,35 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     return black
 
 
-def remark_on_opcodes(path: Path) -> tuple[str, ...]:
-    """One note for the user on the corrections that a DNG asks for; none if it asks for none.
+def remark_on_corrections(path: Path) -> tuple[str, ...]:
+    """Return notes for the user on the corrections that a DNG asks for and that are not made.
+
     Raises whatever tifffile raises.
     """
     with path.open("rb") as stream:
-        check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS})
+        check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS, _BASELINE_EXPOSURE})
     with TiffFile(path, **PLAIN) as file:
         first: Any = file.pages[0]
+        stops = float(tag_numbers(first, _BASELINE_EXPOSURE).sum())
         # previews have none
         pages = [page for page in (first, *(first.pages or ())) if page.subfiletype == 0]
+        linear = any(page.photometric == Photometric.LINEAR_RAW for page in pages)
         lists = [
             bytes(page.tags[tag].value) for page in pages for tag in _LISTS if tag in page.tags
         ]
     names = dict.fromkeys(name for opcodes in lists for name in _names(opcodes))
-    if not names:
-        return ()
-    return (
-        f"the file asks for corrections that are not made ({', '.join(names)}): a linear TIFF of "
-        "a raw developer has them",
-    )
+    notes = []
+    if names:
+        notes.append(
+            f"the file asks for corrections that are not made ({', '.join(names)}): a linear TIFF "
+            "of a raw developer has them"
+        )
+    if linear and stops:
+        notes.append(
+            f"the file asks to be shown {stops:+.3g} stops brighter (BaselineExposure): the scene "
+            "is as measured, its white level is 1.0"
+        )
+    return tuple(notes)
 
 
 def _names(opcodes: bytes) -> list[str]:

@@ -22,7 +22,7 @@ from ...shared.tiff_check import PLAIN, check_directories
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.decoded import PictureFormat, guarded
 from ..io.decoders import FORMATS
-from ..io.linear_dng import linear_dng_scene, remark_on_opcodes
+from ..io.linear_dng import linear_dng_scene, remark_on_corrections
 from ..io.picture import gehler_shi_scene, picture_scene
 from ..io.scene import RGB, Scene, check_size, scene_channels
 from ..io.tiff import TIFF
@@ -109,7 +109,7 @@ def _in_file(path: Path, linear: bool, max_pixels: int, channels: str, registere
         gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
         return gehlers or picture_scene(picture, path.stem, linear=linear)
     with guarded(path):
-        notes = remark_on_opcodes(path) if is_dng else ()
+        notes = remark_on_corrections(path) if is_dng else ()
         linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
     scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
     return replace(scene, notes=(*scene.notes, *notes)) if notes else scene

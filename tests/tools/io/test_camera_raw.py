@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import imagecodecs
 import numpy as np
 import pytest
 import rawpy
@@ -195,6 +196,7 @@ def test_other_quads_are_refused(letters: bytes, pattern: list[list[int]], reaso
 
 SHAPE = (40, 52, 3)
 LOSSLESS = {"lossless": True, "predictor": 1, "bitspersample": 16}
+JPEG_XL: dict[str, Any] = {"compression": 52546, "compressionargs": {"lossless": True}}
 CAMERA: Fields = {
     50721: (SRATIONAL, rationals(((0.8, -0.2, -0.1), (-0.4, 1.2, 0.2), (-0.1, 0.2, 0.6)))),
     50778: (SHORT, [21]),
@@ -242,6 +244,10 @@ def save(
         (np.float32, {}),
         (np.float32, {"compression": "deflate", "predictor": True, "tile": (16, 16)}),
         (np.float16, {"compression": "deflate", "predictor": True}),
+        (np.uint16, {**JPEG_XL, "tile": (16, 32)}),
+        (np.uint16, {**JPEG_XL, "rowsperstrip": 16}),
+        (np.float16, {**JPEG_XL, "tile": (32, 32)}),
+        (np.float32, {**JPEG_XL, "rowsperstrip": 40}),
     ],
 )
 def test_samples_of_every_lossless_kind(
@@ -258,6 +264,66 @@ def test_samples_of_every_lossless_kind(
     assert not scene.neutral_estimated
     np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ NEUTRAL, D50, atol=1e-4)
     assert (scene.metadata.orientation, scene.metadata.make) == (6, "Contax")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_phone_s_lossy_picture_is_a_scene(tmp_path: Path, dtype: Any) -> None:
+    """As ProRAW has it: JPEG XL in tiles that reach beyond the picture, a table, levels, a crop and
+    a wish to be brightened.
+    """
+    row, column = np.indices((300, 400))
+    light = np.stack([0.1 + row / 600, 0.2 + column / 700, 0.5 - row / 900], axis=2)
+    most = int(np.iinfo(dtype).max)
+    table = np.square(np.arange(most + 1) / most) * 60000 + 528  # finer steps in the dark
+    fields: Fields = {
+        50712: (SHORT, np.rint(table).astype(int).tolist()),
+        50714: (SHORT, (528, 528, 528)),
+        50717: (LONG, (60528,)),
+        50719: (RATIONAL, rationals((8, 6))),
+        50720: (RATIONAL, rationals((380, 290))),
+    }
+    samples = np.rint(np.sqrt(light) * most).astype(dtype)
+    lossy: dict[str, Any] = {
+        "compression": 52546,
+        "compressionargs": {"distance": 0.5},
+        "tile": (128, 256),
+    }
+    above: Fields = {**CAMERA, 50730: (SRATIONAL, rationals((1.5,)))}
+    path = write_dng(
+        tmp_path / "IMG_1.dng", samples, kind=LINEAR_RAW, fields=fields, above=above, **lossy
+    )
+    scene = load_scene(path)
+    expected = light[6:296, 8:388]
+    assert scene.rgb.shape == expected.shape
+    assert np.sqrt(np.square(scene.rgb - expected).mean()) < 0.01
+    assert scene.metadata.orientation == 6
+    assert any("+1.5 stops brighter (BaselineExposure)" in note for note in scene.notes)
+
+
+def test_a_crop_outside_the_picture_is_ignored(tmp_path: Path) -> None:
+    fields: Fields = {50719: (SHORT, (8, 6)), 50720: (SHORT, (50, 40))}
+    assert load_scene(save(tmp_path / "x.dng", codes(), fields)).rgb.shape == SHAPE
+
+
+@pytest.mark.parametrize("boxes", [False, True])
+def test_a_jpeg_xl_that_declares_more_than_its_tile_is_not_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, boxes: bool
+) -> None:
+    path = save(tmp_path / "x.dng", codes(), tile=(16, 16), **JPEG_XL)
+    bomb = imagecodecs.jpegxl_encode(np.zeros((3000, 5000), np.uint8), lossless=True)
+    if boxes:
+        bomb = b"\0\0\0\x0cJXL \r\n\x87\n" + (len(bomb) + 8).to_bytes(4, "big") + b"jxlc" + bomb
+    with tifffile.TiffFile(path) as file:
+        below: Any = file.pages.first.pages[0]
+        places = below.tags[324], below.tags[325]
+    data = bytearray(Path(path).read_bytes())
+    for tag, value in zip(places, (len(data), len(bomb)), strict=True):
+        size = 2 if tag.dtype == SHORT else 4
+        data[tag.valueoffset : tag.valueoffset + size] = value.to_bytes(size, "little")
+    Path(path).write_bytes(bytes(data) + bomb)
+    monkeypatch.setattr(tifffile.TiffPage, "asarray", None)
+    with pytest.raises(InputError, match="declares 5000 x 3000 pixels in a place for 16 x 16"):
+        load_scene(path)
 
 
 def test_levels_table_and_active_area(tmp_path: Path) -> None:
