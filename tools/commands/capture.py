@@ -1,4 +1,4 @@
-"""Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside.
+"""Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside;
 or one burst of frames.
 
 SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames,

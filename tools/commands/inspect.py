@@ -75,7 +75,7 @@ def _shot(source: str, max_pixels: int) -> tuple[dict[str, Any], Rows]:
 
 
 def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
-    """Check each file against its own digest, and name those that are damaged or cannot be read.
+    """Check each file against its own digest, and name those that are damaged or cannot be read;
     returns the exit code.
     """
     wrong: dict[str, str] = {}  # file -> what is wrong with it

@@ -53,7 +53,7 @@ class Team:
     memory: int
 
     def processes(self, pixels: int) -> int:
-        """Number of processes that fit into the memory when the largest scene has `pixels` pixels.
+        """Number of processes that fit into the memory when the largest scene has `pixels` pixels;
         at least 1.
         """
         return max(1, min(self.jobs, self.memory // needed_memory(pixels)))

@@ -276,7 +276,7 @@ _JPEG = PictureFormat("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif
 
 
 def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
-    """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file.
+    """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file;
     its values are linear.
     """
     # OpenEXR takes tiles, attributes and further parts of whatever size they declare.

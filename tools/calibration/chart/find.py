@@ -134,7 +134,7 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
 
 
 def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> Iterator[ChartPlace]:
-    """Yield the places that cv2.mcc finds in a picture (H, W, 3), after scaling its longer side.
+    """Yield the places that cv2.mcc finds in a picture (H, W, 3), after scaling its longer side;
     see `_SEARCHES`.
     """
     import cv2
