@@ -20,7 +20,7 @@ from ..shared.mosaic import Mosaic
 from ..shared.pattern import CfaPattern
 from .numerics.pieces import BLOCK_ROWS, in_strips
 
-_TINY = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
+_LEAST_LEVEL = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
 # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
 _WIDEST = 4
 
@@ -375,7 +375,8 @@ class Cleaned:
             samples.sum(dtype=np.float64) for samples in coloured
         )
         return max(
-            float(total) / (self.signal.size - sum(samples.size for samples in coloured)), _TINY
+            float(total) / (self.signal.size - sum(samples.size for samples in coloured)),
+            _LEAST_LEVEL,
         )
 
     @property

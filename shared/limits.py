@@ -4,7 +4,7 @@ a reader busy.
 
 from .errors import InputError
 
-_MOST = {
+_LIMITS = {
     # TIFF
     "directories": 64,  # a camera RAW has about ten
     "fields in a directory": 1024,  # the largest in use have a hundred
@@ -24,7 +24,7 @@ _MOST = {
 
 def limit(things: str) -> int:
     """Return the largest number of these things that a file may declare."""
-    return _MOST[things]
+    return _LIMITS[things]
 
 
 def check_count(number: int, things: str, place: str = "") -> None:
@@ -35,7 +35,7 @@ def check_count(number: int, things: str, place: str = "") -> None:
     place : str, optional
         Where, for the message.
     """
-    if number > _MOST[things]:
+    if number > _LIMITS[things]:
         raise InputError(
             f"the file declares {number} {things}{place}, more than any picture has: it is "
             "damaged or malicious; copy it again"

@@ -13,7 +13,7 @@ from .arrays import DoubleArray
 from .pattern import CfaPattern
 
 # correlation of errors one pixel apart, and of two channels at one pixel
-_NEAR, _CHANNELS = 0.35, 0.4
+_SITE_CORRELATION, _CHANNEL_CORRELATION = 0.35, 0.4
 
 
 def nearness(pattern: CfaPattern) -> DoubleArray:
@@ -29,7 +29,7 @@ def nearness(pattern: CfaPattern) -> DoubleArray:
     """
     place = np.array(pattern.sites)[:, :2]
     distance = np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
-    return _NEAR**distance
+    return _SITE_CORRELATION**distance
 
 
 def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
@@ -47,6 +47,8 @@ def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
     ((12, 12), [0, 4, 7, 11])
     """
     channels = len(pattern.channels)
-    between = np.full((channels, channels), _CHANNELS) + (1 - _CHANNELS) * np.eye(channels)
+    between = np.full((channels, channels), _CHANNEL_CORRELATION) + (
+        1 - _CHANNEL_CORRELATION
+    ) * np.eye(channels)
     measured = [site * channels + channel for site, (_, _, channel) in enumerate(pattern.sites)]
     return np.kron(nearness(pattern), between).astype(np.float64), measured

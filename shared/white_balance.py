@@ -22,7 +22,7 @@ _MINKOWSKI = 6  # Finlayson and Trezzi, "Shades of Gray and Colour Constancy", C
 _DARK, _BRIGHT = 0.02, 0.95  # colours between these are above the noise and below clipping
 _ENOUGH = 100  # well exposed colours that an estimate needs
 # Blocks that are looked at: more make no better estimate, and a camera has no time for them.
-_MOST = 1 << 16
+_MOST_BLOCKS = 1 << 16
 
 
 def normalised(neutral: DoubleArray) -> tuple[float, ...]:
@@ -67,7 +67,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     pattern, calibration = mosaic.pattern, mosaic.calibration
     grid = pattern.grid(mosaic.shape)
     tops, lefts = grid.whole_rows, grid.whole_columns
-    every = max(1, len(tops) * len(lefts) // _MOST)
+    every = max(1, len(tops) * len(lefts) // _MOST_BLOCKS)
     tops = tops[every // 2 :: every]
     if not len(tops):
         return None

@@ -46,7 +46,7 @@ _SIDE, _PERIODS = 32, 4  # pixels along a tile, and periods in it, at least
 _TILES, _STRIPS = 64, 4
 # tiles: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
-_FEW = 8
+_FEW_TILES = 8
 # tiles at least, beside or below each other, of which each group is judged
 _GROUP, _MOST_GROUPS = 12, 4
 
@@ -79,7 +79,7 @@ _OVEREXPOSED = 0.1  # of the samples: so many clipped ones may hide the filters
 # Samples that vary by so much of the range of codes, but are less correlated with all their
 # neighbours, are misread. Of 120 random scenes of two levels, dots of 2 to 9 pixels, all are above;
 # wrong packings are at 0 to 0.6.
-_WIDE, _RESEMBLE, _PAIRS = 0.1, 0.15, 200
+_WIDE_SPREAD, _RESEMBLE, _PAIRS = 0.1, 0.15, 200
 _PILE = 8  # samples at the highest code that show that light was clipped there
 _STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
@@ -217,7 +217,7 @@ class _Check:
         tops = np.linspace(0, layout.height - side, _STRIPS).astype(int)[:-1].tolist()
         strips = []
         for top, rows, count in (
-            *((top, side, _FEW) for top in tops),
+            *((top, side, _FEW_TILES) for top in tops),
             (layout.height - last, last, 2 * _GROUP),
         ):
             codes = replace(layout, height=rows).unpack(
@@ -395,7 +395,7 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
     )
     for number in range(pixels):
         ours, alike = clear & (position == number)[:, None], []
-        if not ours.any() or np.std(tiles.parts, where=ours) < _WIDE * (1 << bits):
+        if not ours.any() or np.std(tiles.parts, where=ours) < _WIDE_SPREAD * (1 << bits):
             continue
         # stripes of one width do not hide that neighbours are alike
         for step in ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)):
@@ -472,7 +472,7 @@ def _are_in_place(folded: DoubleArray, power: float, pattern: CfaPattern) -> boo
         and most > _BETTER * float(explained[~ours].max(initial=0.0))
     ):
         return True
-    if certainties[best] < _CERTAIN * (1 + _FEW / len(folded)):
+    if certainties[best] < _CERTAIN * (1 + _FEW_TILES / len(folded)):
         return None
     # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
     # repeats.
@@ -493,7 +493,7 @@ def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
     lit = (levels[:, ~sites].mean(axis=1) > _LIT * (white - black)) & (
         (tiles.parts >= white).mean(axis=(1, 2)) < _CLIPPED
     )
-    if lit.sum() < _FEW:
+    if lit.sum() < _FEW_TILES:
         return False
     for axis in (0, 1):
         mixed = sites.any(axis=axis, keepdims=True) & ~sites.all(axis=axis, keepdims=True)
@@ -538,7 +538,7 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
     levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))] - float(
         np.mean(calibration.black_level)
     )
-    if len(levels) < _FEW:
+    if len(levels) < _FEW_TILES:
         return None
     samples = levels[:, sites]
     own, others = _spread(samples, ours), [_spread(samples, other) for other in kinds.values()]

@@ -21,7 +21,7 @@ _CUBIC = 0.5
 """Share of cubic interpolation; the rest is linear. Half has the smallest error on photographs:
 cubic alone overshoots at edges.
 """
-_NEAR = 2
+_FARTHEST_SAMPLE = 2
 """Pixels from a scattered site to the samples that interpolate it along an axis, at most: others,
 not on the axis, are nearer.
 """
@@ -38,7 +38,7 @@ class Surroundings:
         their sum is exactly 1.
         """
         steps = self._sides(site, axis)
-        if self.pattern.is_scattered and (not steps or max(map(abs, steps)) > _NEAR):
+        if self.pattern.is_scattered and (not steps or max(map(abs, steps)) > _FARTHEST_SAMPLE):
             return self._surface(site)
         before, after = steps
         weights = _lagrange(steps)

@@ -38,9 +38,13 @@ _STEEPNESS = (1 - np.exp(-1 / _BLUR**2)) / 2
 _LARGEST, _SMALLEST = 1_500_000, 12
 _COPY = 128  # pixels: longer side of the smallest copies
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_WIDE = 4.0  # pixels: standard deviation of the neighbourhood in which texture is measured
+_TEXTURE_WIDTH = 4.0  # pixels: standard deviation of the neighbourhood in which texture is measured
 # of the variance of noise, in texture
-_KEPT = 1 - 4 * _BLUR**2 / (2 * _BLUR**2 + _WIDE**2) + _BLUR**2 / (_BLUR**2 + _WIDE**2)
+_KEPT = (
+    1
+    - 4 * _BLUR**2 / (2 * _BLUR**2 + _TEXTURE_WIDTH**2)
+    + _BLUR**2 / (_BLUR**2 + _TEXTURE_WIDTH**2)
+)
 # squared differences that show that something moves: a share of texture, and times their median
 _MOVED, _USUAL = 0.3, 4.0
 _ROUNDS = 2  # on each copy, each without what the one before has seen moving
@@ -230,21 +234,23 @@ def _shift(copy: _Copy) -> tuple[float, float]:
 
 
 def _texture(plane: FloatArray) -> FloatArray:
-    return plane - smoothed(plane, _WIDE)
+    return plane - smoothed(plane, _TEXTURE_WIDTH)
 
 
 def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     light = displaced(copy.frame, motion)
     inside = np.isfinite(light)
-    own, other = (smoothed(np.where(inside, plane, 0), _WIDE) for plane in (copy.reference, light))
+    own, other = (
+        smoothed(np.where(inside, plane, 0), _TEXTURE_WIDTH) for plane in (copy.reference, light)
+    )
     lit = inside & (own > 0) & (other > 0)
     gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
     light = np.where(inside, light / np.float32(gain), copy.reference)
     # not another light on the scene
-    differs = smoothed(np.square(_texture(light - copy.reference)), _WIDE)
-    usual = _MOVED * smoothed(np.square(_texture(copy.reference)), _WIDE) + _USUAL * np.median(
-        differs
-    )
+    differs = smoothed(np.square(_texture(light - copy.reference)), _TEXTURE_WIDTH)
+    usual = _MOVED * smoothed(
+        np.square(_texture(copy.reference)), _TEXTURE_WIDTH
+    ) + _USUAL * np.median(differs)
     return _Aligned(light, gain, inside, inside & (differs < usual))
 
 

@@ -38,7 +38,7 @@ _NARROW, _WIDE = gaussian(0.5), gaussian(2.0)
 _ZERO, _ONE, _LEAST = np.float32(0), np.float32(1), np.float32(1e-20)
 # relative precision, so that its square is a float: frames 10 stops brighter have less, and one
 # without noise too
-_MOST = 1e6
+_MOST_PRECISION = 1e6
 # relative variance from which on there is one frame: the rest is rounding
 _ALONE = np.float32(0.99999)
 # of the logarithm of noise that merging took off, from which a frame is denoised twice; chosen: no
@@ -246,7 +246,10 @@ def _variance(noise: Doubles2, frame: int, light: Scalar) -> float:
 @kernel
 def _precision(noise: Doubles2, frame: int, light: Scalar) -> float:
     """Precision of a frame's samples relative to the reference's."""
-    return min(max(_variance(noise, 0, light) / _variance(noise, frame, light), 1 / _MOST), _MOST)
+    return min(
+        max(_variance(noise, 0, light) / _variance(noise, frame, light), 1 / _MOST_PRECISION),
+        _MOST_PRECISION,
+    )
 
 
 @kernel

@@ -229,7 +229,7 @@ def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _NO_ENERGY = np.float32(1e-30)  # scene units squared
-_LEAST = np.float32(1e-37)
+_LEAST_DIAGONAL = np.float32(1e-37)
 
 
 @parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
@@ -447,7 +447,7 @@ def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: F
     for row in range(scale.shape[0] - 2 * BORDER):
         line, pinned = scale[BORDER + row], _given(pins, _SOLVED, row, columns)
         for column in range(columns):
-            line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST))
+            line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST_DIAGONAL))
     _right_side(links, pins, _SOLVED, columns, scale, every)
     norm, start = 0.0, every.reshape(-1)
     for field in range(_SOLVED):

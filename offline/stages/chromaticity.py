@@ -65,7 +65,7 @@ _LEAST_SIGMA = 1e-6
 # sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by
 # twice at most.
 _LEAST_TOTAL = 0.5
-_TINY = 1e-30  # keeps quotients finite
+_LEAST_DIVISOR = 1e-30  # keeps quotients finite
 # blocks: standard deviation of the neighbourhood in which detail is told from errors; half or
 # twice: 0.07 dB
 _DETAIL_WIDTH = 2.0
@@ -130,7 +130,9 @@ def _detail(
         light * (removed**2).sum(axis=2),
     )
     error, noise, power = smoothed(np.stack(energies).astype(np.float32), _DETAIL_WIDTH)
-    share = np.clip(1 - (error / gain + noise) / np.maximum(power, np.float32(_TINY)), 0, 1)
+    share = np.clip(
+        1 - (error / gain + noise) / np.maximum(power, np.float32(_LEAST_DIVISOR)), 0, 1
+    )
     return share[..., None] * removed
 
 

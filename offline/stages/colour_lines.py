@@ -94,7 +94,7 @@ _INK = _WIDTH / 3
 # of the mean panchromatic sample; of the sum of slopes, 1 without errors
 _LEAST_LIGHT, _LEAST_SLOPES = 1e-3, 0.3
 _CLIPPED = 1e-6  # weight of a block beside a clipped sample
-_TINY = 1e-20  # keeps quotients finite
+_LEAST_DIVISOR = 1e-20  # keeps quotients finite
 _STRIP = 512  # rows of blocks whose lines are computed together, for memory
 # rows of blocks: of a line, an ink, its gain
 _REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _INK, _WIDTH))
@@ -154,7 +154,7 @@ def colour_lines(
     weight = np.maximum(unclipped.astype(np.float32), np.float32(_CLIPPED))
     whole = _Blocks(light, samples, estimated * gamma * mean, mean, strokes, noise, weight)
     result = ColourLines(np.empty_like(samples), np.empty_like(samples), np.empty_like(mean))
-    most = whole.precision.max(initial=_TINY)
+    most = whole.precision.max(initial=_LEAST_DIVISOR)
     for rows in strips(len(mean), _STRIP):  # for memory
         top = max(rows.start - _REACH, 0)
         near = _Blocks(*(plane[..., top : rows.stop + _REACH, :] for plane in whole))
@@ -230,14 +230,18 @@ def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
         error += (rest + (np.float32(EVEN) * level) ** 2) / spread
     # Number of blocks that a line rests on: the square of the weights' sum over the sum of their
     # squares.
-    squares = np.maximum(smoothed(weight**2, _WIDTH / 2**0.5), np.float32(_TINY**1.5))
+    squares = np.maximum(smoothed(weight**2, _WIDTH / 2**0.5), np.float32(_LEAST_DIVISOR**1.5))
     number = np.maximum(np.float32(4 * np.pi * _WIDTH**2) * total**2 / squares, 1)
     sums = np.maximum(slope.sum(axis=0), np.float32(_LEAST_SLOPES))
     odd = slope / sums - mixture
     odd -= odd.mean(axis=0)
     error /= number * sums**2
     odd *= np.maximum(
-        1 - np.float32(_SHRINK**2) * error / np.maximum((odd**2).sum(axis=0), np.float32(_TINY)), 0
+        1
+        - np.float32(_SHRINK**2)
+        * error
+        / np.maximum((odd**2).sum(axis=0), np.float32(_LEAST_DIVISOR)),
+        0,
     )
     return ColourLines(-odd * level, mixture + odd, np.ones_like(total))
 
@@ -249,7 +253,7 @@ def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArr
     power, printed = _square(apart), smoothed(near.strokes, _WIDTH)
     # Pooling leaves a rest of noise in estimates. In print that is no evidence; in shadows without
     # strokes it may be colour.
-    printed /= printed + np.float32(_PRINT) * near.noise + np.float32(_TINY)
+    printed /= printed + np.float32(_PRINT) * near.noise + np.float32(_LEAST_DIVISOR)
     expected = 2 * near.strokes + near.surface + near.noise * printed**2
     # black blocks, exact as they seem, would decide alone
     sure = near.weight / (expected + near.noise + dark**2)
@@ -258,7 +262,7 @@ def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArr
     chi, power, common, total = smoothed(np.stack(planes), _WIDTH)
     # The sum of squared weights: a Gaussian squared has the sum 1 / (4 pi width^2).
     unsure = np.float32(_ERRORS / (2 * np.pi**0.5 * _WIDTH)) * np.sqrt(power * total)
-    confirmed = np.clip((common + unsure) / (power + np.float32(_TINY)), 0, 1)
+    confirmed = np.clip((common + unsure) / (power + np.float32(_LEAST_DIVISOR)), 0, 1)
     return _believed(confirmed * chi / total, _LIMIT)
 
 
@@ -268,7 +272,7 @@ def _inked(lines: ColourLines, near: _Blocks) -> ColourLines:
     """
     rest, weight = _residuals(lines, near), near.precision
     middle, square = (smoothed(weight * near.mean**power, _INK) for power in (1, 2))
-    bright = square / (middle + np.float32(_TINY))
+    bright = square / (middle + np.float32(_LEAST_DIVISOR))
     darker = near.mean - bright
     sure = weight / (1 + weight * (np.float32(_SLOPES) * darker) ** 2)
     prior = np.float32(1 / (4 * np.pi * (_INK * _SLOPES) ** 2))

@@ -50,7 +50,7 @@ _STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
 # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs
 # loses up to 0.1 dB
 _NOISE = 1.9
-_TINY = 1e-9  # keeps divisions by luminance and by confidence finite
+_LEAST_DIVISOR = 1e-9  # keeps divisions by luminance and by confidence finite
 
 
 def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArray | None:
@@ -73,7 +73,8 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
     tolerance = settings.tolerance * np.where(clipped, _CLIPPED, 1.0)
     unsure = sum_noise(frame.sites, around.light, frame.gamma, frame.noise) if frame.noise else 0.0
     confidence = 1 / (
-        1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS
+        1
+        + (apart / (tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure)) ** _STEEPNESS
     )
     return np.where(clipped, confidence * brightness_agreement(total, unsure), confidence)
 
@@ -92,7 +93,10 @@ def brightness_agreement(total: DoubleArray, unsure: DoubleArray | float = 0.0) 
     around = smoothed(total[None], _AROUND)[0].astype(np.float64)
     return 1 / (
         1
-        + (np.maximum(around - total, 0) / np.maximum(_SUNKEN * around + _NOISE * unsure, _TINY))
+        + (
+            np.maximum(around - total, 0)
+            / np.maximum(_SUNKEN * around + _NOISE * unsure, _LEAST_DIVISOR)
+        )
         ** _STEEPNESS
     )
 
@@ -113,6 +117,6 @@ def replace_doubtful_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:
     weight, *sums = smoothed(
         np.stack([confidence, *(confidence * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND
     )
-    around = np.stack(sums, axis=2) / np.maximum(weight, _TINY)[..., None]
+    around = np.stack(sums, axis=2) / np.maximum(weight, _LEAST_DIVISOR)[..., None]
     around /= (around @ frame.gamma)[..., None]
     return sites.grid.extend((around + confidence[..., None] * (whole - around)).astype(np.float32))

@@ -66,7 +66,7 @@ _DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power 
 # blocks: standard deviation of the neighbourhood over which their power is averaged (0.3)
 _WIDTH = 0.7
 _LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
-_LEAST = 1e-6  # of D + T, added to v: equations can be solved where one error explains all sites
+_RIDGE = 1e-6  # of D + T, added to v: equations can be solved where one error explains all sites
 _ZERO = np.float32(0)
 
 
@@ -285,7 +285,7 @@ def expect_errors(
                     both = max(weight[s], _ZERO) * np.float64(max(weight[t], _ZERO))
                     covariance[s, t] = near[s, t] * (of_light * both + of_colour * alike[s, t])
                 covariance[s, s] += given.noise[row, column, s] + (
-                    _LEAST * uncertain if uncertain > 0 else 1.0
+                    _RIDGE * uncertain if uncertain > 0 else 1.0
                 )
             _solve(covariance, solution)
             for s in range(count):

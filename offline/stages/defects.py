@@ -68,7 +68,9 @@ class DefectsSettings(StageSettings):
 # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
 _LEAST_LIGHT = 2e-4
 _FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a corner has no more
-_MOST = 0.01  # fraction of the samples: if more than this stand out, they belong to the picture
+_MOST_OUTLIERS = (
+    0.01  # fraction of the samples: if more than this stand out, they belong to the picture
+)
 _CHANNEL = 1 / 3  # of the floor: about the share of light that a channel sees
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
 # share of squared samples, and scene units squared: weights are finite where nothing changes
@@ -89,7 +91,7 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
     bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.mosaic.shape, np.bool_)
     if settings.contrast:
         outliers = find_outliers(frame, settings, bad)
-        if np.count_nonzero(outliers) <= _MOST * bad.size:
+        if np.count_nonzero(outliers) <= _MOST_OUTLIERS * bad.size:
             bad |= outliers
     places = np.nonzero(bad)
     panchromatic = _panchromatic(frame, *places)
@@ -350,7 +352,7 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
         tolerance += settings.deviations * sum_noise(frame.sites, lights, gamma, frame.noise)
     odd = np.abs(surplus) > tolerance
     odd &= (highest < frame.clipping) & ~bad.any(axis=2)
-    if odd.sum() > _MOST * bad.size:
+    if odd.sum() > _MOST_OUTLIERS * bad.size:
         return
     rows, columns = np.nonzero(odd)
     near, light, surplus = _ratios_around(frame, bad, rows, columns), lights[odd], surplus[odd]

@@ -125,7 +125,7 @@ _WINDOW = 256, 512  # rows and columns; chosen for speed
 _STEP = 2
 _ZERO, _ONE = np.float32(0), np.float32(1)
 # Least variance: sums of weights, which are up to 2000 times its inverse, stay finite.
-_LEAST = np.float32(1e-20)
+_LEAST_VARIANCE = np.float32(1e-20)
 
 
 class Shrinkage(NamedTuple):
@@ -367,7 +367,8 @@ def _shrink(block: Floats3, size: int, guided: bool, shrinkage: Shrinkage) -> La
     guide, squared = 2 if guided else 0, shrinkage.threshold * shrinkage.threshold
     mean = greater(load(block, (guide, 0, 0)), _ZERO)  # n times the mean of the block
     variance = greater(
-        mean * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read, _LEAST
+        mean * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read,
+        _LEAST_VARIANCE,
     )
     kept = variance * _ZERO + _ONE
     for place in range(1, size * size):

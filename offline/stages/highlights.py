@@ -65,12 +65,12 @@ _BRIGHT = 0.6
 _TOLERANCE = 0.4
 # blocks: standard deviation of the neighbourhood whose light a dark block takes; it ends three
 # blocks away
-_NEAR = 0.75
+_LENDING_WIDTH = 0.75
 # Fractions of the limit: a block inside a highlight has no darker sample around it than the second,
 # one outside has one below the first. On shots of three photographs 0.85 and 0.97 turn up to four
 # times as many restored pixels white, and 0.6 and 0.8 leave a third more of the lost ones grey.
 _MEASURES = 0.65, 0.85
-_TINY = 1e-3  # keeps quotients finite: counts are at least a ninth
+_LEAST_COUNT = 1e-3  # keeps quotients finite: counts are at least a ninth
 _FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour (0.2)
 
 
@@ -174,7 +174,7 @@ def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
     A dark block next to a clipped region lies beyond an edge: interpolating towards it would darken
     the rim of the region.
     """
-    weight, total = smoothed(np.stack([bright, np.where(bright, light, 0)]), _NEAR)
+    weight, total = smoothed(np.stack([bright, np.where(bright, light, 0)]), _LENDING_WIDTH)
     return np.where(bright | (weight == 0), light, total / np.where(weight > 0, weight, 1))
 
 
@@ -214,9 +214,9 @@ def shown_at_sites(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> B
     reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)
     even = np.full(1 + 2 * reach, 1 / (1 + 2 * reach), np.float32)
     total, count = filtered(np.stack([lost.clip(0, 1), clear]), even)
-    return np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(
-        np.uint8
-    )
+    return np.rint(
+        255 * np.where(clear, lost, total / np.maximum(count, _LEAST_COUNT)).clip(0, 1)
+    ).astype(np.uint8)
 
 
 def _largest_near(plane: DoubleArray) -> DoubleArray:

@@ -102,7 +102,9 @@ _AROUND = 1.0
 # up to there. At 3.3 its iterations end 4 % short (measured), so that brighter frames start with a
 # larger one.
 _WHITE = 3.0
-_FEW = 4  # sites of a block that the samples in it are a good start for: those of a Bayer block
+_BAYER_SITES = (
+    4  # sites of a block that the samples in it are a good start for: those of a Bayer block
+)
 _PIECE = 128  # rows of blocks that are filled between two reports of progress
 
 
@@ -123,7 +125,9 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     first = _first_threshold(float(signal.max()), settings)
     thresholds = (first * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
     holes = _holes(pattern, (pattern.period, signal.shape[1]))
-    start = _around(signal, holes) if settings.relative or len(pattern.sites) > _FEW else signal
+    start = (
+        _around(signal, holes) if settings.relative or len(pattern.sites) > _BAYER_SITES else signal
+    )
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
         progress.stage("luminance", -(-len(rows) // _PIECE))

@@ -103,7 +103,7 @@ _LEAST_LIGHT = 2e-3
 _FAINTEST, _STRONGEST = 0.06, 3.0
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most
 # (README).
-_NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
+_WINDOW_WIDTH = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
 # standard deviations of noise added to luminance that is compared: without, shadows have a tenth
 # more wrong hues
 _UNSURE = 3.0
@@ -163,7 +163,9 @@ def pool_blocks(
     for blur, tolerance, radius in settings.passes:
         compared = smoothed(surer * chromaticity, blur)
         features = np.stack([*compared, brightness, (2 * tolerance) * variance])
-        near = np.exp(-np.square(np.arange(radius + 1) * (_NEAR / radius)) / 2).astype(np.float32)
+        near = np.exp(-np.square(np.arange(radius + 1) * (_WINDOW_WIDTH / radius)) / 2).astype(
+            np.float32
+        )
         pooled = _pooled(sums, features, near)
         variance = np.float32(_FOLLOWED) * own + _variance(pooled)
         chromaticity = np.moveaxis(_solved(pooled, frame, 1 / (_APART * grey), expected), 2, 0)

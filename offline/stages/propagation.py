@@ -118,7 +118,7 @@ def propagate(
 
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
-_LEAST = np.finfo(np.float32).tiny
+_SMALLEST_FLOAT = np.finfo(np.float32).tiny
 
 
 class Light(NamedTuple):
@@ -195,7 +195,7 @@ def mix(
                     fields[kind, row + place.row], lit[kind], here, weighting, kappa[kind], total
                 )
             for column in range(width):
-                total[column] = _ONE / total[column] if total[column] > _LEAST else _ZERO
+                total[column] = _ONE / total[column] if total[column] > _SMALLEST_FLOAT else _ZERO
             for channel in range(channels):
                 _mix(kappa, colour[channel], mean[channel], total, mixed[channel])
             for channel in range(channels):
@@ -261,7 +261,7 @@ def _weigh(
                 here[column] - lit[column],
                 here[column] + lit[column],
             )
-            alike = both * both / (both * both + likeness * (apart * apart) + _LEAST)
+            alike = both * both / (both * both + likeness * (apart * apart) + _SMALLEST_FLOAT)
             kappa[column] = part * part * lit[column] * alike
             total[column] += kappa[column]
     else:

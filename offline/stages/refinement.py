@@ -137,7 +137,7 @@ def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
 _ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
 _TOGETHER = 4  # planes summed at a time
 _ZERO, _ONE = np.float32(0), np.float32(1)
-_LEAST = np.finfo(np.float32).tiny
+_SMALLEST_FLOAT = np.finfo(np.float32).tiny
 
 
 class Places(NamedTuple):
@@ -254,7 +254,7 @@ def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
     """Write a row of the result; a pixel without light around it keeps its chromaticity."""
     for channel in range(out.shape[1]):
         for column in range(len(out)):
-            lit = mean[0, column] > _LEAST
+            lit = mean[0, column] > _SMALLEST_FLOAT
             out[column, channel] = mean[channel + 1, column] if lit else initial[column, channel]
 
 
@@ -318,7 +318,7 @@ def _average(
                         d += weight * load(colour, (plane + 3, y, x))
                 for step, value in enumerate((a, b, c, d)):
                     store(mean, (plane + step, row, column), value)
-            share = quotient(_ONE, greater(load(mean, (0, row, column)), _LEAST))
+            share = quotient(_ONE, greater(load(mean, (0, row, column)), _SMALLEST_FLOAT))
             for plane in range(1, len(colour)):
                 store(mean, (plane, row, column), load(mean, (plane, row, column)) * share)
 

@@ -23,7 +23,7 @@ from .progress import Note
 if TYPE_CHECKING:
     from ...offline.burst import Judged, MergedBurst, Motion
 
-_MOST = 1000.0  # pixels that a sensor moves
+_FARTHEST_SHIFT = 1000.0  # pixels that a sensor moves
 _NAMED = 4  # series that an error names, before it counts the others
 Shift = tuple[float, ...]
 
@@ -216,8 +216,10 @@ class BurstOrder(Order):
     shifts: tuple[Shift, ...] = ()
 
     def __post_init__(self) -> None:
-        if not all(abs(pixels) <= _MOST for shift in self.shifts for pixels in shift):
-            raise InputError(f"`shifts` are {self.shifts}, expected {_MOST:g} pixels at most")
+        if not all(abs(pixels) <= _FARTHEST_SHIFT for shift in self.shifts for pixels in shift):
+            raise InputError(
+                f"`shifts` are {self.shifts}, expected {_FARTHEST_SHIFT:g} pixels at most"
+            )
 
     def open(self, job: Job, memory: int, note: Note) -> Subject:
         """The frames that can be read.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _PROGRAM = 290 * 2**20
 _THREAD = 20 * 2**20  # of each thread: its own heap
 _MOSAIC = 2.0  # per pixel: sensor codes
-_LEAST = "tif"  # the format that needs least
+_LIGHTEST_FORMAT = "tif"  # the format that needs least
 
 
 def needed_memory(
@@ -53,10 +53,10 @@ def check_memory(
     if need <= limit:
         return
     rows, columns = mosaic.shape
-    least = needed_memory(mosaic, PictureKind.of(_LEAST), settings, frames)
+    least = needed_memory(mosaic, PictureKind.of(_LIGHTEST_FORMAT), settings, frames)
     remedy = (
-        f"use -f {_LEAST}, which needs {format_bytes(least)}, or "
-        if kind.format != _LEAST and least <= limit
+        f"use -f {_LIGHTEST_FORMAT}, which needs {format_bytes(least)}, or "
+        if kind.format != _LIGHTEST_FORMAT and least <= limit
         else ""
     )
     what = (

@@ -17,7 +17,7 @@ PLACES = (0.1, 0.25, 0.5, 0.75, 1.0)
 """The quantile of the truth's luminance at which each bin ends."""
 _BLUR = 8.0  # pixels: no fine detail is left, and hardly any noise
 # Scene units: three standard errors of such a mean at a sigma of 0.03.
-_LEAST = 3 * 0.03 / (2 * np.pi**0.5 * _BLUR)
+_LEAST_COLOUR = 3 * 0.03 / (2 * np.pi**0.5 * _BLUR)
 
 
 def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
@@ -60,7 +60,7 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     seen, true = (gaussian_filter(each, _BLUR, axes=(0, 1))[inner] for each in balanced)
     luminance = true.mean(axis=2)
     seen, true = seen - seen.mean(axis=2, keepdims=True), true - luminance[..., None]
-    coloured = np.square(true).mean(axis=2) > _LEAST**2
+    coloured = np.square(true).mean(axis=2) > _LEAST_COLOUR**2
     place = np.searchsorted(np.quantile(luminance, PLACES[:-1]), luminance[coloured])
     products = ((first * true).sum(axis=2)[coloured] for first in (seen, true))
     return np.stack([np.bincount(place, product, len(PLACES)) for product in products])

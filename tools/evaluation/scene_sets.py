@@ -28,7 +28,7 @@ _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # nam
 # pixels: every scene is cut to whole periods of the paper's pattern, whatever periods are compared
 CROP = 6
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
-_LEAST = (PSNR_PATCH + 2 * BORDER + CROP) // CROP * CROP
+_LEAST_SIDE = (PSNR_PATCH + 2 * BORDER + CROP) // CROP * CROP
 
 
 @dataclass(frozen=True)
@@ -121,9 +121,9 @@ def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int], str]
     scene = load_scene(source, linear=reading.linear)
     origin = [_kept(size, reading.largest).start for size in scene.shape]
     rgb = cut(scene.rgb, reading.largest)
-    if min(rgb.shape[:2]) < _LEAST:
+    if min(rgb.shape[:2]) < _LEAST_SIDE:
         rows, columns = scene.shape
-        least = f"{_LEAST} each way at least, for one patch within the border"
+        least = f"{_LEAST_SIDE} each way at least, for one patch within the border"
         raise InputError(f"{columns} x {rows} pixels are too few: {least}")
     return replace(scene, rgb=rgb), (origin[0], origin[1]), digest(rgb)
 

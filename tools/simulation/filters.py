@@ -19,7 +19,7 @@ from ..io.scene import BROADBAND, RGB, Scene
 from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor
-_LEAST = 1e-6  # smaller weights and differences are rounding
+_ROUNDING = 1e-6  # smaller weights and differences are rounding
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _weights(
     """
     matrix = passed / passed.sum(axis=1, keepdims=True)
     weights = np.linalg.lstsq(matrix.T, np.ones(len(there)))[0]
-    if weights.min() < _LEAST:
+    if weights.min() < _ROUNDING:
         figures = ", ".join(
             f"{letter} {weight:.3g}"
             for letter, weight in zip(channels, weights.round(3) + 0.0, strict=True)
@@ -170,11 +170,11 @@ def _weights(
         )
     seen = weights @ matrix
     notes: tuple[str, ...] = ()
-    if np.abs(seen - 1).max() > _LEAST:
+    if np.abs(seen - 1).max() > _ROUNDING:
         parts = " + ".join(
             f"{share:.3g} {letter}"
             for letter, share in zip(there, seen, strict=True)
-            if share > _LEAST
+            if share > _ROUNDING
         )
         notes = (
             f"no weights of {_listed(channels)} add up to all light: panchromatic pixels see "

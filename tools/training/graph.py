@@ -26,10 +26,10 @@ _OPSET, _IR = 17, 8
 _GROUP = 16  # channels: onnxruntime is faster where there is a multiple of these
 # steps of a rounded weight: with more, the sum of two products may not fit in the 16 bits that AVX2
 # has for it
-_MOST = 63
+_LARGEST_STEP = 63
 _TURNED = "turned."  # begins the names of the weights that see the picture turned
 _MIDDLE = 128  # the step of 8 bits that stands for 0 where values may be negative
-_LEAST = 1e-12  # of a weight: only keeps quotients finite
+_LEAST_WEIGHT = 1e-12  # of a weight: only keeps quotients finite
 
 
 Values = tuple[str, list[int | str]]
@@ -243,7 +243,9 @@ def _convolve(graph: Graph, name: str, given: str, weight: FloatArray, unit: flo
 
     name: of the weights and the bias. given, unit: rounded values, and the length of their steps.
     """
-    lengths = (np.abs(weight).max(axis=(1, 2, 3), initial=_LEAST) / _MOST).astype(np.float32)
+    lengths = (np.abs(weight).max(axis=(1, 2, 3), initial=_LEAST_WEIGHT) / _LARGEST_STEP).astype(
+        np.float32
+    )
     sums = graph.store(f"{name}.sums", lengths * np.float32(unit))
     whole = graph.add(
         "Round", [graph.add("Div", [f"{name}.bias", sums], f"{name}.quotient")], f"{name}.whole"

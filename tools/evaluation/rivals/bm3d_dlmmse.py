@@ -15,7 +15,7 @@ from ..cameras import with_balance
 from ..method import Method
 from .dlmmse import demosaic_dlmmse
 
-_LEAST = 8  # pixels of a plane each way: BM3D's block
+_BLOCK_SIDE = 8  # pixels of a plane each way: BM3D's block
 
 
 def denoise_bayer(shot: BayerShot) -> FloatArray:
@@ -26,7 +26,7 @@ def denoise_bayer(shot: BayerShot) -> FloatArray:
     Foi 2013). Planes smaller than 8 x 8 and shots without noise are returned unchanged.
     """
     denoised = shot.samples.copy()
-    if min(denoised.shape) < 2 * _LEAST or (shot.shot == 0 and shot.read == 0):
+    if min(denoised.shape) < 2 * _BLOCK_SIDE or (shot.shot == 0 and shot.read == 0):
         return denoised
     for row, column in product((0, 1), repeat=2):
         plane = denoised[row::2, column::2].astype(np.float64)

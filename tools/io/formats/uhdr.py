@@ -40,7 +40,7 @@ finite.
 """
 
 _TOP = 255  # the highest code: of a gain, where that of 1 is 0, and of the picture
-_LEAST = 1  # stops: less range than this is no HDR
+_LEAST_RANGE = 1  # stops: less range than this is no HDR
 _GAIN_QUALITY = 95  # of the map, which is even nearly everywhere, and so small
 _XMP, _ISO, _MPF = b"http://ns.adobe.com/xap/1.0/\0", b"urn:iso:std:iso:ts:21496:-1\0", b"MPF\0"
 _APP1, _APP2 = 0xE1, 0xE2
@@ -81,12 +81,12 @@ class GainMap:
     @property
     def headroom(self) -> float:
         """The brightest light that is shown, in units of display white."""
-        return max(self.shown.brightest, float(2**_LEAST))
+        return max(self.shown.brightest, float(2**_LEAST_RANGE))
 
     @property
     def highest(self) -> float:
         """The highest gain, stops: from the white of the picture to the brightest light."""
-        return max(log2(self.headroom) + self.exposure, float(_LEAST))
+        return max(log2(self.headroom) + self.exposure, float(_LEAST_RANGE))
 
     def capacity(self, brightest: int) -> float:
         """Headroom in stops that a display needs above white to show all of a picture with this
@@ -95,7 +95,7 @@ class GainMap:
         Less bright displays show less of every gain: range that a picture does not use would dim
         its highlights there.
         """
-        return max(brightest / _TOP * self.highest, _LEAST)
+        return max(brightest / _TOP * self.highest, _LEAST_RANGE)
 
     def codes(self, rgb: FloatArray, picture: ByteArray) -> ByteArray:
         """The gains of a rendering in scene units, (H, W, C), of which `picture` has the codes (H,
