@@ -27,7 +27,7 @@ from .numerics.solvers import Solved, SolverLog
 from .parts import Halo, Part, RowStage, run_stages
 from .settings import BEST, RenderSettings
 from .stages.chromaticity import estimate_chromaticities
-from .stages.colour_lines import LineProjection, colour_lines
+from .stages.colour_lines import LineProjection, fit_colour_lines
 from .stages.colour_network import ColourNetwork
 from .stages.confidence import block_confidence, replace_doubtful_colour
 from .stages.correction import Correction, SiteResidual, block_samples, update_luminance
@@ -38,13 +38,13 @@ from .stages.luminance import recover_luminance
 from .stages.noise import with_noise_model
 from .stages.pinning import Pinning
 from .stages.pooling import pool_blocks
-from .stages.propagation import Propagation, colour
+from .stages.propagation import Propagation, apply_luminance
 from .stages.refinement import Refinement
 from .stages.shading import ShadingCorrection
 from .tiling import bands
 from .units import check_finite, check_frames
 
-KERNELS = ("colour",)
+KERNELS = ("apply_luminance",)
 """Kernels that the page itself calls."""
 
 Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
@@ -392,7 +392,7 @@ def estimate_colour(
     )
     if not settings.asks_for_sites:
         return measured
-    lines = colour_lines(frame, luminance, blocks, settings.lines)
+    lines = fit_colour_lines(frame, luminance, blocks, settings.lines)
     return replace(measured, samples=replace(block_samples(frame, luminance, alone), lines=lines))
 
 
@@ -443,7 +443,7 @@ def _render_rgb(
     """The parts of a picture, and of each channels times luminance (Eq. 17)."""
     for part in render_parts(measured, settings, progress, stages):
         band = np.empty_like(part.chromaticity)
-        colour(part.chromaticity, np.ascontiguousarray(part.luminance), band)  # Eq. 17
+        apply_luminance(part.chromaticity, np.ascontiguousarray(part.luminance), band)  # Eq. 17
         check_finite(band, part.first)
         yield part, band
 

@@ -29,9 +29,9 @@ from ..settings import BEST, RenderSettings
 from ..units import check_frames
 from .align import Alignment, View, align
 from .colour import ColourSamples, Spreading, alone_of, relit_sites
-from .merge import denoised, merged_luminance, unseen
+from .merge import denoised, merge_luminance, unseen
 from .motion import Motion, in_frame, in_reference
-from .select import Comparison, Judged, compared, copies
+from .select import Comparison, Judged, compare_frames, copies
 
 __all__ = [
     "Alignment",
@@ -125,7 +125,7 @@ def merge_burst(
     shots = [frames[number] for number in distinct]
     check_frames(shots)
     first = None if reference is None else distinct.index(reference)
-    comparison = compared(
+    comparison = compare_frames(
         shots, settings, progress, first, motions and [motions[number] for number in distinct]
     )
     judged = dict(zip(distinct, comparison.frames, strict=True))
@@ -171,7 +171,7 @@ def _merged(
 ) -> tuple[FloatArray, Measured, ColourSamples]:
     """`MergedBurst.shares`, `measured` and `samples`."""
     cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
-    fine, shares = merged_luminance(kept, sites)
+    fine, shares = merge_luminance(kept, sites)
     plain = np.ascontiguousarray(fine[::2, ::2])
     luminance = denoised(plain, shares, cleaned.mosaic, settings)
     samples = (

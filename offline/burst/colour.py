@@ -101,7 +101,7 @@ class ColourSamples:
         kept : Sequence[Kept]
             The reference first.
         fine : FloatArray
-            See `merged_luminance`.
+            See `merge_luminance`.
         sites : Sites
             Of the reference.
         """

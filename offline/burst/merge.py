@@ -71,7 +71,7 @@ class Frames(NamedTuple):
     motions: Motions
 
 
-def merged_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, FloatArray]:
+def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, FloatArray]:
     """Luminance of the reference from all frames, (2 H - 1, 2 W - 1), every half pixel, and its
     `shares`.
 
@@ -149,7 +149,7 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
     Parameters
     ----------
     luminance, shares : Floats2
-        Written, see `merged_luminance`.
+        Written, see `merge_luminance`.
     """
     _, height, width = frames.planes.shape
     for tile in range(pieces[0], pieces[1]):

@@ -166,7 +166,7 @@ def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, 
     return {number: original for number, original in original_of.items() if original != number}
 
 
-def compared(
+def compare_frames(
     shots: Sequence[Mosaic],
     settings: RenderSettings,
     progress: Progress,

@@ -126,7 +126,7 @@ class _Blocks(NamedTuple):
         return self.weight / (2 * self.strokes + self.surface + self.noise)
 
 
-def colour_lines(
+def fit_colour_lines(
     frame: Cleaned, luminance: FloatArray, blocks: FloatArray, settings: Switch
 ) -> ColourLines | None:
     """Return the lines around all whole blocks, and their confidence; None where the settings do

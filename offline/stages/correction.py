@@ -145,7 +145,7 @@ def update_luminance(
     def work(inner: slice) -> None:
         rows = slice(max(inner.start - reach, 0), min(inner.stop + reach, height))
         error, weight = _block_residuals(luminance, blocks, measured, rows, gamma)
-        delta = expected_errors(error, weight, measured, rows, gamma)[0][inner.start - rows.start :]
+        delta = estimate_errors(error, weight, measured, rows, gamma)[0][inner.start - rows.start :]
         for site, place in enumerate(measured.sites.at(inner)):
             at_site = updated[place]
             at_site += delta[: len(at_site), :, site]
@@ -202,7 +202,7 @@ def signal_power(error: FloatArray, variance: FloatArray | None) -> FloatArray:
     return power.astype(np.float32, copy=False)
 
 
-def expected_errors(
+def estimate_errors(
     error: FloatArray, weight: FloatArray, measured: BlockSamples, rows: slice, gamma: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return E[d | e], float32 (rows, columns, S), and E[t | e], (rows, columns, S, C), at the
@@ -386,7 +386,7 @@ class Correction(RowStage):
             for place, channel in zip(places, channels, strict=True)
         ]
         error = self.samples.residual(part, blocks)
-        light, tints = expected_errors(
+        light, tints = estimate_errors(
             error, np.stack(colours, axis=2), self.samples, blocks, gamma
         )
         if self.samples.kept is not None:

@@ -289,7 +289,9 @@ def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: 
 
 
 @parallel_kernel()
-def colour(pieces: Pieces, chromaticity: Floats3, luminance: Floats2, out: Floats3) -> None:
+def apply_luminance(
+    pieces: Pieces, chromaticity: Floats3, luminance: Floats2, out: Floats3
+) -> None:
     """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
     for row in range(pieces[0], pieces[1]):
         for column in range(out.shape[1]):

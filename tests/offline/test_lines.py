@@ -16,7 +16,7 @@ from panchroma.offline.stages.colour_lines import (
     _REACH,
     LineProjection,
     LinesSettings,
-    colour_lines,
+    fit_colour_lines,
 )
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
@@ -75,7 +75,7 @@ def lines_of(scene: DoubleArray, mosaic: Mosaic, clipping: float = np.inf) -> Co
     blocks = extend(
         block_sums(frame, light).solved(1e-6, frame.gamma), mosaic.pattern, mosaic.shape
     )
-    lines = colour_lines(frame, light, blocks.astype(np.float32), BEST.lines)
+    lines = fit_colour_lines(frame, light, blocks.astype(np.float32), BEST.lines)
     assert lines is not None
     return lines
 
