@@ -13,7 +13,7 @@ import numpy as np
 from ..shared.arrays import STRIP, FloatArray
 from ..shared.errors import InputError
 from ..shared.progress import SILENT, Progress
-from .numerics.pieces import in_pieces
+from .numerics.pieces import copy_together
 
 _ROWS = STRIP // 4  # of a part between two stages
 DARK = 1e-6
@@ -72,7 +72,7 @@ class Part:
             for part in parts
             for name, plane in part._planes()
         ]
-        in_pieces(lambda index, _: np.copyto(*copies[index]), len(copies))
+        copy_together(copies)
         return cls(first, **planes)
 
     def rows(self, first: int, end: int) -> "Part":

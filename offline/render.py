@@ -22,7 +22,7 @@ from ..shared.pattern import CfaPattern
 from ..shared.progress import SILENT, Progress
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
-from .numerics.pieces import in_pieces
+from .numerics.pieces import copy_together
 from .numerics.solvers import Solved, SolverLog
 from .parts import Halo, Part, RowStage, run_stages
 from .settings import BEST, RenderSettings
@@ -181,8 +181,8 @@ def render(
     rgb = np.empty_like(chromaticity)
     for part, band in _render_rgb(measured, settings, log, stages):
         rows = slice(part.first, part.end)
-        copies = (luminance, part.luminance), (chromaticity, part.chromaticity), (rgb, band)
-        in_pieces(lambda index, _: np.copyto(copies[index][0][rows], copies[index][1]), len(copies))  # noqa: B023 - done at once
+        planes = (luminance, part.luminance), (chromaticity, part.chromaticity), (rgb, band)
+        copy_together([(plane[rows], source) for plane, source in planes])
     return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost)
 
 

@@ -7,8 +7,8 @@ that is interrupted while one starts. Several threads may call at a time.
 
 import threading
 from collections import deque
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,11 @@ def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
     made = np.empty(plane.shape, plane.dtype)
     in_strips(lambda rows: np.copyto(made[rows], plane[rows]), len(plane), STRIP // 4)
     return made
+
+
+def copy_together(copies: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> None:
+    """Copy arrays side by side; `copies`: (target, source) of each."""
+    in_pieces(lambda index, _: np.copyto(*copies[index]), len(copies))
 
 
 def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:

@@ -181,7 +181,7 @@ class Contrast(NamedTuple):
     own, light : FloatArray
         Mean luminance of a cell, and of 3 x 3 cells, (h, w).
     colour : FloatArray
-        T, (2, h, w).
+        t, (2, h, w).
     activity, bound : FloatArray
         (h, w), scene units.
     """

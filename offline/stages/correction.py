@@ -51,7 +51,7 @@ class PosteriorSettings(Switch):
     paper.
     """
 
-    kernels = ("smooth", "expect_errors")
+    kernels = ("smooth", "posterior_means")
 
 
 # Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it
@@ -211,7 +211,7 @@ def estimate_errors(
     Parameters
     ----------
     error, weight : FloatArray
-        E and w, (rows, columns, S).
+        e and w, (rows, columns, S).
     """
     sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
     mean = signal_power(error, None if variance is None else variance.mean(axis=2))  # M
@@ -228,18 +228,18 @@ def estimate_errors(
     noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
     aside = (sites.channels[:, None] == np.arange(len(gamma))) - 1 / len(gamma)
-    given = Residuals(error, weight, noise, of_light, of_colour)
-    expect_errors(given, nearness(sites.pattern), aside @ aside.T, aside, light, tints)
+    given = SiteErrors(error, weight, noise, of_light, of_colour)
+    posterior_means(given, nearness(sites.pattern), aside @ aside.T, aside, light, tints)
     return light, tints
 
 
-class Residuals(NamedTuple):
+class SiteErrors(NamedTuple):
     """Residuals and what is known of them.
 
     Attributes
     ----------
     error, weight, noise : Floats3
-        E, w and v, (rows, columns, S).
+        e, w and v, (rows, columns, S).
     light, colour : Floats2
         D and T, (rows, columns).
     """
@@ -252,9 +252,9 @@ class Residuals(NamedTuple):
 
 
 @parallel_kernel()
-def expect_errors(
+def posterior_means(
     pieces: Pieces,
-    given: Residuals,
+    given: SiteErrors,
     near: Doubles2,
     alike: Doubles2,
     aside: Doubles2,
@@ -368,7 +368,7 @@ class Correction(RowStage):
     gamma: FloatArray
 
     name = "correction"
-    kernels = ("smooth", "expect_errors")
+    kernels = ("smooth", "posterior_means")
 
     @property
     def halo(self) -> Halo:

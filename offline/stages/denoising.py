@@ -134,7 +134,7 @@ class Shrinkage(NamedTuple):
     Attributes
     ----------
     sizes : Ints1
-        N of each kind of block, multiples of 4.
+        n of each kind of block, multiples of 4.
     transforms : Floats3
         (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix
         [frequency, pixel].

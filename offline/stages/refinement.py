@@ -100,7 +100,7 @@ def refine(
     Parameters
     ----------
     part : Part
-        C[n], with what the window reaches around these rows.
+        c[n], with what the window reaches around these rows.
     luminance : FloatArray
         (H, W), the whole frame.
     period : int

@@ -69,7 +69,7 @@ def _is_camera(source: str) -> bool:
 
 
 def _shot(source: str, max_pixels: int) -> tuple[dict[str, Any], Rows]:
-    """What is in a shot, for machines and for people."""
+    """Return the contents of a shot, for machines and for people."""
     facts = _facts(read_dng(source, max_pixels=max_pixels), len(read_preview(source)))
     return facts, _rows(facts)
 
@@ -115,7 +115,7 @@ def _is_readable(file: str) -> bool:
 
 
 def _camera(source: str) -> tuple[dict[str, Any], Rows]:
-    """What is in a camera file, for machines and for people."""
+    """Return the contents of a camera file, for machines and for people."""
     camera = read_camera(source)
     calibration, pattern, letters = camera.calibration, camera.pattern, "unknown"
     if pattern:

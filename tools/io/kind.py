@@ -102,7 +102,7 @@ class PictureKind:
 
     @property
     def as_measured(self) -> str:
-        """What a kind of the space "camera" is, and what to do instead, for messages."""
+        """Reason why this is a kind of the space "camera", and the remedy, for messages."""
         if set(self.kept_as.spaces) == {CAMERA}:
             return f"a {self.format} is the scene as measured; choose another format, such as tif"
         return (

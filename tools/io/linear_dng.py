@@ -5,6 +5,7 @@ Lightroom write them.
 """
 
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -188,12 +189,18 @@ def _piece_shape(page: TiffPage) -> tuple[int, int]:
     return min(page.rowsperstrip, page.imagelength), page.imagewidth
 
 
+def _pieces(page: TiffPage, stream: Any) -> Iterator[bytes]:
+    """Yield the strips or tiles of a page as they are stored."""
+    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        stream.seek(offset)
+        yield stream.read(count)
+
+
 def _check_declared(page: TiffPage, stream: Any) -> None:
     """Raise InputError if the JPEG XL image of a strip or tile declares more than that holds."""
     rows, columns = _piece_shape(page)
-    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
-        stream.seek(offset)
-        height, width = declared_size(stream.read(count))
+    for piece in _pieces(page, stream):
+        height, width = declared_size(piece)
         if height > rows or width > columns:
             raise InputError(
                 f"a JPEG XL image of the linear DNG declares {width} x {height} pixels in a place "
@@ -207,9 +214,8 @@ def _check_inflated(page: TiffPage, stream: Any) -> None:
     """
     rows, columns = _piece_shape(page)
     most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
-    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
-        stream.seek(offset)
-        if len(zlib.decompressobj().decompress(stream.read(count), most + 1)) > most:
+    for piece in _pieces(page, stream):
+        if len(zlib.decompressobj().decompress(piece, most + 1)) > most:
             raise InputError(
                 "the linear DNG's strips hold more than they say: it is damaged, or made to fill "
                 "the memory"
