@@ -128,14 +128,16 @@ class Sites:
         return values
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The means of values, (*B, S), over the sites of each channel, (*B, C)."""
-        return np.stack(
-            [
-                values[..., self.channels == channel].mean(axis=2)
-                for channel in range(len(self.pattern.channels))
-            ],
-            axis=2,
-        )
+        """The means of values, (*B, S), over the sites of each channel, (*B, C); a channel without
+        sites reads the mean of the others, as in grey.
+        """
+        means = [
+            values[..., self.channels == channel].mean(axis=2)
+            for channel in np.flatnonzero(self.pattern.site_counts)
+        ]
+        if (derived := self.pattern.derived) is not None:
+            means.insert(derived, np.mean(means, axis=0, dtype=values.dtype))
+        return np.stack(means, axis=2)
 
     def whole(self, blocks: FloatArray) -> FloatArray:
         """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C); a
@@ -279,7 +281,7 @@ def sum_noise(
         Luminance at the sites, (*B, S).
     """
     shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
-    squares = (gamma / np.bincount(sites.channels))[sites.channels] ** 2
+    squares = (gamma[sites.channels] / sites.pattern.site_counts[sites.channels]) ** 2
     per_light = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / len(sites.ring)
     fixed = squares @ variance[sites.channels] + variance[-1] / len(sites.ring)
     return np.sqrt(per_light * np.maximum(light.mean(axis=2), 0) + fixed)

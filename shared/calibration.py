@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import DoubleArray, FloatArray, IndexArray
+from .colorimetry import is_pair
 from .errors import InputError
 from .figures import built, numbers, shown, whole
 from .lights import (
@@ -286,15 +287,21 @@ class SensorCalibration:
         }
         return cls(**{**levels, **fields})
 
-    def lens_remarks(self, focal_length: float | None) -> tuple[str, ...]:
-        """Remarks on a shot at this focal length, millimetres: shading from another one, and an
-        aberration that is ignored.
+    def remarks(self, focal_length: float | None) -> tuple[str, ...]:
+        """Remarks on a shot at this focal length, millimetres: shading from another one, an
+        aberration that is ignored, and a picture of two colours.
         """
         remarks = [self.shading.zoomed(focal_length)] if self.shading else []
         if self.aberration:
             remarks.append(
                 "its calibration names a lateral chromatic aberration, which is ignored: the "
                 "sensor hardly sees it"
+            )
+        if is_pair(self.channels):
+            own, rest = self.channels
+            remarks.append(
+                f"its sensor has one kind of colour filter: a picture shows {own} against {rest}, "
+                "all other light"
             )
         return tuple(filter(None, remarks))
 

@@ -58,6 +58,13 @@ def as_rows(matrix: NDArray[np.floating]) -> Matrix:
 
 
 SRGB_TO_XYZ = as_rows(primaries_to_xyz(SRGB_PRIMARIES))
+COMPLEMENTS = {"R": "C", "G": "M", "B": "Y"}
+"""The channel that a sensor with one kind of filter has beside it: all light without its own."""
+
+
+def is_pair(channels: str) -> bool:
+    """Return True for a primary and its complement, in any order."""
+    return any(set(channels) == set(pair) for pair in COMPLEMENTS.items())
 
 
 def among(matrix: ArrayLike, channels: str) -> DoubleArray:
@@ -78,8 +85,8 @@ def among(matrix: ArrayLike, channels: str) -> DoubleArray:
 
 
 def nominal_to_xyz(channels: str, neutral: Sequence[float] | None) -> DoubleArray:
-    """The matrix from channels, R, G and B among them, to XYZ (D50) if those three have the
-    primaries of sRGB; float64 (3, C).
+    """The matrix from channels, R, G and B among them or one of these and its complement, to XYZ
+    (D50) if those three have the primaries of sRGB; float64 (3, C).
 
     Parameters
     ----------
@@ -88,4 +95,11 @@ def nominal_to_xyz(channels: str, neutral: Sequence[float] | None) -> DoubleArra
         channels, where white reads 1.
     """
     balance = 1.0 if neutral is None else max(neutral) / np.array(neutral)
+    if is_pair(channels):
+        red_green_blue = np.array(SRGB_TO_XYZ)
+        columns = {letter: red_green_blue[:, [i]] for i, letter in enumerate("RGB")}
+        rest = {
+            COMPLEMENTS[own]: red_green_blue.sum(axis=1)[:, None] - columns[own] for own in "RGB"
+        }
+        return np.hstack([(columns | rest)[letter] for letter in channels]) * balance
     return np.asarray(among(SRGB_TO_XYZ, channels) * balance)

@@ -12,14 +12,15 @@ neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so th
 becomes grey, R = G = B. Without a
 matrix, channels named R, G and B are assumed to have the primaries of sRGB, whatever others there
 are, which do not count then;
-without these three there is no such guess.
+one of them and its complement (a sensor with red filters alone) show that against the rest; for any
+others there is no such guess.
 """
 
 import numpy as np
 
 from .arrays import DoubleArray
 from .calibration import SensorCalibration
-from .colorimetry import BRADFORD, D50, SRGB_TO_XYZ, adaptation, nominal_to_xyz
+from .colorimetry import BRADFORD, D50, SRGB_TO_XYZ, adaptation, is_pair, nominal_to_xyz
 from .errors import InputError
 
 SATURATED = 0.90, 0.99
@@ -83,7 +84,7 @@ def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
     channels = calibration.channels
     if calibration.camera_to_xyz is not None:
         return np.array(calibration.camera_to_xyz)
-    if not set("RGB") <= set(channels):
+    if not (set("RGB") <= set(channels) or is_pair(channels)):
         raise InputError(
             f"no colour matrix for the channels {channels}: calibrate the camera (panchroma "
             "calibrate), "

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import BoolArray, ByteArray
+from .arrays import BoolArray, ByteArray, IndexArray
 from .block_grid import BlockGrid
+from .colorimetry import COMPLEMENTS
 from .errors import InputError
 from .figures import shown, whole
 from .spelling import meant
@@ -41,8 +42,10 @@ class CfaPattern:
     origin : tuple[int, int]
         Sensor (row, column) at which a tile begins; only its remainder modulo K matters.
     channels : str
-        The order of the channels in every array; by default "RGB" for those three, otherwise their
-        order in the tile.
+        The order of the channels in every array; by default "RGB" for two or three of those,
+        otherwise their order in the tile. One of them may have no filter in the tile: it is what
+        panchromatic pixels see beyond the others, G = (W - gamma_R R - gamma_B B) / gamma_G
+        (Eq. 7). A lone filter has such a companion in any case, red cyan, blue yellow.
 
     Raises
     ------
@@ -61,6 +64,9 @@ class CfaPattern:
     'CMY'
     >>> CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW").is_scattered  # Kodak's (US patent 8330839)
     True
+    >>> rccb = CfaPattern.of_letters("RW/WB")
+    >>> rccb.channels, rccb.derived
+    ('RGB', 1)
     """
 
     tile: tuple[str, ...]
@@ -88,16 +94,23 @@ class CfaPattern:
                 "pattern: the tile has no panchromatic pixel (W), which is where luminance is "
                 "measured"
             )
-        if len(found) < 2:
-            raise InputError(
-                f"pattern: the tile has {len(found)} colour channels; at least two are needed"
-            )
+        if not found:
+            raise InputError("pattern: the tile has no colour filter; at least one is needed")
         if not self.channels:
-            object.__setattr__(self, "channels", "RGB" if set(found) == set("RGB") else found)
-        if sorted(self.channels) != sorted(found):
+            of_rgb = len(found) > 1 and set(found) <= set("RGB")
+            companion = COMPLEMENTS.get(found, "")
+            object.__setattr__(self, "channels", "RGB" if of_rgb else found + companion)
+        named = self.channels
+        derived = set(named) - set(found)
+        if set(found) - set(named) or len(set(named)) < len(named) or PANCHROMATIC in named:
             raise InputError(
-                f"pattern: channels {self.channels!r} do not name the tile's letters {found!r}, "
-                "each once"
+                f"pattern: channels {named!r} do not name the tile's letters {found!r}, each once"
+            )
+        if len(derived) > 1 or len(named) < 2:
+            raise InputError(
+                f"pattern: channels {named!r} of a tile with the letters {found!r}; expected two "
+                "or more, of which one at most has no filter: it is what panchromatic pixels see "
+                "beyond the others"
             )
         row_origin, column_origin = (int(value) % period for value in self.origin)
         object.__setattr__(self, "origin", (row_origin, column_origin))
@@ -219,6 +232,18 @@ class CfaPattern:
     def period(self) -> int:
         """K, the number of pixels from one block's origin to the next."""
         return len(self.tile)
+
+    @cached_property
+    def derived(self) -> int | None:
+        """The channel without a filter, which follows from Eq. 7; None = every channel has one."""
+        letters = "".join(self.tile)
+        return next((i for i, letter in enumerate(self.channels) if letter not in letters), None)
+
+    @cached_property
+    def site_counts(self) -> IndexArray:
+        """Number of sites of each channel in a block, (C,)."""
+        channels = [channel for *_, channel in self.sites]
+        return np.bincount(channels, minlength=len(self.channels))
 
     @property
     def planes(self) -> str:

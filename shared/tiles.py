@@ -11,6 +11,10 @@ TILES = {
     "Sony": "WRWG/BWGW/WGWR/GWBW",
     "Honda": "BWRW/WGWG/RWBW/WGWG",
     "Kaizu": "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG",
+    # of cars; C is clear: one colour, or two of three, and what panchromatic pixels see beyond them
+    "RCCB": "RWRW/WBWB/RWRW/WBWB",
+    "RCCG": "RWRW/WGWG/RWRW/WGWG",
+    "RCCC": "WWWW/WRWR/WWWW/WRWR",
 }
 """Name -> letters, row by row. Case does not count; "K=4" is the paper's block, RGGB, in every 4 x
 4 pixels.

@@ -71,22 +71,34 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     tops = tops[every // 2 :: every]
     if not len(tops):
         return None
-    blocks = np.zeros((len(pattern.channels), len(tops), len(lefts)), np.float32)
-    for row, column, channel in pattern.sites:
+    places, derived = list(pattern.sites), pattern.derived
+    if derived is not None:  # Eq. 7 needs luminance, too
+        tile = pattern.filter_map(pattern.block_shape, pattern.block_origin)
+        clear = np.argwhere(tile == len(pattern.channels)).tolist() or [(0, -1)]
+        places += [(row, column, len(pattern.channels)) for row, column in clear]
+        lefts = lefts[lefts > 0] if clear[0][1] < 0 else lefts
+    blocks = np.zeros((len(pattern.planes), len(tops), len(lefts)), np.float32)
+    for row, column, plane in places:
         rows = slice(tops[0] + row, tops[-1] + row + 1, every * pattern.period)
         columns = slice(lefts[0] + column, lefts[-1] + column + 1, pattern.period)
-        blocks[channel] += mosaic.samples[rows, columns]
-    blocks /= np.bincount([channel for *_, channel in pattern.sites])[:, None, None]
+        blocks[plane] += mosaic.samples[rows, columns]
+    number = np.bincount([plane for *_, plane in places], minlength=len(blocks))
+    blocks /= np.maximum(number, 1)[:, None, None]
     if mosaic.samples.dtype == np.uint16:
-        blocks -= np.array(calibration.black_level[:-1], np.float32)[:, None, None]
-        blocks *= calibration.scale()[:-1].astype(np.float32)[:, None, None]
+        blocks -= np.array(calibration.black_level, np.float32)[:, None, None]
+        blocks *= calibration.scale().astype(np.float32)[:, None, None]
         if calibration.shading is not None:
             rows = slice(tops[0], tops[-1] + 1, every * pattern.period)
             columns = slice(lefts[0], lefts[-1] + 1, pattern.period)
-            for channel in range(len(blocks)):
-                blocks[channel] *= calibration.shading.of_plane(
-                    mosaic.shape, channel, rows, columns
-                )
+            for plane in range(len(blocks)):
+                blocks[plane] *= calibration.shading.of_plane(mosaic.shape, plane, rows, columns)
+    *colours, luminance = blocks
+    if derived is not None:
+        gamma = np.array(calibration.gamma, np.float32)
+        colours[derived] = np.zeros_like(luminance)
+        rest = luminance - np.tensordot(gamma, np.stack(colours), 1)
+        colours[derived] = np.maximum(rest, 0) / gamma[derived]
+    blocks = np.stack(colours)
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.
     left, middle, right = (
         blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3)

@@ -68,7 +68,8 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     """
     filled, luminance, gap, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
-    counts = [channels.count(channel) for channel in range(g.channels)]
+    derived = g.geometry.pattern.derived
+    counts = [channels.count(channel) for channel in range(g.channels) if channel != derived]
     first, last = SATURATED
     above = g(
         "Add",
@@ -78,14 +79,15 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", above, 0.0, 1.0)))
 
     def of_channels(products: str) -> str:
-        if set(counts) == {1}:
+        if counts == [1] * g.channels:
             return products
-        parts = g.split(products, counts, axis=0)
-        return g(
-            "Concat",
-            *(g.total(part, count, axis=0) for part, count in zip(parts, counts, strict=True)),
-            axis=0,
-        )
+        parts = [
+            g.total(part, count, axis=0)
+            for part, count in zip(g.split(products, counts, axis=0), counts, strict=True)
+        ]
+        if derived is not None:  # no sample: the constraint alone decides
+            parts.insert(derived, g("Mul", parts[0], 0.0))
+        return g("Concat", *parts, axis=0)
 
     variance = g("Max", g("Mul", g.variance(luminance), _PRIOR), _LEAST_VARIANCE)
     grey = g("Div", g.gamma, g.total(g.gamma, g.channels, axis=0))

@@ -145,7 +145,7 @@ class Geometry:
             return [[site] for site in self.sites]
         return [
             [site for site in self.sites if site[2] == channel]
-            for channel in range(len(self.pattern.channels))
+            for channel in np.flatnonzero(self.pattern.site_counts)
         ]
 
     @cached_property

@@ -124,6 +124,8 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     shares = np.array([1 / channels.count(channel) for channel in channels])[:, None, None]
     samples = probes.samples if (shares == 1).all() else g("Mul", probes.samples, shares)
     gap = g("Sub", g.total(samples, len(channels), axis=0), luminance)
+    if g.geometry.pattern.derived is not None:  # Eq. 7 defines that channel, and tells nothing
+        gap = g("Mul", gap, 0.0)
     noise = g(
         "Mul",
         variance,

@@ -312,7 +312,7 @@ def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:
         own = (
             frame.noise.variance(values, np.arange(len(gamma)))
             * gamma**2
-            / np.bincount(sites.channels)
+            / np.maximum(sites.pattern.site_counts, 1)
         )
         filled = np.square(channels / np.maximum(light, TINY)[..., None]) / len(sites.channels)
         noise = own + filled * frame.variance(light)[..., None]

@@ -130,7 +130,7 @@ def fit_colour_lines(
     frame: Cleaned, luminance: FloatArray, blocks: FloatArray, settings: Switch
 ) -> ColourLines | None:
     """Return the lines around all whole blocks, and their confidence; None where the settings do
-    not use them.
+    not use them, or a channel has no sites.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def fit_colour_lines(
     blocks : FloatArray
         Chromaticity of every block, (block rows, block columns, C).
     """
-    if not settings.used:
+    if not settings.used or frame.mosaic.pattern.derived is not None:
         return None
     sites, gamma, dark = (
         frame.sites,
@@ -184,12 +184,12 @@ def _errors(
         span = np.maximum(span - np.float32(_ERRORS) * np.sqrt(noise.variance(mean)), 0)
         of_sites = (
             noise.variance(sites.of(frame.signal), channels)
-            * (gamma / np.bincount(channels))[channels] ** 2
+            * (gamma / sites.pattern.site_counts)[channels] ** 2
         )
         variance = of_sites.sum(axis=2).astype(np.float32) / np.float32(len(gamma))
     # A stroke hides two sites of a channel, errors of more average out: 2.4 dB with the six of
     # Kaizu's tile.
-    deviation = np.float32(_STROKES / max(np.bincount(channels).min() / 2, 1)) * span
+    deviation = np.float32(_STROKES / max(sites.pattern.site_counts.min() / 2, 1)) * span
     # A channel that is brighter than all light there shows by how much that is wrong, at least: a
     # star that meets no other pixel.
     beyond = (samples - light).max(axis=0) - np.float32(_ERRORS) * np.sqrt(deviation**2 + variance)

@@ -55,14 +55,14 @@ _LEAST_DIVISOR = 1e-9  # keeps divisions by luminance and by confidence finite
 
 def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArray | None:
     """Return confidence in the colour of each whole block, 0 to 1, float64 (rows, columns); None =
-    all are trusted.
+    all are trusted, as where a channel has no sites, which Eq. 7 defines.
 
     Parameters
     ----------
     frame : Cleaned
         Its highlights not restored.
     """
-    if not settings.used:
+    if not settings.used or frame.mosaic.pattern.derived is not None:
         return None
     around, total = frame.around, frame.sites.means(frame.samples) @ frame.gamma
     light, clipped = around.light.mean(axis=2), around.highest >= frame.clipping

@@ -344,8 +344,11 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
     """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around
     it.
     """
-    gamma, channels, (lights, lowest, highest) = frame.gamma, frame.sites.channels, frame.around
-    share = (gamma / np.bincount(channels))[channels]  # weight of each site in the sum of Eq. 7
+    pattern, channels = frame.mosaic.pattern, frame.sites.channels
+    if pattern.derived is not None:  # Eq. 7 is what defines that channel, and can find nothing
+        return
+    gamma, (lights, lowest, highest) = frame.gamma, frame.around
+    share = (gamma / pattern.site_counts)[channels]  # weight of each site in the sum of Eq. 7
     surplus = frame.samples @ share - lights @ share / gamma.sum()
     tolerance = settings.contrast / 2 * (highest - lowest) + settings.floor * frame.level
     if frame.noise is not None:

@@ -14,7 +14,8 @@ Of each channel, the difference x from a base chromaticity b minimises
 
 with the confidence w in a site (0 elsewhere), fading f, smoothness s, luminance l and an edge t
 (`numerics.linked`). The base is the picture's own chromaticity as far as noise hides what sites
-show, otherwise that of a wide neighbourhood.
+show, otherwise that of a wide neighbourhood. A channel without sites follows from the others by
+Eq. 7.
 """
 
 from dataclasses import dataclass, replace
@@ -187,7 +188,11 @@ class Pinning(RowStage):
             self.progress,
         )
         own, pinned = part.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
-        total = (pinned @ self.measured.gamma)[..., None]
+        gamma, derived = self.measured.gamma, self.measured.pattern.derived
+        if derived is not None:  # Eq. 7
+            others = np.delete(pinned, derived, axis=2) @ np.delete(gamma, derived)
+            pinned[..., derived] = np.maximum(1 - others, 0) / gamma[derived]
+        total = (pinned @ gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
         return replace(
             own, chromaticity=np.where(whole, pinned / np.where(whole, total, 1), own.chromaticity)

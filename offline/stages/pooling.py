@@ -157,7 +157,7 @@ def pool_blocks(
     brightness = np.log(light.clip(_LEAST_LIGHT * frame.level) + unsure) / np.float32(
         2**0.5 * settings.light
     )
-    surer = np.bincount(sites.channels).astype(np.float32)[:, None, None]
+    surer = sites.pattern.site_counts.astype(np.float32)[:, None, None]
     surer = (surer / surer.mean()) ** np.float32(_SURER)
     variance = own = _variance(sums)
     for blur, tolerance, radius in settings.passes:

@@ -76,9 +76,9 @@ def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:
 def test_an_aberration_of_earlier_versions_is_ignored_with_a_remark_and_stays_in_files() -> None:
     calibration = SensorCalibration.from_json({**BARE.to_json(), "aberration": DOCUMENT})
     assert calibration.to_json()["aberration"] == DOCUMENT
-    (remark,) = calibration.lens_remarks(None)
+    (remark,) = calibration.remarks(None)
     assert "names a lateral chromatic aberration, which is ignored" in remark
-    assert BARE.lens_remarks(50) == ()
+    assert BARE.remarks(50) == ()
     plain, named = shot_by(BARE), shot_by(calibration)
     assert np.array_equal(plain.codes, named.codes)
     assert np.array_equal(render(plain).rgb, render(named).rgb)

@@ -1,6 +1,6 @@
 """The pattern against a count of the tile, pixel by pixel."""
 
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, asdict
 
 import numpy as np
 import pytest
@@ -88,13 +88,39 @@ def test_channels_follow_the_tile_unless_named() -> None:
 
 
 @pytest.mark.parametrize(
+    ("letters", "channels", "derived"),
+    [
+        ("rccb", "RGB", 1),
+        ("rccg", "RGB", 2),
+        ("rccc", "RC", 1),
+        ("GW/BW", "RGB", 0),
+        ("BWW", "BY", 1),
+    ],
+)
+def test_one_channel_may_have_no_filter(letters: str, channels: str, derived: int) -> None:
+    pattern = CfaPattern.of_letters(letters)
+    assert (pattern.channels, pattern.derived) == (channels, derived)
+    assert pattern.site_counts[derived] == 0
+    assert CfaPattern.from_json(asdict(pattern)) == pattern
+    assert pattern.cropped(1, 3).derived == derived
+
+
+def test_all_named_channels_may_have_filters() -> None:
+    pattern = CfaPattern.of_letters("RW/WB", channels="RB")
+    assert (pattern.derived, pattern.channels) == (None, "RB")
+    for channels in ("R", "RGBX", "RWB", "RRB", "RG"):
+        with pytest.raises(InputError, match="channels"):
+            CfaPattern.of_letters("RW/WB", channels=channels)
+
+
+@pytest.mark.parametrize(
     ("tile", "words"),
     [
         (("RG", "BW"), "2 rows"),
         (("RGWW", "GBWW", "WWWW", "WWW"), "has 3 letters"),
         (("RGWW", "GBWW", "WWWW", "WW1W"), "letters A to Z"),
         (("RÜWW", "GBWW", "WWWW", "WWWW"), "letters A to Z"),
-        (("GGW", "GGW", "WWW"), "1 colour channels"),
+        (("NNW", "NNW", "WWW"), "two or more"),
         (("RGBRGB", *["GGGGGG"] * 4, "WWWWWW"), r"row 3, column 1 of the tile: luminance there"),
         (("RGWW" * 2, "GBWW" * 2, "W" * 8, "W" * 8) * 2, "smallest tile .*: RGWW/GBWW/WWWW/WWWW"),
         (("RRRR", "GGGG", "BBBB", "RGBB"), "no panchromatic pixel"),

@@ -153,7 +153,7 @@ class _Attempt:
                 f'{source}: the white balance is unknown and taken as even; `wb="auto"` '
                 'estimates it, `wb="R,G,B"` sets it'
             )
-        for remark in calibration.lens_remarks(mosaic.metadata.focal_length):
+        for remark in calibration.remarks(mosaic.metadata.focal_length):
             note(f"{source}: {remark}")
 
     def _write(

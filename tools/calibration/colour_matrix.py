@@ -252,6 +252,32 @@ def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
     return None
 
 
+def expected_levels(
+    levels: DoubleArray, reference: DoubleArray, cells: DoubleArray, letter: str
+) -> DoubleArray:
+    """Return what a channel with this name should see of each patch, (24,): that of sRGB, in the
+    light on the chart, which the other planes show.
+
+    Parameters
+    ----------
+    levels : DoubleArray
+        (24, P), of the planes that have samples.
+    reference, cells : DoubleArray
+        See `ColourFit`.
+    letter : str
+        R, G, B, or C, M, Y, which is the mean of two of them.
+    """
+    light = fit_colour(levels, reference, cells).light
+    shown = reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
+    parts = {name: kind[i] for names, kind in _KINDS.items() for i, name in enumerate(names)}
+    if letter not in parts:
+        raise InputError(
+            f"the channel {letter} has no filter, and nobody knows what it should see of a chart; "
+            f"such a channel has to be one of {', '.join(parts)}"
+        )
+    return light * (shown @ parts[letter]) / parts[letter].sum()
+
+
 def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: CfaPattern) -> None:
     """Raise InputError if the channels R, G and B, or C, M and Y, see the chart's colours as if
     their names were exchanged.

@@ -41,7 +41,7 @@ _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
 _LEVER = 0.2
 _UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 codes of 256
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
-_GOOD_GAMMA = 0.02  # half width over gamma
+_GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
 # of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three
 # broad channels
 _COLOURED = 0.2
@@ -327,7 +327,7 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     """
     warnings = []
     tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
-    if fit.worst > _GOOD_GAMMA:
+    if fit.worst > _GOOD_GAMMA * fit.limit:
         remedy = "more light, a larger chart, more shots or flat frames (`flat`)"
         known = f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %)"
         warnings.append(f"{known}: {'white light' if tints else remedy} would help")

@@ -10,7 +10,7 @@ import numpy as np
 from ...shared import Mosaic
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
-from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, tiles
+from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, planes_of, tiles
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
 # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288
@@ -84,7 +84,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         differ in noise or level.
     """
     first = frames[0]
-    planes = first.pattern.filter_map(first.shape)
+    planes = planes_of(first.pattern, first.shape)
     number = len(first.pattern.planes)
     full = first.calibration.white_level
     stack = np.stack([frame.codes for frame in frames]).astype(np.float64)
@@ -158,7 +158,7 @@ def _check_light(
     and light has shot noise: the planes' variances rise along a line over their levels. Heat lifts
     all planes alike, and an electronic offset has no noise.
     """
-    letters, planes = frame.pattern.planes, frame.pattern.filter_map(frame.shape)
+    letters, planes = frame.pattern.planes, planes_of(frame.pattern, frame.shape)
     limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK)
     lift = black - black[:-1].min()
     variance = noise**2

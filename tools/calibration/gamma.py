@@ -48,6 +48,8 @@ _UNKNOWN_COLOUR, _UNKNOWN_TILT = 0.15, 0.02
 _KNOWN_COLOUR = 0.005
 CONFIDENCE = 0.95
 WORST_INTERVAL = 0.05  # half width over gamma: beyond it a calibration would do harm
+# with a channel that Eq. 7 defines: the colour matrix makes up for other weights
+_WORST_DERIVED = 0.2
 _INSTEAD = (
     "shoot a ColorChecker (or strongly coloured, evenly lit surfaces of all hues), unclipped, "
     "filling at least a quarter of the frame"
@@ -61,6 +63,9 @@ _TRUST = 8.0  # weight of the noise line beside a place's own variance, in sampl
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
 _ROUNDS = 4
+# of its level: error of what a channel without filters is expected to see on a chart; filters are
+# not those of sRGB
+_EXPECTED = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +217,8 @@ class GammaFit:
         Of independent fits, as standard deviations of a normal number; 0 = there is only one fit.
     widened : float
         By how much that widens the covariance.
+    limit : float
+        Half width over gamma beyond which a calibration would do harm.
     """
 
     information: DoubleArray
@@ -227,6 +234,7 @@ class GammaFit:
     where: DoubleArray
     contradiction: float = 0.0
     widened: float = 1.0
+    limit: float = WORST_INTERVAL
 
     def _solved(self, *, offset: bool = True) -> tuple[DoubleArray, DoubleArray]:
         """Return the unknowns (P,) and their covariance (P, P), also by what is assumed; offset:
@@ -374,6 +382,52 @@ def fit_gamma(
     )
 
 
+def fit_with_derived(
+    places: PlaceSamples,
+    calibration: SensorCalibration,
+    derived: int,
+    expected: DoubleArray,
+    assumed: Assumed | None = None,
+) -> tuple[GammaFit, PlaceSamples]:
+    """Estimate gamma where one channel has no filter, and return the levels of that channel, too.
+
+    It is what panchromatic samples read beyond the others, (l - sum_i gamma_i c_i) / gamma_d, so
+    that only the chart tells what it should see. Its unit is free: gamma_d is the mean of the
+    others, whatever the light.
+
+    Parameters
+    ----------
+    places
+        Statistics of the patches; what they say of this channel is not used.
+    derived
+        The channel, see `CfaPattern.derived`.
+    expected
+        (N,), what it should see of each patch, in any unit.
+
+    Raises
+    ------
+    InputError
+        As `fit_gamma`.
+    """
+
+    def seen(level: DoubleArray, variance: DoubleArray) -> PlaceSamples:
+        mean, spread, count = places.mean.copy(), places.variance.copy(), places.count.copy()
+        mean[:, derived], spread[:, derived], count[:, derived] = level, variance, 1
+        return replace(places, mean=mean, variance=spread, count=count)
+
+    for _ in range(2):
+        error = _EXPECTED * (np.abs(expected) + _EXPECTED * expected.max())
+        fit = fit_gamma(seen(expected, error**2), calibration, assumed)
+        others = np.delete(fit.gamma, derived)
+        unit = float(fit.gamma[derived] / others.mean())
+        expected = expected * unit
+    colours = np.delete(places.mean[:, :-1], derived, axis=1)
+    level = (places.mean[:, -1] - colours @ others) / others.mean()
+    return replace(fit, limit=_WORST_DERIVED), seen(
+        level, places.variance[:, -1] / others.mean() ** 2
+    )
+
+
 class _Problem:
     """The regression of N panchromatic levels on the channels and all that disturbs them.
 
@@ -435,6 +489,9 @@ def mean_variance(places: PlaceSamples, exposed: BoolArray) -> DoubleArray:
     variance = np.zeros_like(places.mean)
     for plane in range(places.mean.shape[1]):
         mean, own, count = places.mean[:, plane], places.variance[:, plane], places.count[:, plane]
+        if count.max() <= 1:  # what a channel without filters is expected to see
+            variance[:, plane] = own
+            continue
         line = fit_photon_transfer(mean[exposed], own[exposed], count[exposed])
         free = np.maximum(count - 1, 0)
         steady = (_TRUST * line.variance(mean) + free * own) / (_TRUST + free)
@@ -488,13 +545,13 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
 
 def check_determined(fit: GammaFit) -> None:
     """Raise InputError that says what to shoot instead, unless every gamma is positive and known to
-    WORST_INTERVAL.
+    `GammaFit.limit`.
     """
-    if fit.gamma.min() <= 0 or fit.worst > WORST_INTERVAL:
+    if fit.gamma.min() <= 0 or fit.worst > fit.limit:
         pairs = zip(fit.gamma, fit.half_width, strict=True)
         figures = ", ".join(f"{value:.3g} ± {half:.2g}" for value, half in pairs)
         raise InputError(
-            f"gamma is only known to be {figures}, and {100 * WORST_INTERVAL:.0f} % are needed: "
+            f"gamma is only known to be {figures}, and {100 * fit.limit:.0f} % are needed: "
             f"{_INSTEAD}; "
             "more light or more shots help too"
         )

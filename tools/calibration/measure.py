@@ -23,11 +23,11 @@ from ..batch.jobs import reason
 from ..io.page import without_folders
 from .chart.find import FoundChart, chart_at, find_chart
 from .chart.picture import overlay
-from .colour_matrix import check_channel_order
+from .colour_matrix import check_channel_order, expected_levels
 from .content import check_dark, check_flat, why_no_chart
 from .dark_frames import DarkResult, measure_dark
 from .files import KINDS, Files
-from .gamma import Assumed, GammaFit, combined, fit_gamma
+from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived
 from .noise import FlatResult, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
@@ -231,9 +231,18 @@ def measure_chart(
         With the reason, if the shot cannot be used.
     """
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
-    places = patch_samples(mosaic, chart.place.measured())
+    places, derived = patch_samples(mosaic, chart.place.measured()), mosaic.pattern.derived
+    if derived is None:
+        fit = fit_gamma(places, mosaic.calibration, assumed)
+    else:
+        expected = expected_levels(
+            np.delete(places.mean, derived, axis=1),
+            reference,
+            chart.place.cells,
+            mosaic.pattern.channels[derived],
+        )
+        fit, places = fit_with_derived(places, mosaic.calibration, derived, expected, assumed)
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
-    fit = fit_gamma(places, mosaic.calibration, assumed)
     return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart.place))
 
 

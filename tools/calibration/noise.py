@@ -22,6 +22,7 @@ from .samples import (
     PlaceSamples,
     clipped_moments,
     levels_of,
+    planes_of,
     robust_deviation,
     tiles,
 )
@@ -202,7 +203,7 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
     InputError
         If there is no pair.
     """
-    planes = frames[0].pattern.filter_map(frames[0].shape)
+    planes = planes_of(frames[0].pattern, frames[0].shape)
     white = len(frames[0].pattern.planes) - 1
     levels = [levels_of(frame).astype(np.float64) for frame in frames]
     brightness = [float(np.median(level[planes == white])) for level in levels]

@@ -12,8 +12,8 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from ...shared import Mosaic
-from ...shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from ...shared import CfaPattern, Mosaic
+from ...shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
 CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
@@ -76,6 +76,17 @@ def robust_deviation(residuals: DoubleArray) -> float:
     return 1.4826 * float(np.median(np.abs(residuals)))  # 1.4826: for a Gaussian
 
 
+def planes_of(pattern: CfaPattern, shape: tuple[int, int]) -> ByteArray:
+    """Return the plane of each sample, uint8 (H, W), as `CfaPattern.filter_map`; a channel without
+    filters has every second panchromatic row, because it is read by their electronics.
+    """
+    planes = pattern.filter_map(shape)
+    if pattern.derived is not None:
+        rows = planes[::2]
+        rows[rows == len(pattern.channels)] = pattern.derived
+    return planes
+
+
 def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     """Return the statistics of the patches of a chart.
 
@@ -84,7 +95,7 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     different sites can be compared.
     """
     levels, pattern = levels_of(mosaic).astype(np.float64), mosaic.pattern
-    planes, number = pattern.filter_map(mosaic.shape), len(pattern.planes)
+    planes, number = planes_of(pattern, mosaic.shape), len(pattern.planes)
     # What saturates is what the sensor reads.
     clipped = levels_of(without_shading(mosaic)) >= CLIPPED
     moments = [_moments(*pixels, levels[pixels], planes[pixels], number) for pixels in patches]

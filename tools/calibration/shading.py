@@ -21,7 +21,7 @@ from ...shared import CfaPattern, Mosaic, Shading
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
 from ...shared.shading import ZOOMED, basis
-from .samples import CLIPPED, levels_of, robust_deviation, windows
+from .samples import CLIPPED, levels_of, planes_of, robust_deviation, windows
 
 # Periods along a side of a tile, at least, and tiles along an axis.
 _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
@@ -186,7 +186,7 @@ def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, 
     Raises InputError if all are clipped.
     """
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
-    planes, letters = pattern.filter_map(shape), pattern.planes
+    planes, letters = planes_of(pattern, shape), pattern.planes
     number, clear = np.bincount(planes.ravel()), planes == len(letters) - 1
     down, right = (np.linspace(0, length, _PARTS, endpoint=False).astype(int) for length in shape)
     total, parts, clipped = np.zeros(shape), {}, []
@@ -233,7 +233,7 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
     known.
     """
     shape = light.shape[0], light.shape[1]
-    planes = pattern.filter_map(shape)
+    planes = planes_of(pattern, shape)
     down, right = (min(length // (_TILE * pattern.period), _MOST_TILES) for length in shape)
     measured = np.zeros((5, len(shading.gain), down * right))
     for plane in range(len(shading.gain)):

@@ -63,7 +63,7 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     new = "skip frames that are in the folder already"
     frames.add_argument("--new", action="store_true", help=new)
     title = "the camera (`panchroma identify` finds pattern and origin in one raw frame)"
-    add(parser.add_argument_group(title), "camera", "pattern", "origin")
+    add(parser.add_argument_group(title), "camera", "pattern", "channels", "origin")
     title = (
         "settings of a genicam: camera (it says size and stride itself, and the pattern "
         "unless its format is Mono)"

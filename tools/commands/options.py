@@ -104,6 +104,10 @@ _PATTERN = (
 )
 _CAMERA = "camera.json: the calibration of the sensor"
 _RECALIBRATED = f"{_CAMERA}, in place of the one in the shots"
+_CHANNELS = (
+    "letters of the channels of the picture, one of which may have no filter: it is what W sees "
+    "beyond the others (default: RGB where the filters are two of these)"
+)
 _ORIGIN = "position of the first block (default: 0,0)"
 _LINEAR = "take the values of pictures as linear light, whatever the files say"
 _QUALITY = "quality of a JPEG, 1 (small) to 100 (default: 95)"
@@ -121,6 +125,7 @@ _SHARED = {
     "camera": _option("--camera", "FILE", _CAMERA, type=file_name),
     "recalibrate": _option("--camera", "FILE", _RECALIBRATED, type=file_name),
     "pattern": _option("--pattern", "PATTERN", _PATTERN),
+    "channels": _option("--channels", "LETTERS", _CHANNELS),
     "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
     "sensor-bits": _option("--bits", "N", _BITS, dest="sensor_bits", type=int),
     "linear": _switch("--linear", _LINEAR),
@@ -195,8 +200,8 @@ def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
 def camera_of(
     arguments: argparse.Namespace, stated: CfaPattern | None = None
 ) -> tuple[Camera | None, CfaPattern]:
-    """The camera in the --camera file (None without that option) and the pattern of --pattern, at
-    --origin.
+    """The camera in the --camera file (None without that option) and the pattern of --pattern with
+    --channels, at --origin.
 
     Parameters
     ----------
@@ -214,6 +219,8 @@ def camera_of(
         pattern = read_pattern(arguments.pattern)
     else:
         pattern = stated or (camera and camera.pattern) or CfaPattern.bayer()
+    if arguments.channels is not None:
+        pattern = replace(pattern, channels=arguments.channels)
     origin = getattr(arguments, "origin", None)
     if origin is not None:
         pattern = replace(pattern, origin=tuple(origin))

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         mosaic = read_dng(job.source, max_pixels=pixel_limit())
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
-        for remark in mosaic.calibration.lens_remarks(mosaic.metadata.focal_length):
+        for remark in mosaic.calibration.remarks(mosaic.metadata.focal_length):
             listener.note(f"{job.source}: {remark}")
         start = time.monotonic()
         picture = previews(mosaic)

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
     add(parser, "output", help="folder for STEM.dng (subfolders are kept), created if missing")
     sensor = parser.add_argument_group("the camera")
-    add(sensor, "camera", "pattern", "origin", "sensor-bits")
+    add(sensor, "camera", "pattern", "channels", "origin", "sensor-bits")
     samples = (
         "dng (the default), or raw: STEM.raw, the samples alone, as 16-bit words, to try "
         "`capture` with (pixel format u16)"

@@ -9,7 +9,7 @@ import pytest
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import CodeArray, FloatArray
 from panchroma.shared.tiles import TILES, letters_of
-from panchroma.tools.capture.identity import DENSE, UNKNOWN, identify, pattern_of
+from panchroma.tools.capture.identity import CLEAR, DENSE, UNKNOWN, facts_of, identify, pattern_of
 from tests.data import photograph
 from tests.scenes import leaves
 
@@ -58,7 +58,7 @@ def picture(name: str) -> FloatArray:
 @pytest.mark.parametrize(
     ("name", "letters", "channels"),
     [
-        *((name, name, "RGB") for name in TILES),
+        *((name, name, "RGB") for name in TILES if name not in CLEAR),
         *((f"K={period}", f"K={period}", "RGB") for period in (3, 4, 5, *range(7, 17))),
         *(
             (f"K={period}", "/".join(CfaPattern.bayer(period, "GRBG").tile), "RGB")
@@ -85,6 +85,16 @@ def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channel
         assert identity.light.shape == (period, period)
         if name not in ("", *DENSE):
             assert pattern_of(identity.tile).letters_from() == identity.tile
+
+
+@pytest.mark.parametrize("name", CLEAR)
+@pytest.mark.parametrize("origin", [(0, 0), (0, 1), (1, 1)])
+def test_clear_sites_are_told_from_green_ones(name: str, origin: tuple[int, int]) -> None:
+    tile = CfaPattern.of_letters(name, origin).letters_from()
+    facts = facts_of(taken(picture("linear/intel_tau_001.png"), tile))
+    assert facts["name"] == ("RCCC" if name == "RCCC" else "RCCB")
+    fitting = [facts["pattern"], *facts["alternatives"]]
+    assert tile in [CfaPattern.of_letters(*each).letters_from() for each in fitting]
 
 
 @pytest.mark.parametrize("letters", ["BGRG/GEGE/RGBG/GEGE", "GRGB/RGBG/GBGR/BGRG"])
@@ -116,7 +126,7 @@ def test_four_dense_colours_are_taken_for_no_other_tile(letters: str, name: str)
 )
 def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) -> None:
     """What they do not show is left open: colours of the largest tiles."""
-    for known in [*TILES.values(), "K=3", "K=8", "K=16", *DENSE.values()]:
+    for known in [*(TILES.keys() - CLEAR), "K=3", "K=8", "K=16", *DENSE.values()]:
         tile = tile_of(known, (3, 1))
         identity = identify(taken(picture(name), tile, sigma))
         open_colours = tuple(row.translate(str.maketrans("RGB", UNKNOWN * 3)) for row in tile)

@@ -32,6 +32,8 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
         ratios[..., channel] += levels[places]
         below[..., channel] += luminance[places]
     ratios = np.clip(ratios / np.maximum(below, 1e-6), 0, 2)
+    if pattern.derived is not None:  # in its place, luminance tells as much
+        ratios[..., pattern.derived] = 1
     down, across = (
         (np.arange(size) - origins[0] - (block - 1) / 2) / pattern.period
         for size, origins, block in zip(

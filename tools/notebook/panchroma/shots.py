@@ -142,7 +142,7 @@ def open(  # noqa: A001
         Shot(
             mosaic,
             name=Path(path).stem,
-            notes=mosaic.calibration.lens_remarks(mosaic.metadata.focal_length),
+            notes=mosaic.calibration.remarks(mosaic.metadata.focal_length),
         )
     )
 

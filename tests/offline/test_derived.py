@@ -1,0 +1,91 @@
+"""A channel without a filter follows from the others by Eq. 7: in renders and previews, of shots
+that clip, and in the white balance.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panchroma.device import Preview
+from panchroma.offline import BEST, PAPER, RenderSettings, render
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.arrays import FloatArray
+from panchroma.shared.dng.codec import decode_dng, encode_dng
+from panchroma.shared.white_balance import estimate_neutral
+from tests.scenes import leaves
+
+GAMMA = {"RGB": (0.9, 1.1, 0.8), "RC": (0.9, 1.7)}
+SCENE = leaves(96, 120)
+TILES = ("rccb", "rccg", "rccc", "RWWB/WWWW/WWWW/WWWW")
+
+
+def seen(scene: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Mosaic, FloatArray]:
+    """The shot of a scene, and what its channels see."""
+    colours = scene
+    if pattern.channels == "RC":
+        colours = np.stack([scene[..., 0], scene[..., 1:].mean(axis=2)], axis=2)
+    gamma = GAMMA[pattern.channels]
+    samples = (colours @ np.array(gamma)).astype(np.float32)
+    for channel, *lattice in pattern.lattices:
+        samples[*lattice] = colours[*lattice, channel]
+    samples += np.random.default_rng(0).normal(0, sigma, samples.shape).astype(np.float32)
+    noise = NoiseModel.gaussian(sigma, len(gamma) + 1)
+    calibration = SensorCalibration.of_bits(12, channels=pattern.channels, gamma=gamma, noise=noise)
+    return Mosaic(samples, pattern, calibration), colours
+
+
+def psnr(one: FloatArray, other: FloatArray) -> float:
+    return float(-10 * np.log10(np.mean(np.square(one - other))))
+
+
+@pytest.mark.parametrize("letters", TILES)
+@pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
+def test_a_flat_colour_is_rendered_exactly(letters: str, settings: RenderSettings) -> None:
+    pattern = CfaPattern.of_letters(letters, (1, 2))
+    flat = np.broadcast_to(np.float32([0.5, 0.3, 0.1]), SCENE.shape)
+    mosaic, truth = seen(flat, pattern)
+    rendering = render(mosaic, settings)
+    assert rendering.rgb == pytest.approx(truth, abs=2e-3)
+    gamma = np.array(mosaic.calibration.gamma)
+    assert rendering.chromaticity @ gamma == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("letters", TILES)
+def test_render_and_preview_show_the_colours_of_a_scene(letters: str) -> None:
+    """Without what Eq. 7 tells of the missing channel, its error alone would be 15 dB."""
+    pattern = CfaPattern.of_letters(letters)
+    mosaic, truth = seen(SCENE, pattern, 0.01)
+    assert psnr(render(mosaic).rgb, truth) > 29
+    assert psnr(Preview(pattern, linear=True).run(mosaic), truth) > 28
+    half = truth.reshape(48, 2, 60, 2, -1).mean(axis=(1, 3))
+    assert psnr(Preview(pattern, 2, linear=True).run(mosaic), half) > 28
+
+
+def test_overexposed_white_is_white() -> None:
+    pattern = CfaPattern.of_letters("rccb")
+    white = np.full_like(SCENE, 0.2)
+    white[30:70, 40:90] = 1.2
+    mosaic = seen(white, pattern)[0]
+    codes = replace(mosaic, samples=mosaic.codes.clip(0, mosaic.calibration.white_level))
+    middle = render(codes).rgb[45:55, 60:70]
+    assert middle.min() > 0.9
+    assert np.ptp(middle, axis=2).max() < 0.1
+
+
+@pytest.mark.parametrize("letters", TILES)
+def test_white_balance_is_estimated_with_the_missing_channel(letters: str) -> None:
+    tinted = SCENE.mean(axis=2, keepdims=True) * np.float32([0.5, 1.0, 0.8])
+    neutral = estimate_neutral(seen(tinted, CfaPattern.of_letters(letters))[0])
+    expected = (0.5, 1.0, 0.8) if len(neutral) == 3 else (0.5, 0.9)
+    assert np.array(neutral) / max(neutral) == pytest.approx(
+        np.array(expected) / max(expected), abs=0.06
+    )
+
+
+@pytest.mark.parametrize("letters", TILES)
+def test_a_dng_keeps_the_channels(letters: str) -> None:
+    mosaic, _ = seen(SCENE, CfaPattern.of_letters(letters, (1, 0)))
+    again = decode_dng(encode_dng(mosaic, np.zeros((12, 15, 3), np.uint8)))
+    assert (again.pattern, again.calibration) == (mosaic.pattern, mosaic.calibration)
+    assert np.array_equal(again.codes, mosaic.codes)
