@@ -298,7 +298,7 @@ class SensorCalibration:
                 "sensor hardly sees it"
             )
         if is_pair(self.channels):
-            own, rest = self.channels
+            own, rest = tuple(self.channels)
             remarks.append(
                 f"its sensor has one kind of colour filter: a picture shows {own} against {rest}, "
                 "all other light"

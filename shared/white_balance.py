@@ -74,7 +74,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     places, derived = list(pattern.sites), pattern.derived
     if derived is not None:  # Eq. 7 needs luminance, too
         tile = pattern.filter_map(pattern.block_shape, pattern.block_origin)
-        clear = np.argwhere(tile == len(pattern.channels)).tolist() or [(0, -1)]
+        clear = np.argwhere(tile == len(pattern.channels)).tolist() or [[0, -1]]
         places += [(row, column, len(pattern.channels)) for row, column in clear]
         lefts = lefts[lefts > 0] if clear[0][1] < 0 else lefts
     blocks = np.zeros((len(pattern.planes), len(tops), len(lefts)), np.float32)

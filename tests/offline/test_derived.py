@@ -3,9 +3,11 @@ that clip, and in the white balance.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from panchroma.device import Preview
 from panchroma.offline import BEST, PAPER, RenderSettings, render
@@ -28,14 +30,14 @@ def seen(scene: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Mo
     gamma = GAMMA[pattern.channels]
     samples = (colours @ np.array(gamma)).astype(np.float32)
     for channel, *lattice in pattern.lattices:
-        samples[*lattice] = colours[*lattice, channel]
+        samples[*lattice] = colours[..., channel][*lattice]
     samples += np.random.default_rng(0).normal(0, sigma, samples.shape).astype(np.float32)
     noise = NoiseModel.gaussian(sigma, len(gamma) + 1)
     calibration = SensorCalibration.of_bits(12, channels=pattern.channels, gamma=gamma, noise=noise)
     return Mosaic(samples, pattern, calibration), colours
 
 
-def psnr(one: FloatArray, other: FloatArray) -> float:
+def psnr(one: NDArray[Any], other: FloatArray) -> float:
     return float(-10 * np.log10(np.mean(np.square(one - other))))
 
 
@@ -43,7 +45,7 @@ def psnr(one: FloatArray, other: FloatArray) -> float:
 @pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
 def test_a_flat_colour_is_rendered_exactly(letters: str, settings: RenderSettings) -> None:
     pattern = CfaPattern.of_letters(letters, (1, 2))
-    flat = np.broadcast_to(np.float32([0.5, 0.3, 0.1]), SCENE.shape)
+    flat = np.broadcast_to(np.array([0.5, 0.3, 0.1], np.float32), SCENE.shape)
     mosaic, truth = seen(flat, pattern)
     rendering = render(mosaic, settings)
     assert rendering.rgb == pytest.approx(truth, abs=2e-3)
@@ -75,7 +77,7 @@ def test_overexposed_white_is_white() -> None:
 
 @pytest.mark.parametrize("letters", TILES)
 def test_white_balance_is_estimated_with_the_missing_channel(letters: str) -> None:
-    tinted = SCENE.mean(axis=2, keepdims=True) * np.float32([0.5, 1.0, 0.8])
+    tinted = SCENE.mean(axis=2, keepdims=True) * np.array([0.5, 1.0, 0.8], np.float32)
     neutral = estimate_neutral(seen(tinted, CfaPattern.of_letters(letters))[0])
     expected = (0.5, 1.0, 0.8) if len(neutral) == 3 else (0.5, 0.9)
     assert np.array(neutral) / max(neutral) == pytest.approx(

@@ -1,0 +1,96 @@
+"""Compare ways to develop mosaics of cars: python -m tests.benchmarks.clear [SCENE...] [--side N]
+
+A sensor with the tile RCCB or RCCG photographs each scene (by default the test photographs),
+at sigma 0 and 0.01, and with a quarter of its full exposure. The same shot is developed by
+
+    best, preview   with the channel that has no filter as what panchromatic pixels see beyond the
+                    others (Eq. 7)
+    as Bayer        with W in the place of green, by DLMMSE of balanced samples; a matrix then takes
+                    its channels to the scene's. The matrix is fitted to the very scene, by least
+                    squares, which is more than its users know
+
+and compared with what the sensor's channels would see: median, 10 % quantile and whole image
+(dB), the mean and the worst of the scenes, and the share of pixels of wrong hue.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from panchroma.device import Preview
+from panchroma.offline import render
+from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.evaluation.hue import wrong_hue
+from panchroma.tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
+from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
+from panchroma.tools.simulation.simulated_camera import SimulatedCamera
+from tests.benchmarks.harness import SEED, middle, options, photographs
+
+NOISES: dict[str, Protocol] = {
+    "sigma 0": PaperProtocol(0.0),
+    "sigma 0.01": PaperProtocol(0.01),
+    "light 0.25": SensorProtocol(0.25),
+}
+TILES = "rccb", "rccg"
+
+
+def as_bayer(mosaic: Mosaic, truth: FloatArray) -> FloatArray:
+    """A picture from a mosaic whose tile looks like RGGB with W in the place of green."""
+    channels = len(mosaic.pattern.channels)
+    white = np.ones(channels) if mosaic.calibration.neutral is None else mosaic.calibration.neutral
+    white = np.append(white, np.dot(mosaic.calibration.gamma, white))
+    shares = white.astype(np.float32)[mosaic.pattern.filter_map(mosaic.shape)]
+    picture = demosaic_dlmmse(mosaic.signal / shares).reshape(-1, 3)
+    matrix, *_ = np.linalg.lstsq(picture, truth.reshape(-1, channels))
+    return (picture @ matrix).reshape(truth.shape).astype(np.float32)
+
+
+def figures(picture: FloatArray, truth: FloatArray) -> list[float]:
+    """Median, 10 % quantile, whole image (dB), and wrong hues (%)."""
+    patches = patch_psnr(picture, truth).rgb
+    inner = slice(BORDER, -BORDER)
+    wrong = wrong_hue(picture[inner, inner], truth[inner, inner]).mean()
+    whole = whole_psnr(picture, truth, BORDER)[0]
+    return [*np.quantile(patches, (0.5, 0.1)).tolist(), float(whole), 100 * float(wrong)]
+
+
+def main() -> None:
+    """Print a row for each tile, noise and way."""
+    chosen = options(__doc__, "*", side=360)
+    print("tile  noise       way       median  10 %   whole  worst  wrong hue %")
+    for name in TILES:
+        pattern = CfaPattern.of_letters(name)
+        preview = Preview(pattern, linear=True)
+        for noise, protocol in NOISES.items():
+            camera = SimulatedCamera.of(pattern, None, protocol)
+            rows: dict[str, list[list[float]]] = {"best": [], "preview": [], "as Bayer": []}
+            for path in map(Path, chosen.scenes or photographs()):
+                scene = load_scene(str(path))
+                part = Scene(
+                    middle(scene.rgb, chosen.side), scene.name, scene.camera_to_xyz, scene.neutral
+                )
+                exposed = camera.shoot(part, np.random.default_rng(SEED))
+                mosaic, truth = exposed.mosaic, exposed.truth
+                pictures = {
+                    "best": render(mosaic).rgb,
+                    "preview": preview.run(mosaic),
+                    "as Bayer": as_bayer(mosaic, truth),
+                }
+                for way, picture in pictures.items():
+                    rows[way].append(figures(np.asarray(picture, np.float32), truth))
+                print(f"{name} {noise} {path.name}", file=sys.stderr)
+            for way, scenes in rows.items():
+                mean, worst = np.mean(scenes, axis=0), np.min(scenes, axis=0)[2]
+                print(
+                    f"{name}  {noise:<11} {way:<9} "
+                    f"{mean[0]:5.2f}  {mean[1]:5.2f}  {mean[2]:5.2f}  {worst:5.2f}  {mean[3]:5.2f}"
+                )
+
+
+if __name__ == "__main__":
+    main()
