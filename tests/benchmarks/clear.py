@@ -75,14 +75,15 @@ def main() -> None:
                     middle(scene.rgb, chosen.side), scene.name, scene.camera_to_xyz, scene.neutral
                 )
                 exposed = camera.shoot(part, np.random.default_rng(SEED))
-                mosaic, truth = exposed.mosaic, exposed.truth
+                mosaic, truth, white = exposed.mosaic, exposed.truth, np.float32(exposed.white)
                 pictures = {
                     "best": render(mosaic).rgb,
                     "preview": preview.run(mosaic),
                     "as Bayer": as_bayer(mosaic, truth),
                 }
                 for way, picture in pictures.items():
-                    rows[way].append(figures(np.asarray(picture, np.float32), truth))
+                    seen = np.asarray(picture, np.float32) / white
+                    rows[way].append(figures(seen, truth / white))
                 print(f"{name} {noise} {path.name}", file=sys.stderr)
             for way, scenes in rows.items():
                 mean, worst = np.mean(scenes, axis=0), np.min(scenes, axis=0)[2]

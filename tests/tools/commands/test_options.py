@@ -17,6 +17,7 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
         ("", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK)),
         ("--origin 1,2", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK, (1, 2))),
         (f"--pattern {KODAK} --origin 1,-1", None, CfaPattern.of_letters(KODAK, (1, 3))),
+        ("--pattern RW/WB --channels BR", None, CfaPattern.of_letters("RW/WB", channels="BR")),
         ("--pattern K=4", CfaPattern.of_letters(KODAK), CfaPattern.bayer(4)),
     ],
 )
@@ -24,7 +25,7 @@ def test_the_pattern_that_options_describe(
     options: str, known: CfaPattern | None, expected: CfaPattern
 ) -> None:
     parser = ArgumentParser()
-    add(parser, "camera", "pattern", "origin")
+    add(parser, "camera", "pattern", "channels", "origin")
     assert camera_of(parser.parse_args(options.split()), known) == (None, expected)
 
 
