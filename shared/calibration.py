@@ -127,7 +127,7 @@ class NoiseModel:
     def in_units_of(self, unit: float) -> "NoiseModel":
         """Return the noise of samples in units of `unit` scene units, > 0."""
         return NoiseModel(
-            tuple(each / unit for each in self.shot), tuple(each / unit for each in self.read)
+            tuple(shot / unit for shot in self.shot), tuple(read / unit for read in self.read)
         )
 
     def possible(self) -> "NoiseModel":

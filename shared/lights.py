@@ -50,7 +50,7 @@ def illuminant_xy(name: str) -> Chromaticity:
     Examples
     --------
     >>> from panchroma.shared.lights import illuminant_xy
-    >>> [round(each, 3) for each in illuminant_xy("4000")]
+    >>> [round(part, 3) for part in illuminant_xy("4000")]
     [0.38, 0.377]
     """
     if isinstance(name, str) and name in ILLUMINANTS:
@@ -119,7 +119,7 @@ class CalibratedLight:
     def __post_init__(self) -> None:
         illuminant_xy(self.illuminant)
         neutral = numbers("calibration: lights.neutral", self.neutral)
-        if not all(COLOUR_RANGE[0] <= each <= COLOUR_RANGE[1] for each in neutral):
+        if not all(COLOUR_RANGE[0] <= reading <= COLOUR_RANGE[1] for reading in neutral):
             raise InputError(
                 f"calibration: lights.neutral is {neutral}, expected {COLOUR_RANGE[0]:g} to "
                 f"{COLOUR_RANGE[1]:g}"
@@ -158,7 +158,7 @@ def checked_lights(values: Any, channels: str) -> Lights:
     """
     if len(values) != 2 or not all(isinstance(value, CalibratedLight) for value in values):
         raise InputError(f"calibration: lights is {shown(values)}, expected two lights")
-    warm, cold = sorted(values, key=lambda each: temperature(each.white))
+    warm, cold = sorted(values, key=lambda light: temperature(light.white))
     if len(warm.neutral) != len(channels) or len(cold.neutral) != len(channels):
         raise InputError(f"calibration: lights have other channels than {channels}")
     check_apart(warm.illuminant, cold.illuminant)
@@ -238,7 +238,7 @@ def colours_under(lights: Lights, neutral: Sequence[float] | None) -> Matrix:
     found = between(pairs, np.array(neutral) / np.max(neutral))
     if found is not None:
         return found
-    apart = [float(np.ptp(np.log(np.array(each.neutral) / neutral))) for each in lights]
+    apart = [float(np.ptp(np.log(np.array(light.neutral) / neutral))) for light in lights]
     nearest = lights[apart.index(min(apart))]
     scaled = np.array(nearest.camera_to_xyz) * nearest.neutral / neutral
     return as_rows(scaled * (np.max(neutral) / max(nearest.neutral)))

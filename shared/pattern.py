@@ -88,27 +88,27 @@ class CfaPattern:
                     "letters A to Z: tiles are square"
                 )
         letters = "".join(self.tile).replace(PANCHROMATIC, "")
-        found = "".join(dict.fromkeys(letters))
+        present = "".join(dict.fromkeys(letters))
         if PANCHROMATIC not in "".join(self.tile):
             raise InputError(
                 "pattern: the tile has no panchromatic pixel (W), which is where luminance is "
                 "measured"
             )
-        if not found:
+        if not present:
             raise InputError("pattern: the tile has no colour filter; at least one is needed")
         if not self.channels:
-            of_rgb = len(found) > 1 and set(found) <= set("RGB")
-            companion = COMPLEMENTS.get(found, "")
-            object.__setattr__(self, "channels", "RGB" if of_rgb else found + companion)
+            of_rgb = len(present) > 1 and set(present) <= set("RGB")
+            companion = COMPLEMENTS.get(present, "")
+            object.__setattr__(self, "channels", "RGB" if of_rgb else present + companion)
         named = self.channels
-        derived = set(named) - set(found)
-        if set(found) - set(named) or len(set(named)) < len(named) or PANCHROMATIC in named:
+        derived = set(named) - set(present)
+        if set(present) - set(named) or len(set(named)) < len(named) or PANCHROMATIC in named:
             raise InputError(
-                f"pattern: channels {named!r} do not name the tile's letters {found!r}, each once"
+                f"pattern: channels {named!r} do not name the tile's letters {present!r}, each once"
             )
         if len(derived) > 1 or len(named) < 2:
             raise InputError(
-                f"pattern: channels {named!r} of a tile with the letters {found!r}; expected two "
+                f"pattern: channels {named!r} of a tile with the letters {present!r}; expected two "
                 "or more, of which one at most has no filter: it is what panchromatic pixels see "
                 "beyond the others"
             )

@@ -145,7 +145,7 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     mean = with_neighbours(g, mean, similar, 2)
     mean = with_neighbours(g, mean, g("Slice", similar, [1], [-1], [2]), 2)
     own, light, power, variance, change, strokes = (
-        g.inner(each) for each in (colours, light, power, variance, blocks.change, strokes)
+        g.inner(plane) for plane in (colours, light, power, variance, blocks.change, strokes)
     )
     misread = g("Add", variance, g("Mul", change, _MISREAD))
     pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, misread))
@@ -166,7 +166,7 @@ def similarity(g: PatternGraph, colours: str, alike: str, axis: int) -> str:
         Squared difference of two colours that still counts little, codes^2, (1, blocks).
     """
     (here, limit), (there, other) = (
-        [g("Slice", each, [first], [last], [axis]) for each in (colours, alike)]
+        [g("Slice", plane, [first], [last], [axis]) for plane in (colours, alike)]
         for first, last in ((0, -1), (1, END))
     )
     apart, limit = g("Sub", here, there), g("Min", limit, other)
@@ -210,8 +210,8 @@ def propagate(g: PatternGraph, pooled: Pooled, colour: str, cells: str, shown: s
             near = np.outer(place if down else 1 - place, place if right else 1 - place) ** _SPREAD
             ends = [END if down else -1, END if right else -1]
             level, most, block = (
-                g("Slice", each, [down, right], ends, [1, 2])
-                for each in (pooled.light, pooled.limit, colour)
+                g("Slice", plane, [down, right], ends, [1, 2])
+                for plane in (pooled.light, pooled.limit, colour)
             )
             apart = g("Sub", cells, level)
             weight = g("Div", most, g("Add", g("Mul", apart, apart), most))
