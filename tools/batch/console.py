@@ -230,15 +230,10 @@ def one_line(text: str) -> str:
     Line breaks and tabs become a blank. Other control characters, those that reorder or hide text,
     and bytes of names that are no text are spelled out (\x1b, \u202e, \udcff).
     """
-    text = _BREAKS.sub(" ", text)
-    return (
-        text
-        if text.isprintable()
-        else "".join(each if _shows(each) else ascii(each)[1:-1] for each in text)
-    )
+    line = re.sub(r"[\t-\r\x85\u2028\u2029]+", " ", text)
+    return "".join(letter if _shows(letter) else ascii(letter)[1:-1] for letter in line)
 
 
-_BREAKS = re.compile(r"[\t-\r\x85\u2028\u2029]+")
 # needed to write Persian, and some languages of India; they only join letters or part them
 _JOINERS = "\u200c\u200d"
 

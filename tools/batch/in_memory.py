@@ -75,21 +75,18 @@ def render_array(
     """
     from ...offline import colour_bands, measure, row_stages
 
-    chosen = row_stages if stages is None else stages
     check_light(mosaic, settings)
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
         raise InputError(
             f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and "
-            f"{format_bytes(free)} are free; "
-            "close other programs, or use the command `panchroma render`, which needs less: it "
-            "writes while it renders"
+            f"{format_bytes(free)} are free; close other programs, or use the command `panchroma "
+            "render`, which needs less: it writes while it renders"
         )
     with announced_compilation(progress := StageProgress(note=to_stderr)):
         measured = measure(mosaic, settings, progress)
-        return joined(
-            colour_bands(measured, settings, progress, chosen), mosaic.shape[0]
-        ), measured.lost
+        bands = colour_bands(measured, settings, progress, row_stages if stages is None else stages)
+        return joined(bands, mosaic.shape[0]), measured.lost
 
 
 def renderings(

@@ -184,7 +184,8 @@ def output_lock(output: Path) -> Iterator[None]:
     OSError
         When the lock file cannot be created.
     """
-    path = lock_path(output)
+    name_digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
+    path = output.with_name(f".{short_name(output)}.{name_digest}.panchroma.lock")
     while True:
         with own_file(path, "ab") as file:
             exclusive(file.fileno())
@@ -195,9 +196,3 @@ def output_lock(output: Path) -> Iterator[None]:
             finally:
                 path.unlink(missing_ok=True)
             return
-
-
-def lock_path(output: Path) -> Path:
-    """The name of the lock on an output."""
-    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
-    return output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")

@@ -1,6 +1,5 @@
 """The white balance of a render: that of the shot, an estimate, or multipliers."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -46,7 +45,7 @@ class WhiteBalance:
             return cls(wanted)
         try:
             multipliers = tuple(
-                float(each) for each in (wanted.split(",") if isinstance(wanted, str) else wanted)
+                map(float, wanted.split(",") if isinstance(wanted, str) else wanted)
             )
         except (ValueError, TypeError):
             multipliers = ()
@@ -55,15 +54,10 @@ class WhiteBalance:
                 f"`wb` is {wanted!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as "
                 "2.1,1,1.6"
             )
-        if not all(
-            math.isfinite(multiplier) and 1 / _LARGEST <= multiplier <= _LARGEST
-            for multiplier in multipliers
-        ):
-            raise InputError(
-                f"`wb` is {wanted!r}, expected multipliers between {1 / _LARGEST:g} and "
-                f"{_LARGEST:g}"
-            )
-        return cls("", tuple(each / min(multipliers) for each in multipliers))
+        if not all(1 / _LARGEST <= multiplier <= _LARGEST for multiplier in multipliers):
+            limits = f"multipliers between {1 / _LARGEST:g} and {_LARGEST:g}"
+            raise InputError(f"`wb` is {wanted!r}, expected {limits}")
+        return cls("", tuple(multiplier / min(multipliers) for multiplier in multipliers))
 
     def check(self, kind: PictureKind) -> None:
         """Raise InputError if this kind of picture has no white balance."""

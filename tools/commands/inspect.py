@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
     files, limit = search(arguments.shots, DNGS), pixel_limit()
     searched = files.report(console)
-    jobs = [Job(source.name, found=source.found) for source in files.sources]
+    jobs = [Job(source.name, from_folder=source.from_folder) for source in files.sources]
     code = (_verify if arguments.verify else _show)(jobs, limit, console)
     return code if searched else FAILED
 

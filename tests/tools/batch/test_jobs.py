@@ -151,8 +151,8 @@ def test_results_go_to_the_top_and_subfolders_are_mirrored() -> None:
     ]
     assert plan(sources, lambda source: [f"{Path(source).stem}.out"], Path("out")) == [
         Job("lone/z.in", (Path("out/z.out"),)),
-        Job("in/A.IN", (Path("out/A.out"),), found=True),
-        Job("in/sub/c.d.in", (Path("out/sub/c.d.out"),), found=True),
+        Job("in/A.IN", (Path("out/A.out"),), from_folder=True),
+        Job("in/sub/c.d.in", (Path("out/sub/c.d.out"),), from_folder=True),
     ]
 
 
