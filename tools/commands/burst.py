@@ -38,9 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference", metavar="SHOT", help=reference)
     shifts = (
         "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and "
-        "rows down: X,Y for each shot, "
-        "with blanks between them; nothing is aligned then, and the reference is the first shot "
-        "by default"
+        "rows down: X,Y for each shot, with blanks between them; nothing is aligned then, and the "
+        "reference is the first shot by default"
     )
     parser.add_argument("--shifts", metavar='"X,Y X,Y ..."', type=_shifts, default=(), help=shifts)
     add_picture(parser, "best", "unlearned")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...shared import CaptureMetadata
 from ...shared.errors import InputError
-from ...shared.tiff_reading import read_directories
+from ...shared.tiff_reading import StoredField, read_directories
 from .encoding import ADOBE_RGB, SRGB, Encoding
 from .icc import read_profile
 from .scene import RGB, scene_channels
@@ -85,13 +85,9 @@ def guarded(path: Path | str) -> Iterator[None]:
     except MemoryError:
         raise InputError("the picture does not fit into memory; cut or reduce it") from None
     except Exception as error:
-        said = error.args[0] if error.args else ""
-        lines = (
-            (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error))
-            .strip()
-            .splitlines()
-        )
-        reason = lines[0] if lines else type(error).__name__
+        message = error.args[0] if error.args else ""
+        text = message.decode("ascii", "replace") if isinstance(message, bytes) else str(error)
+        reason = (text.strip().splitlines() or [type(error).__name__])[0]
         # whoever shows the error names the file
         reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()
         raise InputError(
@@ -132,18 +128,15 @@ def channels_of(
         stacked += " or more"
     of_rgb = set(scene_channels(wanted)) <= set(RGB)
     if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
-        notes.append(
-            f"its {stacked} have no names: they are taken as linear light of "
-            f"{', '.join(wanted)}, in this order"
-        )
+        order = f"{', '.join(wanted)}, in this order"
+        notes.append(f"its {stacked} have no names: they are taken as linear light of {order}")
         return wanted
     if pages > 1 and count == len(RGB) and of_rgb:
         notes.append(f"its {stacked} are taken for red, green and blue")
     elif count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
         raise InputError(
             f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as "
-            "many channels as the pattern "
-            "(`pattern`), or red, green and blue"
+            "many channels as the pattern (`pattern`), or red, green and blue"
         )
     return ""
 
@@ -191,21 +184,15 @@ def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
         Gets a remark for the user.
     """
     stored = read_directories(exif, {_COLOR_SPACE, _INTEROPERABILITY_INDEX})
-    space, index = (
-        stored.exif.get(_COLOR_SPACE),
-        stored.interoperability.get(_INTEROPERABILITY_INDEX),
-    )
-    number = space.numbers[:1] if space else ()
-    option = index.data[:3] if index else b""
-    if number == (1,):
+    space = stored.exif.get(_COLOR_SPACE, StoredField(0)).numbers[:1]
+    option = stored.interoperability.get(_INTEROPERABILITY_INDEX, StoredField(0)).data[:3]
+    if space == (1,):
         return SRGB
-    if number == (2,) or option == b"R03":
+    if space == (2,) or option == b"R03":
         return ADOBE_RGB
-    if number and option != b"R98":
-        notes.append(
-            "Exif says that the colours are not those of sRGB, and not which they are; sRGB's "
-            "are assumed"
-        )
+    if space and option != b"R98":
+        unnamed = "the colours are not those of sRGB, and not which they are"
+        notes.append(f"Exif says that {unnamed}; sRGB's are assumed")
     return None
 
 

@@ -4,6 +4,7 @@ A linear DNG has three samples per pixel, as `panchroma render -f dng`, Adobe's 
 Lightroom write them.
 """
 
+import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -101,34 +102,26 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             )
             rgb = _levelled(samples, page)
             stated = tag_numbers(file.pages.first, TAG["AsShotNeutral"])
-    as_shot = (
-        normalised(stated)
-        if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
-        else None
-    )
-    gone, directories = (
-        clipped_share(rgb, 1.0, SHOULDER) if integers else None,
-        raw_directories(path),
-    )
-    return camera_scene(path.stem, rgb, gone, as_shot, directories.main, metadata_from(directories))
+    is_stated = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
+    neutral = normalised(stated) if is_stated else None
+    gone = clipped_share(rgb, 1.0, SHOULDER) if integers else None
+    directories = raw_directories(path)
+    return camera_scene(path.stem, rgb, gone, neutral, directories.main, metadata_from(directories))
 
 
 def _main_picture(file: TiffFile) -> TiffPage | None:
     """Return the directory of the linear samples, in the first directory or below it; None if the
     main picture is another.
     """
-    first = file.pages.first
-    pages = [
-        page
-        for page in (first, *(first.pages or ()))
-        if isinstance(page, TiffPage) and page.subfiletype == 0
-    ]
-    linear = [
-        page
-        for page in pages
-        if page.photometric == Photometric.LINEAR_RAW and page.samplesperpixel == PICTURE_PLANES
-    ]
+    kind = Photometric.LINEAR_RAW, PICTURE_PLANES
+    linear = [page for page in _pictures(file) if (page.photometric, page.samplesperpixel) == kind]
     return max(linear, key=lambda page: page.imagewidth * page.imagelength, default=None)
+
+
+def _pictures(file: TiffFile) -> list[TiffPage]:
+    """Return the first directory, and those below it, but for previews."""
+    pages = (file.pages.first, *(file.pages.first.pages or ()))
+    return [page for page in pages if isinstance(page, TiffPage) and page.subfiletype == 0]
 
 
 class _Reader(DngReader):
@@ -154,12 +147,7 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
             "XL or lossless compression"
         )
     kind, bits = page.dtype, page.bitspersample
-    if (
-        kind is None
-        or kind.kind not in "uf"
-        or kind.itemsize > 4
-        or (kind.kind == "u" and kind.itemsize > 2)
-    ):
+    if kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
         raise InputError(
             f"the samples of the linear DNG are {bits} bits {kind}; expected integers up to 16 "
             "bits or floating point"
@@ -170,13 +158,9 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
             "export it again"
         )
     check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
-    sides = (
-        ((page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength))
-        if page.is_tiled
-        else ()
-    )
     check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
-    if any(tile > max(side, _LARGE_TILE) for tile, side in sides):
+    sides = (page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)
+    if page.is_tiled and any(tile > max(side, _LARGE_TILE) for tile, side in sides):
         raise InputError(
             "the linear DNG is damaged: its tiles are larger than its picture; copy it again"
         )
@@ -265,20 +249,19 @@ def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]
 
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
-    rows, columns = (tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1])[
-        :2
-    ]
+    period = tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1]
+    rows, columns = period[:2]
     stated = tag_numbers(page, TAG["BlackLevel"])
     if stated.size not in (0, 1, rows * columns * 3):
         raise InputError(
             f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; "
             "copy it again"
         )
-    black: DoubleArray = np.zeros((1, 1, 3)) + (
-        stated.reshape(rows, columns, 3) if stated.size > 1 else stated.sum()
-    )
-    if rows * columns > 1 and stated.size > 1:
-        black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
+    black: DoubleArray = np.full((1, 1, 3), stated.sum())
+    if stated.size > 1:
+        black = stated.reshape(rows, columns, 3)
+        if rows * columns > 1:
+            black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
     for tag, axis in ((_BLACK_DELTA_H, 1), (_BLACK_DELTA_V, 0)):
         if (delta := tag_numbers(page, tag)).size == shape[axis]:
             black = black + np.expand_dims(delta, (1 - axis, 2))
@@ -293,35 +276,27 @@ def remark_on_corrections(path: Path) -> tuple[str, ...]:
     with path.open("rb") as stream:
         check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS, _BASELINE_EXPOSURE})
     with TiffFile(path, **PLAIN) as file:
-        first: Any = file.pages[0]
-        stops = float(tag_numbers(first, _BASELINE_EXPOSURE).sum())
-        # previews have none
-        pages = [page for page in (first, *(first.pages or ())) if page.subfiletype == 0]
+        stops = float(tag_numbers(file.pages.first, _BASELINE_EXPOSURE).sum())
+        pages = _pictures(file)
         linear = any(page.photometric == Photometric.LINEAR_RAW for page in pages)
-        lists = [
-            bytes(page.tags[tag].value) for page in pages for tag in _LISTS if tag in page.tags
-        ]
-    names = dict.fromkeys(name for opcodes in lists for name in _names(opcodes))
+        fields = [page.tags[tag] for page in pages for tag in _LISTS if tag in page.tags]
+        names = dict.fromkeys(name for field in fields for name in _names(bytes(field.value)))
     notes = []
     if names:
-        notes.append(
-            f"the file asks for corrections that are not made ({', '.join(names)}): a linear TIFF "
-            "of a raw developer has them"
-        )
+        advice = "a linear TIFF of a raw developer has them"
+        asked = f"the file asks for corrections that are not made ({', '.join(names)})"
+        notes.append(f"{asked}: {advice}")
     if linear and stops:
-        notes.append(
-            f"the file asks to be shown {stops:+.3g} stops brighter (BaselineExposure): the scene "
-            "is as measured, its white level is 1.0"
-        )
+        asked = f"the file asks to be shown {stops:+.3g} stops brighter (BaselineExposure)"
+        notes.append(f"{asked}: the scene is as measured, its white level is 1.0")
     return tuple(notes)
 
 
 def _names(opcodes: bytes) -> list[str]:
-    found, place, count = list[str](), 4, int.from_bytes(opcodes[:4], "big")
-    while place + _HEAD <= len(opcodes) and len(found) < min(count, 1024):
-        number, length = (
-            int.from_bytes(opcodes[start : start + 4], "big") for start in (place, place + 12)
-        )
-        found.append(_NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode {number}")
+    """Return the names of the opcodes in a list."""
+    names, place, count = list[str](), 4, int.from_bytes(opcodes[:4], "big")
+    while place + _HEAD <= len(opcodes) and len(names) < min(count, 1024):
+        number, _, _, length = struct.unpack_from(">4I", opcodes, place)
+        names.append(_NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode {number}")
         place += _HEAD + length
-    return found
+    return names

@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -37,11 +38,9 @@ class OpenExr(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        (pixels,) = bands
-        kind, channels = development.kind, development.channels
-        file.write(
-            encode_exr(pixels, channels, kind.bits, _attributes(development.noted, kind.space))
-        )
+        (pixels,), kind = bands, development.kind
+        attributes = _attributes(development.noted, kind.space)
+        file.write(encode_exr(pixels, development.channels, kind.bits, attributes))
 
 
 def encode_exr(
@@ -98,16 +97,14 @@ def _attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
         "isoSpeed": metadata.iso and float(metadata.iso),
         "nominalFocalLength": metadata.focal_length,
     }
-    known = {name: value for name, value in attributes.items() if value}
-    if where := metadata.place:
-        known |= {"latitude": where[0], "longitude": where[1]}
+    attributes = {name: value for name, value in attributes.items() if value}
+    if metadata.place:
+        attributes["latitude"], attributes["longitude"] = metadata.place
     if metadata.altitude is not None:
-        known["altitude"] = metadata.altitude
-    known["software"] = software()
+        attributes["altitude"] = metadata.altitude
+    attributes["software"] = software()
     if space in SPACES:
-        known["chromaticities"] = tuple(
-            value for point in (*SPACES[space].primaries, D65_XY) for value in point
-        )
-    else:
-        known["Orientation"] = metadata.orientation  # not a standard name, but OpenImageIO reads it
-    return known
+        attributes["chromaticities"] = tuple(chain(*SPACES[space].primaries, D65_XY))
+    else:  # not a standard name, but OpenImageIO reads it
+        attributes["Orientation"] = metadata.orientation
+    return attributes

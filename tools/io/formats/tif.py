@@ -42,13 +42,13 @@ class Tiff(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        bits = development.kind.bits
-        directory = development.directory
-        fields = _fields(
-            (*development.written_shape, len(development.channels)),
-            bits,
-            rgb=development.channels == "RGB",
+        bits, channels, directory = (
+            development.kind.bits,
+            development.channels,
+            development.directory,
         )
+        shape = *development.written_shape, len(channels)
+        fields = _fields(shape, bits, rgb=channels == "RGB")
         if development.icc:
             fields[_ICC] = FieldType.UNDEFINED, development.icc
         rows = regrouped(bands, _STRIP_ROWS)
@@ -57,11 +57,8 @@ class Tiff(Format):
 
 
 def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
-    channels = shape[2]
-    compression, photometric = (
-        _LZW if bits == 8 else Compression.NONE,
-        _RGB if rgb else _BLACK_IS_ZERO,
-    )
+    channels, photometric = shape[2], _RGB if rgb else _BLACK_IS_ZERO
+    compression = _LZW if bits == 8 else Compression.NONE
     fields = picture_fields(shape, bits, compression, photometric) | {
         TAG["RowsPerStrip"]: (FieldType.LONG, [_STRIP_ROWS]),
         _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),

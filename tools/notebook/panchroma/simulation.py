@@ -102,19 +102,18 @@ def simulate(
     protocol = kind(kind.default if level is None else level)
     if seed < 0:
         raise InputError(f"`seed` is {seed}, expected 0 or more")
-    known = None if camera is None else read_camera(camera)
+    measured = None if camera is None else read_camera(camera)
     lens = Lens.of(shading)
-    tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
-    if known:
-        known.check_pattern(tile)
-        lens.check(known.calibration, camera)
-    seen = _scene(scene, tile.channels, channels, linear, max_pixels)
-    exposed = SimulatedCamera.of(tile, known, protocol, bits=bits, lens=lens).shoot(
-        seen, np.random.default_rng(seed)
-    )
+    tile = _pattern(measured.pattern if measured and pattern is None else pattern)
+    if measured:
+        measured.check_pattern(tile)
+        lens.check(measured.calibration, camera)
+    photographed = _scene(scene, tile.channels, channels, linear, max_pixels)
+    simulated = SimulatedCamera.of(tile, measured, protocol, bits=bits, lens=lens)
+    exposed = simulated.shoot(photographed, np.random.default_rng(seed))
     white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
-    truth = Picture(exposed.truth, exposed.mosaic.calibration, seen.metadata, white)
-    return with_notes_shown(Shot(exposed.mosaic, truth, seen.name, exposed.notes))
+    truth = Picture(exposed.truth, exposed.mosaic.calibration, photographed.metadata, white)
+    return with_notes_shown(Shot(exposed.mosaic, truth, photographed.name, exposed.notes))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
