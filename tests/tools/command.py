@@ -41,12 +41,25 @@ class Outcome:
         return [json.loads(line) for line in self.out.splitlines()]
 
 
+def words(*arguments: str | Path) -> list[str]:
+    """The words of a command line. Of these arguments the first, and every text that begins with an
+    option, may be several words, with a blank between them.
+    """
+    line: list[str] = []
+    for number, argument in enumerate(arguments):
+        is_several = isinstance(argument, str) and (number == 0 or argument.startswith("-"))
+        line += str(argument).split(" ") if is_several else [str(argument)]
+    return line
+
+
 def run(*arguments: str | Path, code: int | None = None) -> Outcome:
-    """Run a command in this process. code: the exit code to insist on; None: any."""
+    """Run a command in this process. arguments: see `words`; code: the exit code to insist on;
+    None: any.
+    """
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            main([str(argument) for argument in arguments])
+            main(words(*arguments))
         except SystemExit as leaving:
             left = leaving.code
     assert isinstance(left, int)
@@ -64,13 +77,14 @@ def start(
 ) -> "subprocess.Popen[str]":
     """A command, started in a process of its own; standard output and error are pipes of text.
 
+    arguments: see `words`.
     before: a program that starts the one whose command line follows.
     script: what the process runs, with these arguments.
     options: of subprocess.Popen.
     """
     usual = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "cwd": ROOT, "text": True}
     return subprocess.Popen(
-        [*before, sys.executable, "-c", script, *map(str, arguments)], **{**usual, **options}
+        [*before, sys.executable, "-c", script, *words(*arguments)], **{**usual, **options}
     )
 
 

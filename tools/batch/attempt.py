@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...shared import CfaPattern
 from ...shared.arrays import ByteArray, FloatArray
@@ -234,8 +234,8 @@ class _Attempt:
     def _report_current(self, state: State, **facts: bool) -> Outcome:
         """Return the outcome of a picture that is up to date."""
         output, failures = self.job.output, self.order.failures(self.job)
-        facts = {"output": str(output), "current": True, **facts}
-        return Outcome(facts, (f"{output}: is up to date",), failures, state)
+        record: dict[str, Any] = {"output": str(output), "current": True, **facts}
+        return Outcome(record, (f"{output}: is up to date",), failures, state)
 
     def _is_unchanged(self) -> bool:
         """True if the picture is up to date by sizes and times alone: reading all files of an

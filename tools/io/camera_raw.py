@@ -41,13 +41,10 @@ than they take.
 """
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
-_COLOR_MATRICES = (
-    (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"]),
-    (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"]),
-)
+_COLOR_MATRICES = [(TAG[f"ColorMatrix{n}"], TAG[f"CalibrationIlluminant{n}"]) for n in (1, 2)]
 _COLOURS = {tag for pair in _COLOR_MATRICES for tag in pair}
 # Exif's LightSource values; all others are treated as D65.
-_ILLUMINANTS = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
+_ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 NO_RAW = (
@@ -116,10 +113,8 @@ def _unpack(
     """Call the function in a limited process, and check that it returns uint16 (H, W)."""
     samples, facts = run_limited(path, NEEDED, function, str(path), max_pixels)
     if samples.ndim != 2 or samples.dtype != np.uint16:
-        raise InputError(
-            f"its samples are {samples.dtype} of shape {samples.shape}: the file is damaged; "
-            "copy it again"
-        )
+        kind = f"{samples.dtype} of shape {samples.shape}"
+        raise InputError(f"its samples are {kind}: the file is damaged; copy it again")
     return samples, facts
 
 
@@ -185,16 +180,12 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
     """
     rows, columns = (size // 2 for size in samples.shape)
     if not rows or not columns:
-        raise InputError(
-            f"the visible area is {samples.shape[1]} x {samples.shape[0]} pixels: no 2 x 2 quad "
-            "fits"
-        )
+        area = f"{samples.shape[1]} x {samples.shape[0]} pixels"
+        raise InputError(f"the visible area is {area}: no 2 x 2 quad fits")
     blacks, white, letters = facts["blacks"], facts["white"], facts["letters"]
     if not max(blacks) < white:
-        raise InputError(
-            f"black level {max(blacks):g} is not below white level {white:g}: the file's levels "
-            "are damaged"
-        )
+        levels = f"black level {max(blacks):g} is not below white level {white:g}"
+        raise InputError(f"{levels}: the file's levels are damaged")
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
     gone, limit = np.zeros_like(rgb), saturation(samples, white)
     for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
@@ -256,11 +247,9 @@ def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
         raise InputError(f"the RAW is monochrome: {no_quads}")
     letters = raw.color_desc.decode("ascii", "replace")
     if pattern.shape != (2, 2):
+        size = f"{pattern.shape[1]} x {pattern.shape[0]} pixels"
         kind = " (X-Trans)" if pattern.shape == (6, 6) else ""
-        raise InputError(
-            f"the filter pattern repeats every {pattern.shape[1]} x {pattern.shape[0]} "
-            f"pixels{kind}: {no_quads}"
-        )
+        raise InputError(f"the filter pattern repeats every {size}{kind}: {no_quads}")
     quad = "".join(letters[index] for index in pattern.ravel().tolist())
     if quad not in BAYER_ORDERS:
         raise InputError(f"the filters are {quad}: {no_quads}")
@@ -388,12 +377,9 @@ def _usable(values: Any) -> DoubleArray | None:
     except (TypeError, ValueError, ArithmeticError):
         return None
     # DNG requires a matrix: programs that do not know the camera write a unit matrix.
-    meant = (
-        np.isfinite(matrix).all()
-        and np.linalg.matrix_rank(matrix) == 3
-        and not np.allclose(matrix, np.eye(3))
-    )
-    return matrix if meant else None
+    if not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3)):
+        return None
+    return matrix if np.linalg.matrix_rank(matrix) == 3 else None
 
 
 def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:

@@ -6,7 +6,6 @@ Lightroom write them.
 
 import struct
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -89,10 +88,7 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             if page is None:
                 return None
             _check(page, path.stat().st_size, data_bytes(path), max_pixels)
-            if page.compression in _DEFLATE:
-                _check_inflated(page, stream)
-            if page.compression == _JPEG_XL:
-                _check_declared(page, stream)
+            _check_chunks(page, stream)
             unsigned = page.dtype is not None and page.dtype.kind == "u"
             integers = unsigned and page.compression in (*Compression, _JPEG_XL)
             samples = (
@@ -142,9 +138,9 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
     """
     if page.compression not in (*Compression, *_DEFLATE, _JPEG_XL):
         kind = getattr(page.compression, "name", page.compression)
+        advice = "export it with JPEG XL or lossless compression"
         raise InputError(
-            f"the linear DNG is compressed by {kind}, which is lossy or rare; export it with JPEG "
-            "XL or lossless compression"
+            f"the linear DNG is compressed by {kind}, which is lossy or rare; {advice}"
         )
     kind, bits = page.dtype, page.bitspersample
     if kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
@@ -166,44 +162,28 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
         )
 
 
-def _piece_shape(page: TiffPage) -> tuple[int, int]:
-    """Return (rows, columns) of a tile, or of a strip."""
+def _check_chunks(page: TiffPage, stream: Any) -> None:
+    """Raise InputError if a strip or tile inflates to more than it should hold, for which tifffile
+    has no limit, or holds a JPEG XL image that declares more.
+    """
+    rows, columns = min(page.rowsperstrip, page.imagelength), page.imagewidth
     if page.is_tiled:
-        return page.tilelength, page.tilewidth
-    return min(page.rowsperstrip, page.imagelength), page.imagewidth
-
-
-def _pieces(page: TiffPage, stream: Any) -> Iterator[bytes]:
-    """Yield the strips or tiles of a page as they are stored."""
+        rows, columns = page.tilelength, page.tilewidth
+    most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
+    reason = "it is damaged, or made to fill the memory"
     for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         stream.seek(offset)
-        yield stream.read(count)
-
-
-def _check_declared(page: TiffPage, stream: Any) -> None:
-    """Raise InputError if the JPEG XL image of a strip or tile declares more than that holds."""
-    rows, columns = _piece_shape(page)
-    for piece in _pieces(page, stream):
-        height, width = declared_size(piece)
-        if height > rows or width > columns:
-            raise InputError(
-                f"a JPEG XL image of the linear DNG declares {width} x {height} pixels in a place "
-                f"for {columns} x {rows}: it is damaged, or made to fill the memory"
-            )
-
-
-def _check_inflated(page: TiffPage, stream: Any) -> None:
-    """Raise InputError if a strip or tile inflates to more than it should hold: tifffile has no
-    limit.
-    """
-    rows, columns = _piece_shape(page)
-    most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
-    for piece in _pieces(page, stream):
-        if len(zlib.decompressobj().decompress(piece, most + 1)) > most:
-            raise InputError(
-                "the linear DNG's strips hold more than they say: it is damaged, or made to fill "
-                "the memory"
-            )
+        if page.compression == _JPEG_XL:
+            height, width = declared_size(stream.read(count))
+            if height > rows or width > columns:
+                raise InputError(
+                    f"a JPEG XL image of the linear DNG declares {width} x {height} pixels in a "
+                    f"place for {columns} x {rows}: {reason}"
+                )
+        elif page.compression in _DEFLATE:
+            inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)
+            if len(inflated) > most:
+                raise InputError(f"the linear DNG's strips hold more than they say: {reason}")
 
 
 def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
@@ -216,9 +196,8 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     if (area := tag_numbers(page, _ACTIVE_AREA)).size == 4:
         top, left, bottom, right = area.astype(int).tolist()
         if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
-            raise InputError(
-                "the active area is outside the picture: the file is damaged; copy it again"
-            )
+            reason = "the file is damaged; copy it again"
+            raise InputError(f"the active area is outside the picture: {reason}")
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
@@ -226,10 +205,8 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     white = np.resize(stated, 3) if stated.size else np.full(3, default)
     lowest = black.reshape(-1, 3).max(axis=0)
     if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
-        raise InputError(
-            f"black level {lowest.max():g} is not below white level {white.min():g}: the file's "
-            "levels are damaged"
-        )
+        levels = f"black level {lowest.max():g} is not below white level {white.min():g}"
+        raise InputError(f"{levels}: the file's levels are damaged")
     rgb = (rgb - black.astype(np.float32)) * (1 / (white - lowest)).astype(np.float32)
     return np.maximum(rgb, 0, out=rgb)[_default_crop(page, rgb.shape)]
 
@@ -253,10 +230,8 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     rows, columns = period[:2]
     stated = tag_numbers(page, TAG["BlackLevel"])
     if stated.size not in (0, 1, rows * columns * 3):
-        raise InputError(
-            f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; "
-            "copy it again"
-        )
+        levels = f"{stated.size} black levels for {rows} x {columns} pixels"
+        raise InputError(f"{levels}: the file is damaged; copy it again")
     black: DoubleArray = np.full((1, 1, 3), stated.sum())
     if stated.size > 1:
         black = stated.reshape(rows, columns, 3)

@@ -26,8 +26,8 @@ def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:
 @pytest.mark.parametrize(
     ("shape", "rows", "threads", "orientations", "stops"),
     [
-        ((1, 1), 1, 1, range(1, 9), 0),
-        ((130, 33), 7, 1, range(1, 9), 0),
+        ((1, 1), 1, 1, [1, 8], 0),
+        ((130, 33), 7, 1, [2, 5], 0),
         ((65, 129), 100, 3, range(1, 9), -3),  # darkened, so that what is burnt out shows
         ((700, 50), 90, 3, [6], 0),
     ],
@@ -41,11 +41,10 @@ def test_bands_of_any_height_by_any_number_of_threads_are_the_same_bytes(
     orientations: Iterable[int],
     stops: float,
 ) -> None:
+    rgb, exposure = scene(shape) * np.float32(1 - stops), 0.0 if kind.space == CAMERA else stops
     for orientation in orientations:
-        rgb, exposure = scene(shape) * np.float32(1 - stops), 0.0 if kind.space == CAMERA else stops
-        how = development(
-            kind, shape, orientation, exposure=exposure, restored=orientation % 2 == 0
-        )
+        changed = {"exposure": exposure, "restored": orientation % 2 == 0}
+        how = development(kind, shape, orientation, **changed)
         path = tmp_path / str(orientation)
         write_picture(path, cut(rgb, rows), how, threads=threads)
         assert path.read_bytes() == encode_picture(rgb, how)

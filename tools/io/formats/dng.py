@@ -11,7 +11,7 @@ from typing import BinaryIO, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ....shared.arrays import ByteArray, FloatArray
+from ....shared.arrays import ByteArray, CodeArray, FloatArray
 from ....shared.dng.colour_tags import colour_fields
 from ....shared.dng.container import (
     DIGEST_TILE,
@@ -122,11 +122,11 @@ def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
     check_sides(shape)
     if not np.isfinite(rgb).all():
         raise InputError("the picture has values that are not finite (NaN or infinite)")
-    codes = quantise(rgb, _BITS)
+    codes = quantise(rgb, _BITS).astype(np.uint16, copy=False)
     height, width = _tile(shape)
     # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so
     # takes a bit per sample.
-    padded = np.pad(codes, ((0, 0), (0, -shape[1] % width), (0, 0)), mode="edge")
+    padded: CodeArray = np.pad(codes, ((0, 0), (0, -shape[1] % width), (0, 0)), mode="edge")
     padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
     lefts = range(0, shape[1], width)
     tiles = [encode_lossless(padded[:, left : left + width], _BITS) for left in lefts]
