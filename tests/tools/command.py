@@ -3,12 +3,10 @@
 import contextlib
 import io
 import json
-import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -104,11 +102,6 @@ def ended(
 def spawn(*arguments: str | Path, code: int | None = None, **options: Any) -> Outcome:
     """A command in a process of its own, run to its end. code: as in `run`; options: of `start`."""
     return ended(start(*arguments, **options), code=code)
-
-
-def file_limit(size: int) -> Callable[[], None]:
-    """For `preexec_fn`: the process can write no file larger than `size` bytes."""
-    return partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
 
 
 def names(folder: Path) -> set[str]:

@@ -102,15 +102,6 @@ def test_the_output_folder_is_made(
     assert names(tmp_path / "new")
 
 
-@pytest.mark.parametrize("verb", ["render", "evaluate"])
-def test_a_dry_run_makes_no_folder(
-    verb: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(shots)
-    run(INTO[verb], tmp_path / "new", "--dry-run", code=0)
-    assert names(tmp_path) == {"shots"}
-
-
 # --- errors --------------------------------------------------------------------------------------
 
 

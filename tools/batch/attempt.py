@@ -296,8 +296,8 @@ def _journal(folder: Path) -> Journal:
 
 def _stamp(files: Iterable[str | Path]) -> str:
     """Digest of the size and time of modification of each file."""
-    found = map(file_status, files)
-    return key(files=[status and (status.st_size, status.st_mtime_ns) for status in found])
+    statuses = map(file_status, files)
+    return key(files=[status and (status.st_size, status.st_mtime_ns) for status in statuses])
 
 
 def _both_there(one: str, other: str) -> bool:

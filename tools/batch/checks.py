@@ -83,14 +83,14 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
             shape = codes[rows].shape[0], codes.shape[1]
             yield codes[rows][mosaic.pattern.panchromatic_mask(shape, (rows.start, 0))]
 
-    if not any(part.size for part in panchromatic()):
+    if not any(samples.size for samples in panchromatic()):
         return
-    if not any((part > calibration.black_level[-1]).any() for part in panchromatic()):
+    if not any((samples > calibration.black_level[-1]).any() for samples in panchromatic()):
         raise InputError(
             "no sample is above the black level: nothing was exposed, or the calibration's black "
             "level is too high"
         )
     counted = (codes[rows] for rows in strips(len(codes))) if restored else panchromatic()
-    if not any((part < calibration.white_level).any() for part in counted):
+    if not any((samples < calibration.white_level).any() for samples in counted):
         which = "sample" if restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")

@@ -182,11 +182,9 @@ def fault(error: BaseException) -> str:
 
 def traceback_of(error: BaseException) -> str:
     """The traceback of an exception; of a fault in a worker process the one there."""
-    return (
-        error.trace
-        if isinstance(error, WorkerFault)
-        else "".join(traceback.format_exception(error))
-    )
+    if isinstance(error, WorkerFault):
+        return error.trace
+    return "".join(traceback.format_exception(error))
 
 
 def note_warnings(note: Callable[[str], None]) -> None:

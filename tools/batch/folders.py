@@ -75,8 +75,8 @@ class Search:
             Whether nothing has failed.
         """
         console.note(*self.left_out)
-        for folder, what in self.failures:
-            fail(Job(folder), what, console)
+        for folder, reason in self.failures:
+            fail(Job(folder), reason, console)
         return not self.failures
 
 

@@ -66,7 +66,8 @@ class Job:
                 reason = "is not a folder; remove it, or use another output folder"
                 raise OutputError(f"{folder}: {reason}") from None
             except OSError as error:
-                raise OutputError(f"{folder}: cannot be created ({error.strerror})") from None
+                reason = f"the folder cannot be created ({error.strerror or error}); choose another"
+                raise OutputError(f"{folder}: {reason}") from None
 
 
 State = Literal["made", "planned", "current", "foreign", "failed"]
@@ -144,9 +145,9 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
             f"{folder}: {path.parent} is not a folder; choose another place for the results"
         ) from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        what = getattr(error, "strerror", None) or error
+        reason = getattr(error, "strerror", None) or error
         raise OutputError(
-            f"{folder}: the folder cannot be created ({what}); choose another"
+            f"{folder}: the folder cannot be created ({reason}); choose another"
         ) from None
     if dry_run:
         return path

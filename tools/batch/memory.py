@@ -77,10 +77,8 @@ def _granted_by_slurm() -> Iterator[int]:
 
     Source: Slurm, srun(1), output environment variables: megabytes.
     """
-    node, processor, count = (
-        os.environ.get(f"SLURM_{name}", "")
-        for name in ("MEM_PER_NODE", "MEM_PER_CPU", "CPUS_ON_NODE")
-    )
+    names = ("SLURM_MEM_PER_NODE", "SLURM_MEM_PER_CPU", "SLURM_CPUS_ON_NODE")
+    node, processor, count = (os.environ.get(name, "") for name in names)
     if node.isdecimal() and int(node):
         yield int(node) << 20
     elif processor.isdecimal() and int(processor) and count.isdecimal():

@@ -123,10 +123,8 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     burst, hand = SimulatedBurst(len(names), *_MOTION), np.random.default_rng(_SEED)
     frames = list(burst_frames(scene.rgb, burst, hand, _PIXEL))
     paths = [folder / name for name in names]
-    mosaics = [
-        _photographed(scene, *shot, seed)
-        for seed, shot in enumerate(zip(frames, paths, strict=True))
-    ]
+    shots = enumerate(zip(frames, paths, strict=True))
+    mosaics = [_photographed(scene, *shot, seed) for seed, shot in shots]
     with console.progress("demo") as progress:
         one = renderings(mosaics[0], ("best",), progress)[0].rgb
         merged = merged_picture(mosaics, progress)

@@ -95,8 +95,8 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def _judged(name: str, right: bool, found: str, remedy: str) -> Finding:
-    return Finding(name, GOOD, found) if right else Finding(name, BAD, found, remedy)
+def _judged(name: str, right: bool, outcome: str, remedy: str) -> Finding:
+    return Finding(name, GOOD, outcome) if right else Finding(name, BAD, outcome, remedy)
 
 
 def _compiled(console: Console) -> Finding:

@@ -261,5 +261,5 @@ def _matrix(rows: Sequence[Sequence[float]]) -> str:
 
 def _values(values: tuple[float, ...]) -> str:
     """The values; a single one where all are equal."""
-    shown = values[:1] if len(set(values)) == 1 else values
-    return " ".join(f"{value:.6g}" for value in shown)
+    distinct = values[:1] if len(set(values)) == 1 else values
+    return " ".join(f"{value:.6g}" for value in distinct)

@@ -148,8 +148,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             write(path, motion_text(motions, mosaic.shape).encode())
         notes.append((job.source, (*exposed.notes, *missing)))
         rows, columns = mosaic.shape
-        shown = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
-        lines = [f"{shot}: {shown}" for shot in shots]
+        size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
+        lines = [f"{shot}: {size}" for shot in shots]
         written = [str(path) for path in job.outputs if not (missing and path == beside[1])]
         facts = {"outputs": written, "width": columns, "height": rows}
         if is_series:

@@ -97,15 +97,15 @@ def guarded(path: Path | str) -> Iterator[None]:
 
 def channels_of(
     count: int,
-    wanted: str,
+    requested: str,
     notes: list[str],
     *,
     alpha: bool = False,
     colour: bool = False,
     pages: int = 1,
 ) -> str:
-    """Return which channels `count` samples per pixel without names are: `wanted`, or "" for a grey
-    or RGB picture.
+    """Return which channels `count` samples per pixel without names are: `requested`, or "" for a
+    grey or RGB picture.
 
     Parameters
     ----------
@@ -121,22 +121,23 @@ def channels_of(
     Raises
     ------
     InputError
-        When there are more samples than a picture has, and another number than `wanted`.
+        When there are more samples than a picture has, and another number than `requested`.
     """
     stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
     if pages == MOST_PAGES:
         stacked += " or more"
-    of_rgb = set(scene_channels(wanted)) <= set(RGB)
-    if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
-        order = f"{', '.join(wanted)}, in this order"
+    of_rgb = set(scene_channels(requested)) <= set(RGB)
+    if count == len(requested) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
+        order = f"{', '.join(requested)}, in this order"
         notes.append(f"its {stacked} have no names: they are taken as linear light of {order}")
-        return wanted
+        return requested
     if pages > 1 and count == len(RGB) and of_rgb:
         notes.append(f"its {stacked} are taken for red, green and blue")
     elif count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
+        pattern = f"the pattern the {len(requested)} channels {requested}"
         raise InputError(
-            f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as "
-            "many channels as the pattern (`pattern`), or red, green and blue"
+            f"has {stacked}, and {pattern}; a scene has as many channels as the pattern "
+            "(`pattern`), or red, green and blue"
         )
     return ""
 

@@ -273,7 +273,7 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
     return Decoded(pixels, None, encoding, notes=notes, channels=str(facts["channels"]))
 
 
-def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], Facts]:
+def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any], Facts]:
     """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file
     has them, and what it has besides.
 
@@ -288,10 +288,10 @@ def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], F
         width, height = (corners[1] - corners[0] + 1).tolist()
         names = {channel.name for channel in header["channels"]}
         # the filters' own channels before those they can be made from
-        choices = [wanted, scene_channels(wanted), RGB]
+        choices = [requested, scene_channels(requested), RGB]
         letters = next((choice for choice in choices if set(choice) <= names), "Y")
         if not set(letters) <= names or "RY" in names:
-            expected = "R, G, B" if wanted == RGB else f"{', '.join(wanted)}, or R, G, B"
+            expected = "R, G, B" if requested == RGB else f"{', '.join(requested)}, or R, G, B"
             listed = ", ".join(sorted(names))[:200]
             raise InputError(f"the EXR has the channels {listed}; expected {expected}, or Y alone")
         check_size(width, height, 4 * len(names), data_bytes(path), max_pixels)

@@ -71,14 +71,12 @@ class OutputSpace:
         return primaries_to_xyz(self.primaries)
 
 
-SPACES = {
-    space.name: space
-    for space in (
-        OutputSpace("srgb", "sRGB", SRGB_PRIMARIES),
-        OutputSpace("display-p3", "Display P3", P3_PRIMARIES),
-        OutputSpace("linear-srgb", "Linear sRGB", SRGB_PRIMARIES, linear=True),
-    )
-}
+_SPACES = (
+    OutputSpace("srgb", "sRGB", SRGB_PRIMARIES),
+    OutputSpace("display-p3", "Display P3", P3_PRIMARIES),
+    OutputSpace("linear-srgb", "Linear sRGB", SRGB_PRIMARIES, linear=True),
+)
+SPACES = {space.name: space for space in _SPACES}
 
 
 @dataclass(frozen=True)

@@ -42,12 +42,12 @@ def through_tables(pixels: NDArray[Any], peak: int, profile: bytes) -> FloatArra
 
     `peak` is the code that stands for 1.0. White is 1; nothing is negative.
     """
-    light: FloatArray = np.empty((*pixels.shape[:2], 3), np.float32)
+    linear: FloatArray = np.empty((*pixels.shape[:2], 3), np.float32)
     back = np.linalg.inv(np.array(REC_2020)).T
     for rows in strips(len(pixels)):
-        codes = np.broadcast_to(pixels[rows], light[rows].shape)
-        light[rows] = np.maximum(_xyz(codes / peak, profile) @ back, 0)
-    return light
+        codes = np.broadcast_to(pixels[rows], linear[rows].shape)
+        linear[rows] = np.maximum(_xyz(codes / peak, profile) @ back, 0)
+    return linear
 
 
 def _grey(profile: bytes) -> Encoding:

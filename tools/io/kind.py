@@ -118,10 +118,10 @@ def _known(name: str) -> Format:
     return FORMATS[name]
 
 
-def _refusal(kept_as: Format, wanted: str) -> InputError:
+def _refusal(kept_as: Format, requested: str) -> InputError:
     """The error for what a format does not hold, with what it does."""
     listed = ", ".join(
         f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
         for space, bits in kept_as.spaces.items()
     )
-    return InputError(f"{kept_as.name} does not hold {wanted}; it holds {listed}")
+    return InputError(f"{kept_as.name} does not hold {requested}; it holds {listed}")

@@ -123,14 +123,14 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
         raise InputError(
             f"a sample is {pixels.max()}, but the file declares {peak} as its largest value"
         )
-    light: FloatArray = np.empty(pixels.shape, np.float32)
+    linear: FloatArray = np.empty(pixels.shape, np.float32)
     for channel in range(pixels.shape[2]):
         curve, plane = encoding.curves[channel], pixels[..., channel]
         if peak <= 65535:
-            light[..., channel] = curve(np.arange(peak + 1) / peak).astype(np.float32)[plane]
+            linear[..., channel] = curve(np.arange(peak + 1) / peak).astype(np.float32)[plane]
         else:
-            light[..., channel] = curve(plane / peak)
-    return light
+            linear[..., channel] = curve(plane / peak)
+    return linear
 
 
 def _remark_on_bits(highest: int, peak: int, notes: list[str]) -> None:

@@ -27,7 +27,7 @@ from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.tools.batch.examples import save_mosaic, save_shot
 from tests.tools.calibration.known_camera import stating
-from tests.tools.command import Outcome, assert_refused, contents, results, run
+from tests.tools.command import Outcome, assert_refused, results, run
 
 MEASURED = "--bits 32 --space camera --preset unlearned"
 UNLEARNED = PRESETS["unlearned"]
@@ -165,15 +165,6 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
 
 
 # --- what is there already -----------------------------------------------------------------------
-
-
-def test_what_exists_stays(taken: Path, out: Path) -> None:
-    name = f"{out / STEM}.tif"
-    Path(name).write_text("mine")
-    exists = "exists already; use `overwrite=True`"
-    assert_refused(run("burst", taken, "-o", out), exists, name=name)
-    assert_refused(run("burst", taken, "-o", out, "--resume"), "no render noted", name=name)
-    assert contents(out) == {f"{STEM}.tif": b"mine"}
 
 
 def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:

@@ -171,7 +171,7 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     for kind, light, seed in (*exposures, *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
         folder = tmp_path / "frames" / f"{kind}{light}-{seed}"
         folder.mkdir(parents=True)
-        run("simulate", f"{kind}:720x480", f"--light {light} --seed {seed} -o", folder, code=0)
+        run("simulate", f"{kind}:480x320", f"--light {light} --seed {seed} -o", folder, code=0)
     output = tmp_path / "camera.json"
     outcome = run("calibrate", tmp_path / "frames", "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["warnings"]) == (0, [])

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from tests.tools.batch.examples import save_shot
-from tests.tools.command import contents, run, spawn
+from tests.tools.command import contents, names, run, spawn
 
 # A disk below the first argument that can be read alone: whatever would write to it ends the
 # program.
@@ -57,3 +57,4 @@ def test_a_dry_run_and_a_check_write_nothing(tmp_path: Path) -> None:
     for says in LINES.values():
         assert says in outcome.out + outcome.err
     assert contents(tmp_path) == before
+    assert names(tmp_path) == {"shots", "pictures", "results"}

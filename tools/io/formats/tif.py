@@ -4,7 +4,6 @@
 that, and TIFF 6.0 has nothing better; Deflate came later.
 """
 
-from dataclasses import replace
 from typing import Any, BinaryIO, ClassVar
 
 import imagecodecs
@@ -42,18 +41,15 @@ class Tiff(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        bits, channels, directory = (
-            development.kind.bits,
-            development.channels,
-            development.directory,
-        )
+        bits, channels = development.kind.bits, development.channels
         shape = *development.written_shape, len(channels)
-        fields = _fields(shape, bits, rgb=channels == "RGB")
+        directory = development.directory
+        directory.fields.update(_fields(shape, bits, rgb=channels == "RGB"))
         if development.icc:
-            fields[_ICC] = FieldType.UNDEFINED, development.icc
+            directory.fields[_ICC] = FieldType.UNDEFINED, development.icc
         rows = regrouped(bands, _STRIP_ROWS)
         strips = ahead(_lzw_strip, rows, threads) if bits == 8 else map(_plain_strip, rows)
-        write_tiff(file, replace(directory, fields={**directory.fields, **fields}), strips)
+        write_tiff(file, directory, strips)
 
 
 def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:

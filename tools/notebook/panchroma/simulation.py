@@ -129,8 +129,8 @@ def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
     raise InputError(f"`pattern` is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
 
 
-def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
-    """The scene before a pattern with the channels `wanted`."""
+def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
+    """The scene before a pattern with the channels `requested`."""
     if channels is not None and isinstance(source, Picture | str | Path):
         raise InputError(
             f"`channels` is {channels!r}, but it names those of an array; a picture or a file "
@@ -139,7 +139,7 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
     if isinstance(source, Picture):
         return scene_of_light(source.rgb, source.calibration, source.metadata)
     if isinstance(source, str | Path):
-        return scene_in_file(str(source), wanted, linear=linear, max_pixels=max_pixels)
+        return scene_in_file(str(source), requested, linear=linear, max_pixels=max_pixels)
     try:
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
@@ -159,4 +159,4 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
         raise InputError(
             f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}"
         )
-    return scene_in_array(array, wanted, channels, linear=linear)
+    return scene_in_array(array, requested, channels, linear=linear)
