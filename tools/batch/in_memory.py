@@ -24,13 +24,8 @@ if TYPE_CHECKING:
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 
-
-@lru_cache(REMARKS)
-def note_once(line: str) -> None:
-    """Print a remark to standard error, each once in a run: programs open and simulate many
-    shots.
-    """
-    to_stderr(line)
+note_once = lru_cache(REMARKS)(to_stderr)
+"""Print a remark to standard error, each once in a run: programs open and simulate many shots."""
 
 
 def settings_named(preset: object) -> "RenderSettings":

@@ -27,10 +27,7 @@ MISSPELT = {
     },
     "render shots -o out": {
         "--overwr": "unrecognized arguments: --overwr",  # no abbreviations
-        "--preset bset": "argument --preset: invalid choice: 'bset'",
         "-f pgn": "argument -f/--format: invalid choice: 'pgn'",
-        "--bits 12": "argument --bits: invalid choice: 12",
-        "--exposure bright": "argument --exposure: invalid float value: 'bright'",
     },
 }
 # Command -> what is added to it -> words of the only line that says what is wrong.
