@@ -95,8 +95,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 parser = build_parser(next((word for word in arguments if word in VERBS), ""))
                 _refuse_removed(parser, arguments)
                 parsed = parser.parse_args(arguments)
-                shown = {"quiet": parsed.quiet, "verbose": parsed.verbose}
-                console = Console(json=getattr(parsed, "json", False), **shown)
+                options = {"quiet": parsed.quiet, "verbose": parsed.verbose}
+                console = Console(json=getattr(parsed, "json", False), **options)
                 note_warnings(console.note)
                 code, verb = FAILED, _module(parsed.verb)
                 code = verb.run(parsed, console)

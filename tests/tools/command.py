@@ -3,12 +3,10 @@
 import contextlib
 import io
 import json
-import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +39,25 @@ class Outcome:
         return [json.loads(line) for line in self.out.splitlines()]
 
 
+def words(*arguments: str | Path) -> list[str]:
+    """The words of a command line. Of these arguments the first, and every text that begins with an
+    option, may be several words, with a blank between them.
+    """
+    line: list[str] = []
+    for number, argument in enumerate(arguments):
+        is_several = isinstance(argument, str) and (number == 0 or argument.startswith("-"))
+        line += str(argument).split(" ") if is_several else [str(argument)]
+    return line
+
+
 def run(*arguments: str | Path, code: int | None = None) -> Outcome:
-    """Run a command in this process. code: the exit code to insist on; None: any."""
+    """Run a command in this process. arguments: see `words`; code: the exit code to insist on;
+    None: any.
+    """
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            main([str(argument) for argument in arguments])
+            main(words(*arguments))
         except SystemExit as leaving:
             left = leaving.code
     assert isinstance(left, int)
@@ -64,13 +75,14 @@ def start(
 ) -> "subprocess.Popen[str]":
     """A command, started in a process of its own; standard output and error are pipes of text.
 
+    arguments: see `words`.
     before: a program that starts the one whose command line follows.
     script: what the process runs, with these arguments.
     options: of subprocess.Popen.
     """
     usual = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "cwd": ROOT, "text": True}
     return subprocess.Popen(
-        [*before, sys.executable, "-c", script, *map(str, arguments)], **{**usual, **options}
+        [*before, sys.executable, "-c", script, *words(*arguments)], **{**usual, **options}
     )
 
 
@@ -90,11 +102,6 @@ def ended(
 def spawn(*arguments: str | Path, code: int | None = None, **options: Any) -> Outcome:
     """A command in a process of its own, run to its end. code: as in `run`; options: of `start`."""
     return ended(start(*arguments, **options), code=code)
-
-
-def file_limit(size: int) -> Callable[[], None]:
-    """For `preexec_fn`: the process can write no file larger than `size` bytes."""
-    return partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
 
 
 def names(folder: Path) -> set[str]:

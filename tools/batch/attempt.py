@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...shared import CfaPattern
 from ...shared.arrays import ByteArray, FloatArray
@@ -89,36 +89,30 @@ class _Attempt:
             self._open()  # says what is wrong with it, before a folder is made for its picture
         try:
             if order.dry_run:
-                return self._planned()
-            output.parent.mkdir(parents=True, exist_ok=True)
+                return self._plan()
+            self.job.make_folders()
             with output_lock(output):
-                return self._made()
-        except FileExistsError:
-            raise OutputError(
-                f"{output}: {output.parent} is not a folder; remove it, or use another output "
-                "folder"
-            ) from None
+                return self._make()
         except OSError as error:
             raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
 
-    def _planned(self) -> Outcome:
-        """Action of a dry run."""
+    def _plan(self) -> Outcome:
+        """Say what would be done."""
         if self._is_unchanged() or self._existing(self._digest()).current:
-            return self._current("current", dry_run=True)
-        facts = {"output": str(self.job.output), "dry_run": True}
-        return Outcome(
-            facts, (f"{self.job.source} -> {self.job.output}",), self._open().errors, "planned"
-        )
+            return self._report_current("current", dry_run=True)
+        source, output = self.job.source, self.job.output
+        facts = {"output": str(output), "dry_run": True}
+        return Outcome(facts, (f"{source} -> {output}",), self._open().errors, "planned")
 
-    def _made(self) -> Outcome:
+    def _make(self) -> Outcome:
         """Make the picture, while this process holds the lock on the output."""
         start, order = time.monotonic(), self.order
         if self._is_unchanged():
-            return self._current("current")
+            return self._report_current("current")
         stamp, source_digest = _stamp(self.job.files), self._digest()
         existing = self._existing(source_digest)
         if existing.current:
-            return self._current(existing.current)
+            return self._report_current(existing.current)
         self.listener.stage("reading", 1)
         subject = self._open()
         with announced_compilation(self.listener):
@@ -134,7 +128,7 @@ class _Attempt:
             subject.prepare(self.listener)
             development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
             log = self._write(subject, development, existing, source_digest, stamp)
-        return self._told(subject, development, pattern, log, time.monotonic() - start)
+        return self._report_made(subject, development, pattern, log, time.monotonic() - start)
 
     def _open(self) -> Subject:
         return self.order.open(self.job, self.memory, self.listener.note)
@@ -177,24 +171,18 @@ class _Attempt:
         # stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(1) as pool:
 
-            def noted(part: Path) -> Callable[[], object]:
+            def note_in_journal(part: Path) -> Callable[[], object]:
                 return pool.submit(self._note_in_journal, part, source_digest, stamp).result
 
-            shown = self._shown(subject.bands(log), subject.lost, development)
-            write_picture(
-                path,
-                shown,
-                development,
-                overwrite=existing.replace,
-                on_complete=noted,
-                threads=threads(),
-            )
+            write = partial(write_picture, overwrite=existing.replace, on_complete=note_in_journal)
+            bands = self._whiten(subject.bands(log), subject.lost, development)
+            write(path, bands, development, threads=threads())
         return log
 
-    def _shown(
+    def _whiten(
         self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development
     ) -> Iterator[FloatArray]:
-        """The bands as the picture shows them. lost: where light is lost."""
+        """Yield the bands as the picture shows them. lost: where light is lost."""
         top = 0
         for band in bands:
             yield development.whitened(band, None if lost is None else lost[top : top + len(band)])
@@ -214,7 +202,7 @@ class _Attempt:
         )
         _journal(order.folder).append(entry)
 
-    def _told(
+    def _report_made(
         self,
         subject: Subject,
         development: Development,
@@ -222,7 +210,7 @@ class _Attempt:
         log: "SolverLog",
         seconds: float,
     ) -> Outcome:
-        """Message on a picture that was made."""
+        """Return the outcome of a picture that was made."""
         from ...offline import network_name
 
         output, kind, calibration = self.job.output, self.order.kind, development.calibration
@@ -236,28 +224,28 @@ class _Attempt:
             "width": columns,
             "height": rows,
             "seconds": round(seconds, 3),
-            "solvers": {name: asdict(each) for name, each in log.solvers.items()},
+            "solvers": {name: asdict(solver) for name, solver in log.solvers.items()},
             "neutral": calibration.neutral,
             "neutral_estimated": calibration.neutral_estimated,
             "learned": network_name(pattern) if self.order.settings.learned.used else None,
         }
         return Outcome(facts | subject.facts(), (line,), subject.errors)
 
-    def _current(self, state: State, **facts: bool) -> Outcome:
-        """Message on a picture that is up to date."""
-        output = self.job.output
-        known = {"output": str(output), "current": True, **facts}
-        return Outcome(known, (f"{output}: is up to date",), self.order.failures(self.job), state)
+    def _report_current(self, state: State, **facts: bool) -> Outcome:
+        """Return the outcome of a picture that is up to date."""
+        output, failures = self.job.output, self.order.failures(self.job)
+        record: dict[str, Any] = {"output": str(output), "current": True, **facts}
+        return Outcome(record, (f"{output}: is up to date",), failures, state)
 
     def _is_unchanged(self) -> bool:
         """True if the picture is up to date by sizes and times alone: reading all files of an
         archive takes long.
         """
         order, output = self.order, self.job.output
-        made = _journal(order.folder).of(order.name(output)) if order.resume else []
-        if not made or made[-1].stamp != f"{_stamp(self.job.files)} {_stamp([output])}":
+        entries = _journal(order.folder).of(order.name(output)) if order.resume else []
+        if not entries or entries[-1].stamp != f"{_stamp(self.job.files)} {_stamp([output])}":
             return False
-        return made[-1].key == order.key(output, made[-1].input)
+        return entries[-1].key == order.key(output, entries[-1].input)
 
     def _existing(self, source_digest: str | None) -> _Existing:
         """Look up what exists under the name of the output. Raises OutputError for a file that must
@@ -266,34 +254,32 @@ class _Attempt:
         order, output = self.order, self.job.output
         if not output.exists():
             return _Existing(replace=order.overwrite)
-        made = _journal(order.folder).of(order.name(output))
+        entries = _journal(order.folder).of(order.name(output))
+        last = entries[-1] if entries else None
         # by a process that died before it could say so
-        of_this_run = bool(made) and made[-1].run == order.run
+        of_this_run = last is not None and last.run == order.run
         if not (order.resume or of_this_run):
             if not order.overwrite:
                 refuse_existing([output])
             return _Existing(replace=True)
-        if not made and not order.overwrite:
+        current = digest(output)
+        up_to_date = current, order.key(output, source_digest or "")
+        if last and source_digest and (last.digest, last.key) == up_to_date:
+            return _Existing("made" if of_this_run else "current", True)
+        if order.overwrite:
+            return _Existing(replace=True)
+        if not last:
             raise OutputError(
                 f"{output}: exists already, and no render noted that it made it; "
                 "`overwrite=True` replaces it"
             )
-        found = digest(output)
-        if (
-            made
-            and source_digest
-            and made[-1].digest == found
-            and made[-1].key == order.key(output, source_digest)
-        ):
-            return _Existing("made" if of_this_run else "current", True)
-        if made and not order.overwrite and _both_there(made[-1].source, self.job.source):
+        if _both_there(last.source, self.job.source):
             raise OutputError(
-                f"{output}: is the picture of {made[-1].source}; use another output folder, or "
+                f"{output}: is the picture of {last.source}; use another output folder, or "
                 "`overwrite=True`"
             )
-        return _Existing(
-            None, True, not order.overwrite and found not in {entry.digest for entry in made}
-        )
+        changed = current not in {entry.digest for entry in entries}
+        return _Existing(replace=True, changed=changed)
 
     def _digest(self) -> str | None:
         """Digest of the files that a picture is made from; None if there is only one, and it cannot
@@ -310,8 +296,8 @@ def _journal(folder: Path) -> Journal:
 
 def _stamp(files: Iterable[str | Path]) -> str:
     """Digest of the size and time of modification of each file."""
-    found = (file_status(file) for file in files)
-    return key(files=[(each.st_size, each.st_mtime_ns) if each else None for each in found])
+    statuses = map(file_status, files)
+    return key(files=[status and (status.st_size, status.st_mtime_ns) for status in statuses])
 
 
 def _both_there(one: str, other: str) -> bool:

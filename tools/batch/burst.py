@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from ...shared import Mosaic
 from ...shared.arrays import FloatArray
@@ -52,11 +52,6 @@ class BurstFile:
     failed: bool = False
     judged: "Judged | None" = None
 
-    @classmethod
-    def refused(cls, name: str, error: Exception, *, failed: bool) -> "BurstFile":
-        """A file that an error keeps out."""
-        return cls(name, reason=str(error).removeprefix(f"{name}: "), failed=failed)
-
     def refuse(self, reason: str) -> None:
         """Leave it out."""
         self.mosaic, self.reason = None, reason
@@ -68,37 +63,27 @@ class BurstFile:
 
     def facts(self) -> dict[str, Any]:
         """Description for machines."""
-        facts: dict[str, Any] = {
-            "source": self.name,
-            "used": not self.reason,
-            "reason": self.reason,
-        }
-        if self.judged is not None and self.judged.motion is not None:
-            motion = self.judged.motion
-            facts |= {
-                "right": motion.shift[1],
-                "down": motion.shift[0],
-                "degrees": degrees(motion.angle),
-            }
-            facts |= {
-                name: float(getattr(self.judged, name))
-                for name in ("gain", "agreement", "sharpness", "error")
-            }
-        return facts
+        facts = {"source": self.name, "used": not self.reason, "reason": self.reason}
+        if (judged := self.judged) is None or judged.motion is None:
+            return facts
+        down, right = judged.motion.shift
+        facts |= {"right": right, "down": down, "degrees": degrees(judged.motion.angle)}
+        figures = ("gain", "agreement", "sharpness", "error")
+        return facts | {name: float(getattr(judged, name)) for name in figures}
 
 
-def leave_odd_ones_out(frames: Sequence[BurstFile], reference: int | None) -> None:
+def refuse_misfits(frames: Sequence[BurstFile], reference: int | None) -> None:
     """Refuse the frames that are not like the reference, or, where there is none, like most of the
     others.
     """
-    there = [frame.mosaic for frame in frames if frame.mosaic is not None]
-    wanted = frames[reference].mosaic if reference is not None else None
-    if wanted is None and there:
-        most = Counter(map(_kind, there)).most_common(1)[0][0]
-        wanted = next(mosaic for mosaic in there if _kind(mosaic) == most)
+    mosaics = [frame.mosaic for frame in frames if frame.mosaic is not None]
+    model = frames[reference].mosaic if reference is not None else None
+    if model is None and mosaics:
+        most = Counter(map(_kind, mosaics)).most_common(1)[0][0]
+        model = next(mosaic for mosaic in mosaics if _kind(mosaic) == most)
     for frame in frames:
-        if frame.mosaic is not None and wanted is not None and _kind(frame.mosaic) != _kind(wanted):
-            frame.refuse(_difference(frame.mosaic, wanted))
+        if frame.mosaic is not None and model is not None and _kind(frame.mosaic) != _kind(model):
+            frame.refuse(_difference(frame.mosaic, model))
 
 
 def _kind(mosaic: Mosaic) -> tuple[object, ...]:
@@ -107,11 +92,11 @@ def _kind(mosaic: Mosaic) -> tuple[object, ...]:
     return mosaic.shape, mosaic.pattern, calibration.gamma, calibration.sensor, calibration.camera
 
 
-def _difference(mosaic: Mosaic, wanted: Mosaic) -> str:
+def _difference(mosaic: Mosaic, model: Mosaic) -> str:
     """Differences of two frames."""
-    if mosaic.shape != wanted.shape:
-        return "it has {1} x {0} pixels, the others {3} x {2}".format(*mosaic.shape, *wanted.shape)
-    if mosaic.pattern != wanted.pattern:
+    if mosaic.shape != model.shape:
+        return "it has {1} x {0} pixels, the others {3} x {2}".format(*mosaic.shape, *model.shape)
+    if mosaic.pattern != model.pattern:
         return "its filters are arranged otherwise than those of the others"
     return (
         "it was taken with another camera than the others, or with another calibration; "
@@ -141,38 +126,37 @@ def series(sources: Sequence[Source]) -> list[str]:
     ...     Path("rose-1.dng"))])
     ['shots/rose-1.dng', 'shots/rose-2.dng']
     """
-    named = [source.name for source in sources if not source.found]
-    bursts: dict[Path, list[tuple[int, str]]] = {}
+    names = [source.name for source in sources if not source.from_folder]
+    numbered: dict[Path, list[tuple[int, str]]] = {}
     singles: list[str] = []
-    for path in [Path(source.name) for source in sources if source.found]:
+    for path in [Path(source.name) for source in sources if source.from_folder]:
         if frame := frame_number(path.stem):
-            bursts.setdefault(path.with_name(frame[0]), []).append((frame[1], str(path)))
+            numbered.setdefault(path.with_name(frame[0]), []).append((frame[1], str(path)))
         else:
             singles.append(str(path))
-    found = [[name for _, name in sorted(frames)] for frames in bursts.values()]
-    if len(found) > 1 or singles:
-        groups = [
-            names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") for names in found
-        ] + singles
-        listed = ", ".join(groups[:_NAMED]) + (
-            f" and {len(groups) - _NAMED} others" if len(groups) > _NAMED else ""
-        )
+    bursts = [[name for _, name in sorted(frames)] for frames in numbered.values()]
+    if len(bursts) > 1 or singles:
+        groups = [_counted(frames[0], len(frames), 1, "more") for frames in bursts] + singles
+        listed = _counted(", ".join(groups[:_NAMED]), len(groups), _NAMED, "others")
         raise InputError(
             f"expected the frames of one burst, STEM-1.dng, STEM-2.dng ..., found {listed}; name "
             "the files of one"
         )
-    names = named + [name for frames in found for name in frames]
-    known: dict[object, str] = {}
+    names += [name for frames in bursts for name in frames]
+    first_names: dict[object, str] = {}
     for name in names:
         # other spellings of a name, and links, lead to the same file
         place = identity(name) or name
-        if place in known:
-            raise InputError(
-                f"{name}: is given twice"
-                + (f": it is the same file as {known[place]}" if known[place] != name else "")
-            )
-        known[place] = name
+        if (first := first_names.get(place)) is not None:
+            same = f": it is the same file as {first}" if first != name else ""
+            raise InputError(f"{name}: is given twice{same}")
+        first_names[place] = name
     return names
+
+
+def _counted(text: str, count: int, shown: int, others: str) -> str:
+    """The text, and how many things there are besides the `shown` ones."""
+    return f"{text} and {count - shown} {others}" if count > shown else text
 
 
 def series_stem(names: Sequence[str]) -> str:
@@ -231,12 +215,12 @@ class BurstOrder(Order):
         """
         frames: list[BurstFile] = []
         for name in job.files:
-            frame = self._frame(name, found=job.found)
+            frame = self._frame(name, from_folder=job.from_folder)
             # before memory is full of frames
-            if frame.mosaic and not any(each.mosaic for each in frames):
+            if frame.mosaic and not any(earlier.mosaic for earlier in frames):
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))
             frames.append(frame)
-        leave_odd_ones_out(frames, self.reference)
+        refuse_misfits(frames, self.reference)
         for frame in frames:
             if frame.reason and not frame.failed:
                 note(f"{frame.name}: is left out: {frame.reason}")
@@ -251,20 +235,17 @@ class BurstOrder(Order):
 
     def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each frame that cannot be read. Frames are read one by one, and not kept."""
-        frames = (self._frame(name, found=job.found) for name in job.files)
+        frames = (self._frame(name, from_folder=job.from_folder) for name in job.files)
         return tuple(frame.line for frame in frames if frame.failed)
 
-    def _frame(self, name: str, *, found: bool) -> BurstFile:
+    def _frame(self, name: str, *, from_folder: bool) -> BurstFile:
+        mosaic = None
         try:
             mosaic = self.decode(name)
-        except PanchromaError as error:
-            return BurstFile.refused(
-                name, error, failed=not (found and isinstance(error, ForeignFileError))
-            )
-        try:
             return BurstFile(name, self.prepared(mosaic))
-        except PanchromaError as error:
-            return BurstFile.refused(name, error, failed=False)
+        except PanchromaError as error:  # a shot that is read, and cannot be used, has not failed
+            failed = mosaic is None and not (from_folder and isinstance(error, ForeignFileError))
+            return BurstFile(name, reason=str(error).removeprefix(f"{name}: "), failed=failed)
 
 
 class BurstSubject(Subject):
@@ -282,51 +263,42 @@ class BurstSubject(Subject):
 
     def __init__(self, order: BurstOrder, frames: Sequence[BurstFile], note: Note) -> None:
         self._order, self.frames, self._note = order, frames, note
-        self._mosaics = {
-            index: frame.mosaic for index, frame in enumerate(frames) if frame.mosaic is not None
-        }
-        self._used = list(self._mosaics)
-        self._reference = self._used[0] if order.reference is None else order.reference
+        self._used = [frame for frame in frames if frame.mosaic is not None]
+        self._reference = self._used[0] if order.reference is None else frames[order.reference]
         self._merged: MergedBurst | None = None
         self.count = len(self._used)
         self.errors = tuple(frame.line for frame in frames if frame.failed)
-        super().__init__(self._mosaics[self._reference], order.settings)
+        super().__init__(cast(Mosaic, self._reference.mosaic), order.settings)
 
     def prepare(self, progress: Progress) -> None:
         """Align and merge the frames."""
         from ...offline.burst import merge_burst
 
         if self.count > 1:
-            known = self._order.reference is not None or self._order.shifts
+            is_fixed = self._order.reference is not None or self._order.shifts
             merged = merge_burst(
-                list(self._mosaics.values()),
+                [cast(Mosaic, frame.mosaic) for frame in self._used],
                 self.settings,
                 progress,
-                reference=self._used.index(self._reference) if known else None,
+                reference=self._used.index(self._reference) if is_fixed else None,
                 motions=self._motions() if self._order.shifts else None,
             )
             self._reference, self._merged = self._used[merged.reference], merged
-            for index, judged in zip(self._used, merged.frames, strict=True):
-                self.frames[index].judged, self.frames[index].reason = judged, judged.reason
+            for frame, judged in zip(self._used, merged.frames, strict=True):
+                frame.judged, frame.reason = judged, judged.reason
                 if judged.copy_of is not None:
-                    original = self.frames[self._used[judged.copy_of]].name
-                    self.frames[index].reason = (
-                        f"it is a copy of {original}: its samples are the same, and tell "
-                        "nothing new"
-                    )
-        for frame in self.frames:
-            if frame.reason and frame.mosaic is not None:
+                    original = self._used[judged.copy_of].name
+                    same = "its samples are the same, and tell nothing new"
+                    frame.reason = f"it is a copy of {original}: {same}"
+        for frame in self._used:
+            if frame.reason:
                 self._note(f"{frame.name}: is left out: {frame.reason}")
-        self.mosaic = self._mosaics[self._reference]
+        self.mosaic = cast(Mosaic, self._reference.mosaic)
+        name = self._reference.name
         if self._left == 1:
-            self._note(
-                f"{self.frames[self._reference].name}: is the only frame that is left; the "
-                "picture is that of one shot"
-            )
-        self.words = (
-            f"{self._left} of {len(self.frames)} frames, reference "
-            f"{Path(self.frames[self._reference].name).name}, "
-        )
+            alone = "is the only frame that is left; the picture is that of one shot"
+            self._note(f"{name}: {alone}")
+        self.words = f"{self._left} of {len(self.frames)} frames, reference {Path(name).name}, "
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""
@@ -344,7 +316,7 @@ class BurstSubject(Subject):
     def facts(self) -> dict[str, Any]:
         """Verdict on each frame, for machines."""
         return {
-            "reference": self.frames[self._reference].name,
+            "reference": self._reference.name,
             "frames": [frame.facts() for frame in self.frames],
         }
 
@@ -356,6 +328,7 @@ class BurstSubject(Subject):
         """The known motions: a sensor that has moved to the right sees everything further left."""
         from ...offline.burst import Motion
 
-        right, down = self._order.shifts[self._reference]
-        moved = (self._order.shifts[index] for index in self._used)
+        places = dict(zip(self.frames, self._order.shifts, strict=True))
+        right, down = places[self._reference]
+        moved = (places[frame] for frame in self._used)
         return [Motion((down - below, right - beside)) for beside, below in moved]

@@ -39,8 +39,8 @@ def needed_memory(
 
         rendering = burst_memory(frames, mosaic, settings)
     channels, pixels = len(mosaic.pattern.channels), mosaic.shape[0] * mosaic.shape[1]
-    made = kind.kept_as.memory(mosaic.shape, channels, rendering, threads())
-    return round(_PROGRAM + _THREAD * threads() + _MOSAIC * frames * pixels + made)
+    picture = kind.kept_as.memory(mosaic.shape, channels, rendering, threads())
+    return round(_PROGRAM + _THREAD * threads() + _MOSAIC * frames * pixels + picture)
 
 
 def check_memory(
@@ -54,21 +54,15 @@ def check_memory(
         return
     rows, columns = mosaic.shape
     least = needed_memory(mosaic, PictureKind.of(_LIGHTEST_FORMAT), settings, frames)
-    remedy = (
-        f"use -f {_LIGHTEST_FORMAT}, which needs {format_bytes(least)}, or "
-        if kind.format != _LIGHTEST_FORMAT and least <= limit
-        else ""
-    )
-    what = (
-        f"{frames} frames of {columns} x {rows} pixels"
-        if frames > 1
-        else f"{columns} x {rows} pixels"
-    )
+    remedy = ""
+    if kind.format != _LIGHTEST_FORMAT and least <= limit:
+        remedy = f"use -f {_LIGHTEST_FORMAT}, which needs {format_bytes(least)}, or "
+    burst = f"{frames} frames of " if frames > 1 else ""
+    enough = format_bytes(need).replace(" ", "").removesuffix("B")
     raise InputError(
-        f"{what} as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are "
-        "allowed; "
-        f"{remedy}set `max_memory={format_bytes(need).replace(' ', '').removesuffix('B')}` if "
-        "the machine has as much"
+        f"{burst}{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, "
+        f"{format_bytes(limit)} are allowed; {remedy}set `max_memory={enough}` if the machine "
+        "has as much"
     )
 
 
@@ -81,27 +75,22 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
     """
     codes, calibration, restored = mosaic.codes, mosaic.calibration, settings.highlights.restored
 
-    def parts(*, every: bool = False) -> Iterator[CodeArray]:
-        """The panchromatic samples, or all, a few rows at a time: of a picture the first ones say
+    def panchromatic() -> Iterator[CodeArray]:
+        """Yield the panchromatic samples, a few rows at a time: of a picture the first ones say
         enough.
         """
         for rows in strips(len(codes)):
-            part = codes[rows]
-            yield (
-                part
-                if every
-                else part[
-                    mosaic.pattern.panchromatic_mask((len(part), codes.shape[1]), (rows.start, 0))
-                ]
-            )
+            shape = codes[rows].shape[0], codes.shape[1]
+            yield codes[rows][mosaic.pattern.panchromatic_mask(shape, (rows.start, 0))]
 
-    if not any(part.size for part in parts()):
+    if not any(samples.size for samples in panchromatic()):
         return
-    if not any((part > calibration.black_level[-1]).any() for part in parts()):
+    if not any((samples > calibration.black_level[-1]).any() for samples in panchromatic()):
         raise InputError(
             "no sample is above the black level: nothing was exposed, or the calibration's black "
             "level is too high"
         )
-    if not any((part < calibration.white_level).any() for part in parts(every=restored)):
+    counted = (codes[rows] for rows in strips(len(codes))) if restored else panchromatic()
+    if not any((samples < calibration.white_level).any() for samples in counted):
         which = "sample" if restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")

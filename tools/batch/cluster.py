@@ -110,13 +110,9 @@ def source_digest(root: Path = Path(__file__).parents[2]) -> str:
     hexadecimal digits.
     """
     total = hashlib.sha256()
-    files = (
-        path
-        for package in ("shared", "device", "offline", "tools")
-        for path in (root / package).rglob("*")
-    )
-    for path in sorted(path for path in files if path.is_file()):
-        if path.suffix != ".md" and "__pycache__" not in path.parts:
+    folders = (root / package for package in ("shared", "device", "offline", "tools"))
+    for path in sorted(path for folder in folders for path in folder.rglob("*")):
+        if path.is_file() and path.suffix != ".md" and "__pycache__" not in path.parts:
             name = path.relative_to(root).as_posix().encode()
             total.update(name + b"\0" + hashlib.sha256(path.read_bytes()).digest())
     return total.hexdigest()[:16]

@@ -182,11 +182,9 @@ def fault(error: BaseException) -> str:
 
 def traceback_of(error: BaseException) -> str:
     """The traceback of an exception; of a fault in a worker process the one there."""
-    return (
-        error.trace
-        if isinstance(error, WorkerFault)
-        else "".join(traceback.format_exception(error))
-    )
+    if isinstance(error, WorkerFault):
+        return error.trace
+    return "".join(traceback.format_exception(error))
 
 
 def note_warnings(note: Callable[[str], None]) -> None:
@@ -230,15 +228,10 @@ def one_line(text: str) -> str:
     Line breaks and tabs become a blank. Other control characters, those that reorder or hide text,
     and bytes of names that are no text are spelled out (\x1b, \u202e, \udcff).
     """
-    text = _BREAKS.sub(" ", text)
-    return (
-        text
-        if text.isprintable()
-        else "".join(each if _shows(each) else ascii(each)[1:-1] for each in text)
-    )
+    line = re.sub(r"[\t-\r\x85\u2028\u2029]+", " ", text)
+    return "".join(letter if _shows(letter) else ascii(letter)[1:-1] for letter in line)
 
 
-_BREAKS = re.compile(r"[\t-\r\x85\u2028\u2029]+")
 # needed to write Persian, and some languages of India; they only join letters or part them
 _JOINERS = "\u200c\u200d"
 

@@ -4,6 +4,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from ...shared.writing import sweep
@@ -36,8 +37,8 @@ class Source:
     below: Path | None = None
 
     @property
-    def found(self) -> bool:
-        """Found in a folder, where it may turn out to be something else."""
+    def from_folder(self) -> bool:
+        """True for one found in a folder, where it may turn out to be something else."""
         return self.below is not None
 
     def output(self, folder: Path, name: str) -> Path:
@@ -74,13 +75,13 @@ class Search:
             Whether nothing has failed.
         """
         console.note(*self.left_out)
-        for folder, what in self.failures:
-            fail(Job(folder), what, console)
+        for folder, reason in self.failures:
+            fail(Job(folder), reason, console)
         return not self.failures
 
 
 def search(
-    given: Sequence[str],
+    names: Sequence[str],
     endings: Collection[str],
     *,
     output: Path | None = None,
@@ -93,7 +94,7 @@ def search(
 
     Parameters
     ----------
-    given : Sequence[str]
+    names : Sequence[str]
         Files, which are taken as they are, and folders, in and below which all files with the right
         endings are taken.
     endings : Collection[str]
@@ -106,15 +107,14 @@ def search(
         See `SetAside`; a file that the user names is taken.
     """
     result = Search()
-    for source in given:
-        if not source:
-            result.failures.append(
-                ("a name", "is empty; check the command, such as a variable that is not set")
-            )
-        elif is_file(source) or not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
-            result.sources.append(Source(source))
+    for name in names:
+        if not name:
+            empty = "is empty; check the command, such as a variable that is not set"
+            result.failures.append(("a name", empty))
+        elif is_file(name) or not os.path.isdir(name):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
+            result.sources.append(Source(name))
         else:
-            _search(source, endings, identity(output) if output else None, set_aside, result)
+            _search(name, endings, identity(output) if output else None, set_aside, result)
     return result
 
 
@@ -129,27 +129,22 @@ def _search(
     fitting: list[Source] = []
     files_left_out: dict[str, list[str]] = {}  # why -> files
     folders_left_out: Counter[str] = Counter()  # kind -> number
+    below = partial(os.path.relpath, start=top)
     for place, folders, files in os.walk(top, onerror=errors.append):
         kinds = {name: _kind_left_out(place, name, output) for name in folders}
         folders_left_out.update(filter(None, kinds.values()))
         folders[:] = sorted(name for name in folders if not kinds[name])
         taken, aside = [], dict[str, str]()
         for name in sorted(files):
-            path, fits, hidden = (
-                _joined(place, name),
-                Path(name).suffix.lower() in endings,
-                name.startswith("."),
-            )
+            fits, hidden = Path(name).suffix.lower() in endings, name.startswith(".")
             if fits and not hidden:
-                taken.append(path)
+                taken.append(_joined(place, name))
             elif fits or not hidden:  # hidden files of other kinds are the system's, and ours
-                aside[path] = ""
+                aside[_joined(place, name)] = ""
         aside |= {path: f" {why}" for path, why in set_aside(taken).items()}
-        fitting += [
-            Source(path, Path(os.path.relpath(path, top))) for path in taken if path not in aside
-        ]
+        fitting += [Source(path, Path(below(path))) for path in taken if path not in aside]
         for path, why in aside.items():
-            files_left_out.setdefault(why, []).append(os.path.relpath(path, top))
+            files_left_out.setdefault(why, []).append(below(path))
     result.sources.extend(fitting)
     result.failures.extend(
         (str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors
@@ -161,10 +156,8 @@ def _search(
     for why, names in files_left_out.items():
         more = f" and {len(names) - _NAMED} more files" if len(names) > _NAMED else ""
         remarks.append(f"{', '.join(names[:_NAMED])}{more}{why}")
-    remarks += [
-        f"{count} {kind} {'folder' if count == 1 else 'folders'}"
-        for kind, count in folders_left_out.items()
-    ]
+    for kind, count in folders_left_out.items():
+        remarks.append(f"{count} {kind} {'folder' if count == 1 else 'folders'}")
     if remarks:
         result.left_out.append(f"{top}: left out {'; '.join(remarks)}")
 
@@ -199,9 +192,8 @@ def plan(
     jobs = []
     for source in sources:
         outputs = tuple(source.output(folder, name) for name in names(source.name))
-        jobs.append(Job(source.name, outputs, source.found))
-    for below in (
-        {output.parent for job in jobs for output in job.outputs} - {folder} if not dry_run else ()
-    ):
-        sweep(below)
+        jobs.append(Job(source.name, outputs, source.from_folder))
+    if not dry_run:
+        for below in {output.parent for job in jobs for output in job.outputs} - {folder}:
+            sweep(below)
     return jobs

@@ -24,13 +24,8 @@ if TYPE_CHECKING:
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 
-
-@lru_cache(REMARKS)
-def note_once(line: str) -> None:
-    """Print a remark to standard error, each once in a run: programs open and simulate many
-    shots.
-    """
-    to_stderr(line)
+note_once = lru_cache(REMARKS)(to_stderr)
+"""Print a remark to standard error, each once in a run: programs open and simulate many shots."""
 
 
 def settings_named(preset: object) -> "RenderSettings":
@@ -75,21 +70,18 @@ def render_array(
     """
     from ...offline import colour_bands, measure, row_stages
 
-    chosen = row_stages if stages is None else stages
     check_light(mosaic, settings)
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
         raise InputError(
             f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and "
-            f"{format_bytes(free)} are free; "
-            "close other programs, or use the command `panchroma render`, which needs less: it "
-            "writes while it renders"
+            f"{format_bytes(free)} are free; close other programs, or use the command `panchroma "
+            "render`, which needs less: it writes while it renders"
         )
     with announced_compilation(progress := StageProgress(note=to_stderr)):
         measured = measure(mosaic, settings, progress)
-        return joined(
-            colour_bands(measured, settings, progress, chosen), mosaic.shape[0]
-        ), measured.lost
+        bands = colour_bands(measured, settings, progress, row_stages if stages is None else stages)
+        return joined(bands, mosaic.shape[0]), measured.lost
 
 
 def renderings(

@@ -31,7 +31,7 @@ class Job:
         Name of the file.
     outputs : tuple[Path, ...]
         The files, the first of them what the job is about.
-    found : bool
+    from_folder : bool
         It was found in a folder: if it turns out to be a file of another kind, it is left out, and
         nothing has failed.
     frames : tuple[str, ...]
@@ -41,7 +41,7 @@ class Job:
 
     source: str
     outputs: tuple[Path, ...] = ()
-    found: bool = False
+    from_folder: bool = False
     frames: tuple[str, ...] = ()
 
     @property
@@ -62,11 +62,12 @@ class Job:
         for folder in {output.parent for output in self.outputs}:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
+            except FileExistsError:
+                reason = "is not a folder; remove it, or use another output folder"
+                raise OutputError(f"{folder}: {reason}") from None
             except OSError as error:
-                raise OutputError(
-                    f"{folder}: the folder cannot be created ({error.strerror or error}); choose "
-                    "another"
-                ) from None
+                reason = f"the folder cannot be created ({error.strerror or error}); choose another"
+                raise OutputError(f"{folder}: {reason}") from None
 
 
 State = Literal["made", "planned", "current", "foreign", "failed"]
@@ -132,12 +133,9 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
             _created.append(path)
     except FileExistsError:
         if not path.is_dir():
-            link = path.is_symlink() and not path.exists()
-            wrong = (
-                f"{dangling_link(path)}, or name another folder"
-                if link
-                else "is not a folder; name the folder for the results"
-            )
+            wrong = "is not a folder; name the folder for the results"
+            if not path.exists():
+                wrong = f"{dangling_link(path)}, or name another folder"
             raise OutputError(f"{folder}: {wrong}") from None
     except FileNotFoundError:
         advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
@@ -147,9 +145,9 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
             f"{folder}: {path.parent} is not a folder; choose another place for the results"
         ) from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        what = getattr(error, "strerror", None) or error
+        reason = getattr(error, "strerror", None) or error
         raise OutputError(
-            f"{folder}: the folder cannot be created ({what}); choose another"
+            f"{folder}: the folder cannot be created ({reason}); choose another"
         ) from None
     if dry_run:
         return path
@@ -189,16 +187,14 @@ def run_jobs(
     int
         The exit code, 0 or 1.
     """
-    possible, all_possible = possible_jobs(jobs, console, overwrite=overwrite)
+    possible = possible_jobs(jobs, console, overwrite=overwrite)
     listen = listen or (lambda _: StageProgress(note=console.note))
     states = do_jobs(one_by_one(work, possible, listen), console)
-    return 0 if states["failed"] == 0 and all_possible else FAILED
+    return FAILED if states["failed"] or len(possible) < len(jobs) else 0
 
 
-def possible_jobs(
-    jobs: Sequence[Job], console: Console, *, overwrite: bool
-) -> tuple[list[Job], bool]:
-    """The jobs that would replace nothing that must stay, and whether that is all of them.
+def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> list[Job]:
+    """Return the jobs that would replace nothing that must stay.
 
     Each other one is reported as failed. Of two jobs with the same output the first gets it.
 
@@ -209,18 +205,16 @@ def possible_jobs(
     """
     inputs = {identity(name) for job in jobs for name in job.files} - {None}
     planned: dict[str, str] = {}
-    possible, all_well = [], True
+    possible = []
     for job in jobs:
         try:
             refuse_loss(job.source, job.outputs, inputs, planned)
             if not overwrite:
                 refuse_existing(job.outputs)
-        except PanchromaError as error:
-            all_well = False
-            fail(job, str(error), console)
-        else:
             possible.append(job)
-    return possible, all_well
+        except PanchromaError as error:
+            fail(job, str(error), console)
+    return possible
 
 
 def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
@@ -250,7 +244,7 @@ def counted(states: Counter[State]) -> str:
 
 def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
     """Say and record what came of a job."""
-    if isinstance(result, ForeignFileError) and job.found:
+    if isinstance(result, ForeignFileError) and job.from_folder:
         console.note(_named(job, str(result)))
         console.record(source=job.source, ok=True, foreign=True)
         return "foreign"
@@ -318,10 +312,9 @@ def refuse_loss(
                 "output folder"
             )
         planned[name] = source
-        found = identity(output)
-        if found in inputs:
+        if identity(output) in inputs:
             raise OutputError(f"{output}: is an input; use another output folder")
-        if found and output.is_dir():
+        if file_status(output) and output.is_dir():
             raise OutputError(f"{output}: is a folder; remove it, or use another output folder")
 
 

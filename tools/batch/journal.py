@@ -87,27 +87,23 @@ class Journal:
         """
         line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
         try:
-            self._append(line)
+            with own_file(self._path, "ab+", buffering=0) as file:
+                # the other name may be that of an original, or of a copy in a backup
+                if os.fstat(file.fileno()).st_nlink > 1:
+                    second = f"{NAME} has a second name (a hard link); replace it by a copy"
+                    raise OSError(errno.EMLINK, second)
+                exclusive(file.fileno())
+                size = file.seek(0, os.SEEK_END)
+                if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
+                    # the last writer was cut off: keep its torn line apart from this one
+                    line = b"\n" + line
+                while line:
+                    line = line[file.write(line) :]
+                os.fsync(file.fileno())
+            if not size:
+                sync_folder(self._path.parent)
         except OSError as error:
             raise OutputError(f"{self._path}: {reason(error, self._path)}") from error
-
-    def _append(self, line: bytes) -> None:
-        with own_file(self._path, "ab+", buffering=0) as file:
-            # the other name may be that of an original, or of a copy in a backup
-            if os.fstat(file.fileno()).st_nlink > 1:
-                raise OSError(
-                    errno.EMLINK, f"{NAME} has a second name (a hard link); replace it by a copy"
-                )
-            exclusive(file.fileno())
-            size = file.seek(0, os.SEEK_END)
-            if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
-                # the last writer was cut off: keep its torn line apart from this one
-                line = b"\n" + line
-            while line:
-                line = line[file.write(line) :]
-            os.fsync(file.fileno())
-        if not size:
-            sync_folder(self._path.parent)
 
     def _catch_up(self) -> None:
         """Read what has been appended since."""
@@ -118,11 +114,8 @@ class Journal:
                 file.seek(self._read)
                 while line := file.readline(_LONGEST_LINE):
                     if len(line) == _LONGEST_LINE:
-                        raise OSError(
-                            errno.EINVAL,
-                            f"a line of {self._path.name} has {len(line)} bytes or more: remove "
-                            "the file",
-                        )
+                        long = f"a line of {NAME} has {len(line)} bytes or more: remove the file"
+                        raise OSError(errno.EINVAL, long)
                     if not line.endswith(b"\n"):
                         break  # torn, or still being written
                     self._read += len(line)
@@ -184,7 +177,8 @@ def output_lock(output: Path) -> Iterator[None]:
     OSError
         When the lock file cannot be created.
     """
-    path = lock_path(output)
+    name_digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
+    path = output.with_name(f".{short_name(output)}.{name_digest}.panchroma.lock")
     while True:
         with own_file(path, "ab") as file:
             exclusive(file.fileno())
@@ -195,9 +189,3 @@ def output_lock(output: Path) -> Iterator[None]:
             finally:
                 path.unlink(missing_ok=True)
             return
-
-
-def lock_path(output: Path) -> Path:
-    """The name of the lock on an output."""
-    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
-    return output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")

@@ -57,7 +57,8 @@ def _left_in_groups() -> Iterator[int]:
     """Yield the bytes that each limit of each control group leaves."""
     for group in control_groups("memory"):
         for limits, usage, dropped in _GROUPS:
-            used = max(0, (number_in(group / usage) or 0) - _entry(group / "memory.stat", dropped))
+            cached = system_figure(group / "memory.stat", dropped)
+            used = max(0, (number_in(group / usage) or 0) - cached)
             yield from (
                 limit - used for name in limits if (limit := number_in(group / name)) is not None
             )
@@ -76,10 +77,8 @@ def _granted_by_slurm() -> Iterator[int]:
 
     Source: Slurm, srun(1), output environment variables: megabytes.
     """
-    node, processor, count = (
-        os.environ.get(f"SLURM_{name}", "")
-        for name in ("MEM_PER_NODE", "MEM_PER_CPU", "CPUS_ON_NODE")
-    )
+    names = ("SLURM_MEM_PER_NODE", "SLURM_MEM_PER_CPU", "SLURM_CPUS_ON_NODE")
+    node, processor, count = (os.environ.get(name, "") for name in names)
     if node.isdecimal() and int(node):
         yield int(node) << 20
     elif processor.isdecimal() and int(processor) and count.isdecimal():
@@ -95,24 +94,14 @@ def _machine() -> int:
         return _UNKNOWN
 
 
-def system_figure(file: str, name: str) -> int:
-    """Return the bytes that a file of the system, with lines such as "MemAvailable: 12 kB", has
-    under a name; 0 = unknown.
-    """
-    with suppress(OSError), Path(file).open(encoding="ascii") as lines:
-        return next(
-            (int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:")), 0
-        )
-    return 0
-
-
-def _entry(file: Path, name: str) -> int:
-    """The number under a name in a file with lines such as "inactive_file 4096"; 0 where there is
-    none.
+def system_figure(file: str | Path, name: str) -> int:
+    """Return the bytes that a file of the system states under a name, in lines such as
+    "MemAvailable: 12 kB" or "inactive_file 4096"; 0 = unknown.
     """
     with suppress(OSError, ValueError):
-        lines = file.read_text(encoding="ascii").splitlines()
-        return next((int(line.split()[1]) for line in lines if line.startswith(f"{name} ")), 0)
+        text = Path(file).read_text(encoding="ascii")
+        if line := re.search(rf"^{name}:?\s+(\d+)( kB)?$", text, re.MULTILINE):
+            return int(line[1]) * (1024 if line[2] else 1)
     return 0
 
 

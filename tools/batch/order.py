@@ -160,13 +160,7 @@ class Order:
         return ()
 
     def read(self, source: str) -> Mosaic:
-        """The shot, calibrated.
-
-        Raises
-        ------
-        InputError
-            For one that cannot become such a picture.
-        """
+        """Return the shot, calibrated. Raises InputError for one that cannot become a picture."""
         return self.prepared(self.decode(source))
 
     def decode(self, source: str) -> Mosaic:
@@ -209,10 +203,10 @@ class Order:
         """Digest of everything that a picture depends on. Orders with equal keys make equal
         pictures.
         """
-        return key(input=source_digest, output=self.name(output), order=self._asked)
+        return key(input=source_digest, output=self.name(output), order=self._pixel_key)
 
     @cached_property
-    def _asked(self) -> str:
+    def _pixel_key(self) -> str:
         """Digest of all fields that change pictures, of the settings of the preset, and of the
         algorithm.
 
@@ -221,5 +215,5 @@ class Order:
         """
         from ...offline.version import ALGORITHM
 
-        asked = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
-        return key(algorithm=ALGORITHM, settings=asdict(self.settings), **asked)
+        fields = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
+        return key(algorithm=ALGORITHM, settings=asdict(self.settings), **fields)

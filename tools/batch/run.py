@@ -1,5 +1,6 @@
 """Render a list of shots, on this machine or on others."""
 
+import heapq
 import random
 from collections import Counter
 from collections.abc import Sequence
@@ -83,7 +84,7 @@ def render_all(
         if elsewhere:
             executor = stack.enter_context(cluster(scheduler or "", note))
             work = partial(_on_worker, order, memory)
-            results = _seen(executor.run(work, shots, note))
+            results = _refuse_unseen(executor.run(work, shots, note))
         elif count > 1:
             compile_ahead([order.settings], count, StageProgress(note=note))
             remedy = "render it again with `resume=True`, and fewer processes"
@@ -97,17 +98,12 @@ def render_all(
 
 
 def _processes(
-    order: Order,
-    shots: Sequence[Job],
-    jobs: int | None,
-    memory: int,
-    note: Note,
+    order: Order, shots: Sequence[Job], jobs: int | None, memory: int, note: Note
 ) -> int:
     """Choose the number of processes, see `render_all`."""
     cores = processors()
-    many = len(shots) >= _MANY * cores
-    most = jobs if jobs is not None else cores if many else 1
-    most = min(most, len(shots))
+    usual = cores if len(shots) >= _MANY * cores else 1
+    most = min(usual if jobs is None else jobs, len(shots))
     if order.dry_run or most <= 1:
         return 1
     fitting = max(1, memory // _largest_need(order, shots))
@@ -121,7 +117,7 @@ def _largest_need(order: Order, shots: Sequence[Job]) -> int:
     pixels, or nearly.
     """
     sizes = {shot.source: status.st_size for shot in shots if (status := file_status(shot.source))}
-    for source in sorted(sizes, key=lambda each: sizes[each], reverse=True)[:_LARGEST]:
+    for source in heapq.nlargest(_LARGEST, sizes, sizes.__getitem__):
         try:
             return needed_memory(order.read(source), order.kind, order.settings)
         except (PanchromaError, MemoryError):
@@ -144,7 +140,7 @@ def _on_worker(order: Order, memory: int | None, shot: Job, listener: StageProgr
     return attempt(order, allowed_memory(memory), 1, shot, listener)
 
 
-def _seen(results: Results[Job, Outcome]) -> Results[Job, Outcome]:
+def _refuse_unseen(results: Results[Job, Outcome]) -> Results[Job, Outcome]:
     """Replace the outcomes of pictures that this machine does not see."""
     for shot, result in results:
         if isinstance(result, Outcome) and result.state == "made" and not shot.output.exists():

@@ -40,7 +40,8 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
         The program ends after the block: from then on they end it at once. All files are written,
         and a traceback helps nobody.
     """
-    before = {number: signal.getsignal(number) for number in _ENDING if _in_main_thread()}
+    numbers = _ENDING if threading.current_thread() is threading.main_thread() else ()
+    before = {number: signal.getsignal(number) for number in numbers}
     free = [number for number, handler in before.items() if handler in _DEFAULT]
     _received.clear()
     hook = sys.unraisablehook
@@ -57,24 +58,9 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
         sys.unraisablehook = hook
 
 
-def _in_main_thread() -> bool:
-    return threading.current_thread() is threading.main_thread()
-
-
 def _terminate(number: int, frame: FrameType | None) -> None:
-    send_again_if_lost(number)
-    _received.append(Terminated(number))
-    raise _received[-1]
-
-
-def _leave(number: int, frame: FrameType | None) -> None:
-    os._exit(128 + number)
-
-
-def send_again_if_lost(number: int) -> None:
-    """In the handler of a signal: send it again if the exception that the handler raises gets lost.
-
-    Inside a callback from C (Numba loading a kernel) it is dropped, with a traceback.
+    """Raise Terminated, and send the signal again if that is lost: inside a callback from C (Numba
+    loading a kernel) it is dropped, with a traceback.
     """
     again = threading.Timer(_AGAIN, signal.pthread_kill, (threading.main_thread().ident, number))
     again.daemon = True
@@ -87,6 +73,12 @@ def send_again_if_lost(number: int) -> None:
             usual(lost)
 
     sys.unraisablehook = dropped
+    _received.append(Terminated(number))
+    raise _received[-1]
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    os._exit(128 + number)
 
 
 def raise_lost_signal() -> None:

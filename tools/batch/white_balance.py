@@ -1,6 +1,5 @@
 """The white balance of a render: that of the shot, an estimate, or multipliers."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -33,7 +32,7 @@ class WhiteBalance:
     multipliers: tuple[float, ...] = ()
 
     @classmethod
-    def parse(cls, wanted: str | Iterable[float]) -> "WhiteBalance":
+    def parse(cls, requested: str | Iterable[float]) -> "WhiteBalance":
         """The white balance that is asked for: "camera", "auto", or multipliers, as numbers or as a
         text such as "2.1,1,1.6".
 
@@ -42,28 +41,23 @@ class WhiteBalance:
         InputError
             For anything else.
         """
-        if isinstance(wanted, str) and wanted in (_CAMERA, _AUTO):
-            return cls(wanted)
+        if isinstance(requested, str) and requested in (_CAMERA, _AUTO):
+            return cls(requested)
         try:
             multipliers = tuple(
-                float(each) for each in (wanted.split(",") if isinstance(wanted, str) else wanted)
+                map(float, requested.split(",") if isinstance(requested, str) else requested)
             )
         except (ValueError, TypeError):
             multipliers = ()
         if len(multipliers) < 2:
             raise InputError(
-                f"`wb` is {wanted!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as "
+                f"`wb` is {requested!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as "
                 "2.1,1,1.6"
             )
-        if not all(
-            math.isfinite(multiplier) and 1 / _LARGEST <= multiplier <= _LARGEST
-            for multiplier in multipliers
-        ):
-            raise InputError(
-                f"`wb` is {wanted!r}, expected multipliers between {1 / _LARGEST:g} and "
-                f"{_LARGEST:g}"
-            )
-        return cls("", tuple(each / min(multipliers) for each in multipliers))
+        if not all(1 / _LARGEST <= multiplier <= _LARGEST for multiplier in multipliers):
+            limits = f"multipliers between {1 / _LARGEST:g} and {_LARGEST:g}"
+            raise InputError(f"`wb` is {requested!r}, expected {limits}")
+        return cls("", tuple(multiplier / min(multipliers) for multiplier in multipliers))
 
     def check(self, kind: PictureKind) -> None:
         """Raise InputError if this kind of picture has no white balance."""

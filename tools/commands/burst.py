@@ -38,9 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference", metavar="SHOT", help=reference)
     shifts = (
         "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and "
-        "rows down: X,Y for each shot, "
-        "with blanks between them; nothing is aligned then, and the reference is the first shot "
-        "by default"
+        "rows down: X,Y for each shot, with blanks between them; nothing is aligned then, and the "
+        "reference is the first shot by default"
     )
     parser.add_argument("--shifts", metavar='"X,Y X,Y ..."', type=_shifts, default=(), help=shifts)
     add_picture(parser, "best", "unlearned")
@@ -52,10 +51,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Make the picture; returns the exit code."""
     fields = order_fields(arguments)
     folder, suffix = fields["folder"], fields["kind"].suffix
-    found = search(arguments.shots, DNGS, output=folder)
-    if not found.report(console):
+    files = search(arguments.shots, DNGS, output=folder)
+    if not files.report(console):
         return FAILED
-    names = series(found.sources)
+    names = series(files.sources)
     if len(names) < 2:
         read_dng(names[0], max_pixels=pixel_limit())  # says what is wrong with it
         expected = "expected two or more of one scene; panchroma render renders a shot"
@@ -66,16 +65,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--shifts has {len(shifts)} places for {len(names)} shots, {expected}")
     reference = None
     if arguments.reference is not None:
-        files = [identity(name) or name for name in names]
-        file = identity(arguments.reference) or arguments.reference
-        if file not in files:
+        identities = [identity(name) or name for name in names]
+        chosen = identity(arguments.reference) or arguments.reference
+        if chosen not in identities:
             shots = f"the {len(names)} shots of the burst"
             raise InputError(f"--reference {arguments.reference}: is none of {shots}")
-        reference = files.index(file)
+        reference = identities.index(chosen)
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
     output = folder / f"{series_stem(names)}{suffix}"
-    searched = all(source.found for source in found.sources)
-    job = Job(names[0], (output,), searched, tuple(names))
-    jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
+    from_folder = all(source.from_folder for source in files.sources)
+    job = Job(names[0], (output,), from_folder, tuple(names))
+    jobs = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
     states = render_all(order, jobs, console, jobs=1, memory=arguments.max_memory)
-    return 0 if possible and not states["failed"] else FAILED
+    return FAILED if states["failed"] or not jobs else 0

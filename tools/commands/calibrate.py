@@ -54,9 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--flat", metavar="F", **repeated, help=flat)
     light = (
         "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of "
-        "the chart under it, or a folder "
-        "of them; repeat it for more, two lights in all; pictures under any light between the "
-        "two then have the right colours"
+        "the chart under it, or a folder of them; repeat it for more, two lights in all; pictures "
+        "under any light between the two then have the right colours"
     )
     parser.add_argument("--chart-light", metavar="LIGHT=F", type=_light, **repeated, help=light)
     corners = (
@@ -71,8 +70,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", metavar="NAME", type=text, help=sensor)
     report = "folder for report.html, created if missing"
     parser.add_argument("--report", metavar="DIR", help=report)
-    parts = "replace only those parts of FILE that these frames measure"
-    update = f"{parts}; FILE.bak keeps the old file"
+    update = (
+        "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file"
+    )
     parser.add_argument("--update", action="store_true", help=update)
     add(parser, "overwrite", help="replace FILE and the report; FILE.bak keeps the old file")
     add(parser, "json")
@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if arguments.corners and len(files["shots"]) != 1:
         number = f"{len(files['shots'])} shots are given"
         raise InputError(f"--corners gives the place of the chart in one shot; {number}")
-    corners: Matrix | None = tuple(arguments.corners or ()) or None
+    corners: Matrix | None = arguments.corners and tuple(arguments.corners)
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
@@ -112,23 +112,23 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         usual, chart_colours = chart_colours, read_reference(Path(arguments.chart))
         check_order(Path(arguments.chart), chart_colours, usual)
     old = read_known(output) if arguments.update and output.exists() else None
-    seen = measure_frames(console, files, chart_colours, corners, arguments.sensor, old)
-    if seen.base is None or seen.empty:
-        console.note(*seen.remarks)
+    measurements = measure_frames(console, files, chart_colours, corners, arguments.sensor, old)
+    if measurements.base is None or measurements.empty:
+        console.note(*measurements.remarks)
         console.error("no frame could be used, and no camera file was written")
         return FAILED
-    if (files["shots"] or lights) and not seen.shots and not (old and "gamma" in old.measured):
-        unknown = "gamma is not known, for no chart could be used"
-        advice = (
-            "mend what is said above, or leave these shots out to keep only what the other "
-            "frames show"
+    is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)
+    if (files["shots"] or lights) and not is_known:
+        error = (
+            "gamma is not known, for no chart could be used, and no camera file was written; mend "
+            "what is said above, or leave these shots out to keep only what the other frames show"
         )
-        return _refused(output, f"{unknown}, and no camera file was written; {advice}", console)
+        return _refuse(output, error, console)
     if old is not None:
-        check_same(output, old, seen.base)
+        check_same(output, old, measurements.base)
     today, program = datetime.now(UTC).date().isoformat(), f"panchroma {program_version()}"
     provenance = {"date": today, "program": program}
-    result = conclude(seen, provenance)
+    result = conclude(measurements, provenance)
     if result.camera:  # otherwise they are the reason
         console.error(*result.contradictions)
     console.note(*(f"warning: {line}" for line in result.warnings))
@@ -156,15 +156,14 @@ def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
     if len(shots) not in (0, 2):
         raise InputError(
             "--chart-light names two lights, with shots of the chart under each: --chart-light "
-            "A=F --chart-light D65=F; "
-            "charts under one light need none"
+            "A=F --chart-light D65=F; charts under one light need none"
         )
     if shots:
         check_apart(*shots)
     return shots
 
 
-def _refused(output: Path, error: str, console: Console, **facts: Any) -> int:
+def _refuse(output: Path, error: str, console: Console, **facts: Any) -> int:
     """Say and record why no camera file was written."""
     console.error(error)
     console.record(source=str(output), ok=False, error=error, **facts)
@@ -181,7 +180,7 @@ def _write(
     camera, verdict = result.camera, result.verdict
     if camera is None:
         error = f"{result.refusal}; no camera file was written"
-        return _refused(output, error, console, verdict=verdict, facts=result.facts)
+        return _refuse(output, error, console, verdict=verdict, facts=result.facts)
     if (kept := write_camera(output, camera, overwrite=overwrite)) is not None:
         console.say(f"{kept}: the file as it was before")
     if old is not None:
@@ -189,11 +188,9 @@ def _write(
         same = ", ".join(part for part in old.measured if part not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
-    known = (
-        f"{calibration.sensor or 'unnamed sensor'}, gamma {figures(calibration.gamma)}, "
-        f"measured: {parts}"
-    )
-    console.say(f"{output}: {known}, id {calibration.id}; {verdict}")
+    sensor, gamma = calibration.sensor or "unnamed sensor", figures(calibration.gamma)
+    described = f"{sensor}, gamma {gamma}, measured: {parts}, id {calibration.id}"
+    console.say(f"{output}: {described}; {verdict}")
     facts = {"verdict": verdict, "warnings": [*result.contradictions, *result.warnings]}
     console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)
     return FAILED if result.seen.skipped else 0

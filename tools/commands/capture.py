@@ -111,13 +111,11 @@ def _check_limits(frames: int, source: FrameSource) -> None:
     if needed > free:
         raise InputError(
             f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need "
-            f"{format_bytes(needed)} of memory, "
-            f"{format_bytes(free)} can be used; take fewer"
+            f"{format_bytes(needed)} of memory, {format_bytes(free)} can be used; take fewer"
         )
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limit != resource.RLIM_INFINITY and frames + _OTHER_FILES > limit:
         raise InputError(
             f"--burst is {frames}, and a program may open {limit} files here; take fewer, or "
-            "allow more: "
-            f"ulimit -n {frames + _OTHER_FILES}"
+            f"allow more: ulimit -n {frames + _OTHER_FILES}"
         )

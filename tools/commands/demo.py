@@ -90,8 +90,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             f"Median PSNR over all 10 x 10 patches, dB, at sigma {_NOISE.level:g}",
             f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
         ]
-        for name, (rgb, luminance, colour) in show(folder, console).items():
-            lines.append(f"{name:18}{rgb:8.1f}{luminance:12.1f}{colour:13.1f}")
+        for name, (rgb, luminance, chrominance) in show(folder, console).items():
+            lines.append(f"{name:18}{rgb:8.1f}{luminance:12.1f}{chrominance:13.1f}")
         return Outcome(lines=(*lines, f"{folder}: {', '.join(results)}"))
 
     return run_jobs([Job("demo", tuple(folder / name for name in results))], work, console)
@@ -123,10 +123,8 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     burst, hand = SimulatedBurst(len(names), *_MOTION), np.random.default_rng(_SEED)
     frames = list(burst_frames(scene.rgb, burst, hand, _PIXEL))
     paths = [folder / name for name in names]
-    mosaics = [
-        _photographed(scene, *shot, seed)
-        for seed, shot in enumerate(zip(frames, paths, strict=True))
-    ]
+    shots = enumerate(zip(frames, paths, strict=True))
+    mosaics = [_photographed(scene, *shot, seed) for seed, shot in shots]
     with console.progress("demo") as progress:
         one = renderings(mosaics[0], ("best",), progress)[0].rgb
         merged = merged_picture(mosaics, progress)
@@ -134,9 +132,9 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     pictures = {"frame.png": one, "burst.png": merged, "burst.tif": merged, "truth.tif": truth}
     _save(folder, mosaics[0], pictures)
     _compare(folder, mosaics[0], {"truth": truth, **compared}, _BURST_CROPS)
-    before, after = (quality(rgb, truth).median for rgb in compared.values())
-    gain = after[0] - before[0], after[1] - before[1], after[2] - before[2]
-    return {**dict(zip(compared, (before, after), strict=True)), "Gain": gain}
+    medians = {name: quality(rgb, truth).median for name, rgb in compared.items()}
+    before, after = medians.values()
+    return medians | {"Gain": (after[0] - before[0], after[1] - before[1], after[2] - before[2])}
 
 
 def _photographed(scene: Scene, frame: SimulatedFrame, path: Path, seed: int) -> Mosaic:
@@ -159,8 +157,8 @@ def _compare(folder: Path, mosaic: Mosaic, pictures: dict[str, FloatArray], crop
     from ..io.illustrations import comparison
 
     transform = ColourTransform.to_space(mosaic.calibration)
-    shown = {name: transform.apply(rgb) for name, rgb in pictures.items()}
-    _draw(folder / "comparison.png", comparison(shown, crops))
+    displayed = {name: transform.apply(rgb) for name, rgb in pictures.items()}
+    _draw(folder / "comparison.png", comparison(displayed, crops))
 
 
 def _draw(path: Path, figure: "Image") -> None:

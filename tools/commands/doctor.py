@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 import warnings
+from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 from importlib.metadata import PackageNotFoundError, requires
@@ -43,10 +44,9 @@ EXAMPLE = "panchroma doctor --compile"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma doctor`."""
     compiled = (
-        "first compile all of the renderer that is not compiled yet; what is compiled serves "
-        "this version of Panchroma on "
-        "processors of this model, wherever it finds the same cache folder (the line 'kernel "
-        "cache' names it)"
+        "first compile all of the renderer that is not compiled yet; what is compiled serves this "
+        "version of Panchroma on processors of this model, wherever it finds the same cache folder "
+        "(the line 'kernel cache' names it)"
     )
     parser.add_argument("--compile", action="store_true", help=compiled)
     add(parser, "json")
@@ -65,11 +65,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             console.say(f"{'':{width + 8}}-> {finding.remedy}")
         facts = finding._asdict()
         console.record(check=facts.pop("name"), ok=finding.state != BAD, **facts)
-    wrong = sum(finding.state == BAD for finding in findings)
-    missing = sum(finding.state == MISSING for finding in findings)
-    counted = f"{wrong} wrong, {missing} optional things missing"
-    console.say(counted if wrong or missing else "all is well")
-    return FAILED if wrong else 0
+    states = Counter(finding.state for finding in findings)
+    counted = f"{states[BAD]} wrong, {states[MISSING]} optional things missing"
+    console.say(counted if states[BAD] or states[MISSING] else "all is well")
+    return FAILED if states[BAD] else 0
 
 
 # --- the checks: each reports what it finds, and how to repair what is wrong ---------------------
@@ -96,8 +95,8 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def _judged(name: str, right: bool, found: str, remedy: str) -> Finding:
-    return Finding(name, GOOD, found) if right else Finding(name, BAD, found, remedy)
+def _judged(name: str, right: bool, outcome: str, remedy: str) -> Finding:
+    return Finding(name, GOOD, outcome) if right else Finding(name, BAD, outcome, remedy)
 
 
 def _compiled(console: Console) -> Finding:
@@ -133,14 +132,12 @@ def _program() -> Iterator[Finding]:
 
 
 # Extra -> how it is installed, and what needs its packages.
+_BM3D = "evaluate: the rivals with bm3d (non-commercial use only)"
 _EXTRAS = {
     "": ("pip install -e .", "nothing works without it"),
     "offline": (ALL, "render, demo, evaluate, calibrate"),
     "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, pages, progress bars"),
-    "rivals": (
-        "pip install -e '.[rivals]'",
-        "evaluate: the rivals with bm3d (non-commercial use only)",
-    ),
+    "rivals": ("pip install -e '.[rivals]'", _BM3D),
 }
 _MODULES = {"onnxruntime": "panchroma.shared.runtime", "Pillow": "PIL"}
 _REQUIREMENT = re.compile(r'([\w.-]+) *>= *([\d.]+)(?:.*extra *== *["\']([\w-]+)["\'])?')
@@ -181,24 +178,18 @@ def _numbers(text: str) -> tuple[int, ...]:
     return tuple(map(int, takewhile(str.isdecimal, text.split("."))))
 
 
-_OPENCV = (
-    "opencv-python",
-    "opencv-contrib-python",
-    "opencv-python-headless",
-    "opencv-contrib-python-headless",
-)
-
-
 def _opencv() -> Iterator[Finding]:
     """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
-    installed = {name: version for name in _OPENCV if (version := package_version(name))}
+    kinds = "python", "contrib-python", "python-headless", "contrib-python-headless"
+    names = [f"opencv-{kind}" for kind in kinds]
+    installed = {name: version for name in names if (version := package_version(name))}
     versions = " and ".join(f"{name} {version}" for name, version in installed.items())
     if not installed:
         yield Finding("OpenCV", MISSING, "not installed: burst, calibrate (finding a chart)", ALL)
     elif len(installed) == 1:
         yield Finding("OpenCV", GOOD, versions)
     else:
-        remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV[-1]}"
+        remedy = f"pip uninstall -y {' '.join(installed)} && pip install {names[-1]}"
         yield Finding("OpenCV", BAD, f"{versions} overwrite each other", remedy)
 
 
@@ -211,18 +202,15 @@ def _preview() -> Iterator[Finding]:
         from ..batch.previews import Previews
         from ..simulation.sensor import simulate_additive
 
-        wall, sensor = (
-            np.full((24, 24, 3), 0.3, np.float32),
-            (CfaPattern.bayer(6), SensorCalibration()),
-        )
-        mosaic = simulate_additive(wall, *sensor, 0.0, np.random.default_rng(0))
-        picture = Previews(threads=1)(mosaic)
+        wall, pattern = np.full((24, 24, 3), 0.3, np.float32), CfaPattern.bayer(6)
+        sensor, rng = SensorCalibration(), np.random.default_rng(0)
+        picture = Previews(threads=1)(simulate_additive(wall, pattern, sensor, 0.0, rng))
         right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
-        found = "runs" if right else "makes a wrong picture"
+        outcome = "runs" if right else "makes a wrong picture"
     except Exception as error:  # whatever it is, this check exists to find it
-        right, found = False, f"does not run: {error}"
+        right, outcome = False, f"does not run: {error}"
     remedy = "pip install --force-reinstall onnxruntime, then Panchroma"
-    yield _judged("preview", right, found, remedy)
+    yield _judged("preview", right, outcome, remedy)
 
 
 def _kernels() -> Iterator[Finding]:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from ...shared.errors import InputError, OutputError
 from ...shared.processors import processors
-from ...shared.tiles import TILES
 from ...shared.writing import write_durably
 from ..batch.cluster import SchedulerGoneError, absolute_path
 from ..batch.console import Console
@@ -23,7 +22,7 @@ from ..evaluation.figures import Figures
 from ..evaluation.tables import plain_text
 from ..io.versions import program_version
 from ..simulation.pattern_text import read_pattern
-from .options import add, add_noise, count, names, numbers, protocol_of
+from .options import TILE_NAMES, add, add_noise, count, names, numbers, protocol_of
 
 if TYPE_CHECKING:
     from ..evaluation.study import Cell, Study
@@ -50,11 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(light, "linear")
     what = parser.add_argument_group("what is compared: one or several, with commas")
     patterns = (
-        "patterns of filters, compared under the same light: K=4 (the paper's in 4 x 4 pixels), "
-        "a name "
-        f"({', '.join(map(str.casefold, TILES))}), letters of a tile such as "
-        "WBWG/BWGW/WGWR/GWRW, or a file; "
-        "C, M and Y are made of red, green and blue (default: K=6)"
+        "patterns of filters, compared under the same light: K=4 (the paper's in 4 x 4 pixels), a "
+        f"name ({TILE_NAMES}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; C, M and "
+        "Y are made of red, green and blue (default: K=6)"
     )
     usual = ["K=6"]
     what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
@@ -92,13 +89,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise OutputError(f"{error}, {remedy}") from None
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
-    todo, there = missing_cells(study, folder, anew=arguments.overwrite)
+    todo, kept = missing_cells(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
-        return _list(todo, there, failures, console)
+        return _list(todo, kept, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
         remove_results(study, folder)
-    if there:
-        console.note(f"{there} results are kept from an earlier run")
+    if kept:
+        console.note(f"{kept} results are kept from an earlier run")
     try:
         failures += team.measure(study, folder, todo, arguments.scheduler)
     except SchedulerGoneError as error:
@@ -156,12 +153,12 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Re
     return study, failures, left_out
 
 
-def _list(todo: "list[Cell]", there: int, failures: list[str], console: Console) -> int:
+def _list(todo: "list[Cell]", kept: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
     for cell in todo:
         console.say(cell.title)
         facts = {"source": cell.scene.source, "level": cell.level.level, "method": cell.method}
         facts |= {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
         console.record(**facts, dry_run=True)
-    console.say(f"{len(todo)} results to make, {there} kept from an earlier run")
+    console.say(f"{len(todo)} results to make, {kept} kept from an earlier run")
     return FAILED if failures else 0

@@ -40,24 +40,21 @@ class _Source(argparse.Action):
 def add_source(parser: argparse.ArgumentParser) -> None:
     """Add SOURCE and the options that describe its frames and its sensor."""
     sources = (
-        "- (standard input), a folder that is watched for frames, genicam:ID (a connected "
-        "camera; genicam: lists them), or "
-        "builtin:WIDTHxHEIGHT@FPS"
+        "- (standard input), a folder that is watched for frames, genicam:ID (a connected camera; "
+        "genicam: lists them), or builtin:WIDTHxHEIGHT@FPS"
     )
     parser.add_argument("source", metavar="SOURCE", help=sources, action=_Source)
     title = "the frames of a stream or folder (rpicam-raw prints all this when it starts)"
     frames = add_layout(parser, title)
     add(frames, "sensor-bits")
     black = (
-        "black level of the sensor, code (default: the camera's, or a sixteenth of the range); "
-        "its data sheet says it, "
-        "`calibrate --dark` measures it"
+        "black level of the sensor, code (default: the camera's, or a sixteenth of the range); its "
+        "data sheet says it, `calibrate --dark` measures it"
     )
     frames.add_argument("--black", metavar="N", type=int, help=black)
     unchecked = (
         "do not compare the first frames with these options, as with a covered lens; without it, "
-        "frames that prove one of "
-        "them wrong are refused"
+        "frames that prove one of them wrong are refused"
     )
     frames.add_argument("--unchecked", action="store_true", help=unchecked)
     new = "skip frames that are in the folder already"

@@ -65,11 +65,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise InputError(f"{error}{likely()}") from None
         errors = []
         if facts["name"] is None:
-            own = (
-                "the tile has no name that Panchroma knows; it may be right for a sensor with "
-                "a tile of its own"
-            )
-            errors.append(f"{job.source}: {own}{likely()}")
+            own = "it may be right for a sensor with a tile of its own"
+            unnamed = f"the tile has no name that Panchroma knows; {own}"
+            errors.append(f"{job.source}: {unnamed}{likely()}")
         rows = _rows(facts, hint)
         if job.outputs:
             picture = tile_map(facts["letters"], np.array(facts["light"]))
@@ -101,10 +99,8 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
     clear, is_open = len(facts["panchromatic"]), facts["open"]
     panchromatic = "no site"
     if clear:
-        panchromatic = (
-            f"{clear} of {facts['period'] ** 2} sites; the next are "
-            f"{100 * facts['gap']:.0f} % of the range darker"
-        )
+        gap = f"the next are {100 * facts['gap']:.0f} % of the range darker"
+        panchromatic = f"{clear} of {facts['period'] ** 2} sites; {gap}"
     elif is_open:
         reason = "the brightest sites do not read the same, or not the sum of the others"
         panchromatic = f"not known: {reason}"
@@ -122,23 +118,17 @@ def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
         rows.append(("colours", f"differ {times} more than sites of one colour do"))
     if len({first, *others}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
         rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
-    unknown = ""
     if is_open:
-        unknown = (
-            "the colours (?), and perhaps the period, and whether the brightest sites are clear"
-        )
-        unknown += ": take a picture with more colour or light"
+        doubts = "perhaps the period, and whether the brightest sites are clear"
+        unknown = f"the colours (?), and {doubts}: take a picture with more colour or light"
+        rows.append(("not known", unknown))
     elif facts["name"] == "Bayer":
-        unknown = (
-            "which colour is red, which is blue, and whether the two sites that read the "
-            "same are green, clear or yellow"
-        )
+        unknown = "whether the two sites that read the same are green, clear or yellow"
+        rows.append(("not known", f"which colour is red, which is blue, and {unknown}"))
     elif facts["exchangeable"]:
-        unknown = (
-            "which of the colours with equally many sites is which: a picture of "
-            "something red shows it"
-        )
-    return [*rows, *([("not known", unknown)] if unknown else []), *_next_rows(facts)]
+        unknown = "which of the colours with equally many sites is which"
+        rows.append(("not known", f"{unknown}: a picture of something red shows it"))
+    return [*rows, *_next_rows(facts)]
 
 
 def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
     files, limit = search(arguments.shots, DNGS), pixel_limit()
     searched = files.report(console)
-    jobs = [Job(source.name, found=source.found) for source in files.sources]
+    jobs = [Job(source.name, from_folder=source.from_folder) for source in files.sources]
     code = (_verify if arguments.verify else _show)(jobs, limit, console)
     return code if searched else FAILED
 
@@ -78,7 +78,7 @@ def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
     """Check each file against its own digest, and name those that are damaged or cannot be read;
     returns the exit code.
     """
-    wrong: dict[str, str] = {}  # file -> what is wrong with it
+    faults: dict[str, str] = {}  # file -> what is wrong with it
 
     def work(job: Job, listener: StageProgress) -> Outcome:
         try:
@@ -87,10 +87,10 @@ def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
             rows, columns = verify_dng(job.source, max_pixels=max_pixels)
             return Outcome({"width": columns, "height": rows, "digest": "shot"})
         except ForeignFileError:
-            wrong[job.source] = _FOREIGN
+            faults[job.source] = _FOREIGN
             raise
         except Exception:
-            wrong[job.source] = _DAMAGED if _is_readable(job.source) else _UNREAD
+            faults[job.source] = _DAMAGED if _is_readable(job.source) else _UNREAD
             raise
 
     files = {job.source: job for job in jobs}  # one that is named twice is checked once
@@ -98,10 +98,10 @@ def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
     with console.progress("verify") as progress:
         results = in_threads(work, jobs, processors(), console.note)
         code = FAILED if do_jobs(follow(results, jobs, progress), console)["failed"] else 0
-    kinds = Counter(wrong.values())
+    kinds = Counter(faults.values())
     counts = [f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind] or kind == _DAMAGED]
-    to_mend = [file for kind in (_DAMAGED, _UNREAD) for file in files if wrong.get(file) == kind]
-    summary = ", ".join([f"{len(files) - len(wrong)} whole", *counts])
+    to_mend = [file for kind in (_DAMAGED, _UNREAD) for file in files if faults.get(file) == kind]
+    summary = ", ".join([f"{len(files) - len(faults)} whole", *counts])
     console.say(summary, *(f"  {file}" for file in to_mend))
     return code
 
@@ -129,12 +129,11 @@ def _camera(source: str) -> tuple[dict[str, Any], Rows]:
         "defects": f"{len(calibration.defects)} pixels",
     }
     rows["levels"] += f" ({calibration.bits} bits)"
-    for part, how in camera.measured.items():
-        values = (value if isinstance(value, list) else [value] for value in how.values())
-        texts = (" ".join(map(str, value)) for value in values)
-        rows[f"{part}:"] = ", ".join(
-            f"{name} {text}" for name, text in zip(how, texts, strict=True)
-        )
+    for part, facts in camera.measured.items():
+        lists = {
+            name: value if isinstance(value, list) else [value] for name, value in facts.items()
+        }
+        rows[f"{part}:"] = ", ".join(" ".join(map(str, [name, *lists[name]])) for name in lists)
     return {"camera": camera.to_json(), "calibration_id": calibration.id}, list(rows.items())
 
 
@@ -180,30 +179,29 @@ def _light(mosaic: Mosaic) -> float:
 def _rows(facts: dict[str, Any]) -> Rows:
     """The facts as the rows of a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
-    light = "unknown: no pixel is panchromatic"
+    luminance = "unknown: no pixel is panchromatic"
     if facts["mean_luminance"] is not None:
-        light = (
-            f"mean {facts['mean_luminance']:.3f} scene units, "
-            f"{100 * facts['saturated']:.2f} % saturated"
-        )
+        saturated = f"{100 * facts['saturated']:.2f} % saturated"
+        luminance = f"mean {facts['mean_luminance']:.3f} scene units, {saturated}"
     name = f"{pattern['name']}, " if pattern["name"] else ""
     camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
-    head = {
-        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples "
-        "match their digest",
-        "pattern": f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times "
-        "the light of a Bayer sensor",
-    }
+    size = f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits"
+    light = f"{pattern['light_efficiency']:.2f} times the light of a Bayer sensor"
+    sensor = f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}"
     rows = {
         "network": facts["learned"] or "none for this pattern: rendered without learned colour",
-        "luminance": light,
+        "luminance": luminance,
         **_calibration(calibration),
-        "sensor": f"{calibration['sensor'] or 'unnamed'}, calibration "
-        f"{facts['calibration_id']}{camera}",
+        "sensor": sensor,
         "preview": f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB",
         **_capture(facts["metadata"]),
     }
-    return [*head.items(), *(("", " ".join(row)) for row in pattern["letters"]), *rows.items()]
+    return [
+        ("size", f"{size}; samples match their digest"),
+        ("pattern", f"{name}period {pattern['period']}, {light}"),
+        *(("", " ".join(row)) for row in pattern["letters"]),
+        *rows.items(),
+    ]
 
 
 def _calibration(document: dict[str, Any]) -> dict[str, str]:
@@ -263,5 +261,5 @@ def _matrix(rows: Sequence[Sequence[float]]) -> str:
 
 def _values(values: tuple[float, ...]) -> str:
     """The values; a single one where all are equal."""
-    shown = values[:1] if len(set(values)) == 1 else values
-    return " ".join(f"{value:.6g}" for value in shown)
+    distinct = values[:1] if len(set(values)) == 1 else values
+    return " ".join(f"{value:.6g}" for value in distinct)

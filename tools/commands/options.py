@@ -96,10 +96,10 @@ def _switch(names: str, about: str) -> Option:
     return names.split(), {"action": "store_true", "help": about}
 
 
+TILE_NAMES = ", ".join(map(str.casefold, TILES))
 _PATTERN = (
     "the filters of the sensor: K=4 (the paper's Bayer block in 4 x 4 pixels), a name "
-    f"({', '.join(map(str.casefold, TILES))}), the letters of a tile, row by row, W is "
-    "panchromatic (WBWG/BWGW/WGWR/GWRW), "
+    f"({TILE_NAMES}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
     "or a file with them, one row on each line (default: K=6, or the camera's)"
 )
 _CAMERA = "camera.json: the calibration of the sensor"
@@ -156,13 +156,9 @@ def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
     """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads
     them.
     """
-    for protocol in PROTOCOLS:
-        settings: dict[str, Any] = {
-            "metavar": protocol.metavar,
-            "type": factor,
-            "help": protocol.help,
-        }
-        parser.add_argument(f"--{protocol.option}", **settings | changed)
+    for kind in PROTOCOLS:
+        settings = {"metavar": kind.metavar, "type": factor, "help": kind.help, **changed}
+        parser.add_argument(f"--{kind.option}", **settings)
 
 
 def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
@@ -177,10 +173,8 @@ def pixel_limit() -> int:
     """
     stated = os.environ.get("PANCHROMA_MAX_PIXELS", str(MAX_PIXELS))
     if not stated.isascii() or not stated.isdigit():
-        raise InputError(
-            f"the environment variable PANCHROMA_MAX_PIXELS is {stated!r}, expected a number of "
-            "pixels"
-        )
+        variable = "the environment variable PANCHROMA_MAX_PIXELS"
+        raise InputError(f"{variable} is {stated!r}, expected a number of pixels")
     return int(stated)
 
 
@@ -192,9 +186,8 @@ def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
     InputError
         For --sigma together with --light.
     """
-    return chosen_protocol(
-        {protocol.option: getattr(arguments, protocol.option) for protocol in PROTOCOLS},
-    )
+    levels = {kind.option: getattr(arguments, kind.option) for kind in PROTOCOLS}
+    return chosen_protocol(levels)
 
 
 def camera_of(
@@ -221,9 +214,8 @@ def camera_of(
         pattern = stated or (camera and camera.pattern) or CfaPattern.bayer()
     if arguments.channels is not None:
         pattern = replace(pattern, channels=arguments.channels)
-    origin = getattr(arguments, "origin", None)
-    if origin is not None:
-        pattern = replace(pattern, origin=tuple(origin))
+    if arguments.origin is not None:
+        pattern = replace(pattern, origin=arguments.origin)
     try:
         if camera:
             camera.check_pattern(pattern)

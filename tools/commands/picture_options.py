@@ -18,23 +18,18 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     """Add the options of a picture, from --format to --preset, the first of which is the
     default.
     """
-    formats = "; ".join(
-        f"{each.name}: {each.about}" if each.about else f"{each.aliases[0]} is {each.name}"
-        for each in FORMATS.values()
-        if each.about or each.aliases
-    )
+    kinds = FORMATS.values()
+    words = [f"{alias} is {name}" for alias, name in OTHER_NAMES.items()]
+    words += [f"{kind.name}: {kind.about}" for kind in kinds if kind.about]
     group = parser.add_argument_group("the picture")
-    kinds: dict[str, Any] = {
-        "choices": tuple(FORMATS),
-        "default": "tif",
-        "help": f"{formats} (default: tif)",
-    }
-    group.add_argument("-f", "--format", metavar="FORMAT", type=_format, **kinds)
+    chosen: dict[str, Any] = {"choices": tuple(FORMATS), "default": "tif", "type": _format}
+    formats = f"{'; '.join(words)} (default: tif)"
+    group.add_argument("-f", "--format", metavar="FORMAT", **chosen, help=formats)
     bits = "bits per sample (default: the usual ones of the format)"
     group.add_argument("--bits", type=int, choices=(8, 16, 32), help=bits)
-    lossy = ", ".join(each.name for each in FORMATS.values() if each.has_quality)
+    lossy = ", ".join(kind.name for kind in kinds if kind.has_quality)
     add(group, "quality", help=f"for {lossy}: 1 (small) to 100 (default: 95)")
-    spaces = tuple(dict.fromkeys(space for each in FORMATS.values() for space in each.spaces))
+    spaces = tuple(dict.fromkeys(space for kind in kinds for space in kind.spaces))
     space = "colour space; camera: scene units (default: the usual one of the format)"
     group.add_argument("--space", choices=spaces, help=space)
     exposure = (

@@ -67,9 +67,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         facts["preview_ms"] = round(milliseconds, 1)
         return Outcome(facts, (f"{job.output}: {columns} x {rows}, {milliseconds:.0f} ms",))
 
-    found = search(arguments.shots, DNGS, output=folder)
-    searched = found.report(console)
-    jobs = plan(found.sources, lambda source: [f"{Path(source).stem}.jpg"], folder)
+    files = search(arguments.shots, DNGS, output=folder)
+    searched = files.report(console)
+    jobs = plan(files.sources, lambda source: [f"{Path(source).stem}.jpg"], folder)
     code = run_jobs(jobs, work, console, overwrite=arguments.overwrite)
     return code if searched else FAILED
 

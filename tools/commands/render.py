@@ -42,14 +42,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if arguments.jobs is not None and arguments.scheduler:
         raise InputError("--jobs cannot be used with a scheduler, which has its own workers")
     order = Order(**order_fields(arguments))
-    found = search(arguments.shots, DNGS, output=order.folder)
-    searched = found.report(console)
+    files = search(arguments.shots, DNGS, output=order.folder)
+    searched = files.report(console)
 
     def names(source: str) -> list[str]:
         return [f"{Path(source).stem}{order.kind.suffix}"]
 
-    planned = plan(found.sources, names, order.folder, dry_run=order.dry_run)
-    shots, all_possible = possible_jobs(planned, console, overwrite=order.overwrite or order.resume)
+    planned = plan(files.sources, names, order.folder, dry_run=order.dry_run)
+    shots = possible_jobs(planned, console, overwrite=order.overwrite or order.resume)
     try:
         where: dict[str, Any] = {"jobs": arguments.jobs, "scheduler": arguments.scheduler}
         states = render_all(order, shots, console, memory=arguments.max_memory, **where)
@@ -58,4 +58,4 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     if len(shots) > 1:
         console.note(counted(states))
-    return 0 if all_possible and searched and not states["failed"] else FAILED
+    return FAILED if states["failed"] or len(shots) < len(planned) or not searched else 0

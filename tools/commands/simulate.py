@@ -81,8 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     burst.add_argument("--motion", metavar="PIXELS", type=amount, default=0.0, help=motion)
     bracket = (
         "exposure of each frame in stops, such as 0,-2,2, or --bracket=-2,0 if it begins with a "
-        "minus; the files state it as "
-        "exposure time (default: all are exposed alike)"
+        "minus; the files state it as exposure time (default: all are exposed alike)"
     )
     stops = numbers(example="0,-2,2")
     burst.add_argument("--bracket", metavar="EV,EV,...", type=stops, default=(), help=bracket)
@@ -90,11 +89,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reduce", metavar="N", type=count, default=1, help=reduced)
     add(parser, "linear")
     truth = (
-        "also write what the shot sees, under its light and exposure, as STEM.truth.tif, "
-        "float32, scene units of a render, "
-        f"and as STEM{TRUTH_PICTURE}, sRGB, to look at; "
-        "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and "
-        "the motion of the others"
+        "also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, "
+        f"scene units of a render, and as STEM{TRUTH_PICTURE}, sRGB, to look at; of a burst what "
+        "its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of "
+        "the others"
     )
     parser.add_argument("--truth", action="store_true", help=truth)
     add(parser, "overwrite", "json")
@@ -106,10 +104,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     noise = protocol(protocol.default if level is None else level)
     is_series, burst = arguments.burst is not None, _burst(arguments)
     lens = Lens.of(arguments.shading)
-    known, pattern = camera_of(arguments)
-    if known:
-        lens.check(known.calibration, arguments.camera)
-    camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
+    measured, pattern = camera_of(arguments)
+    if measured:
+        lens.check(measured.calibration, arguments.camera)
+    camera = SimulatedCamera.of(pattern, measured, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
     previews = Previews()
     load = partial(load_scene, max_pixels=pixel_limit(), channels=pattern.channels)
@@ -150,8 +148,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             write(path, motion_text(motions, mosaic.shape).encode())
         notes.append((job.source, (*exposed.notes, *missing)))
         rows, columns = mosaic.shape
-        shown = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
-        lines = [f"{shot}: {shown}" for shot in shots]
+        size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
+        lines = [f"{shot}: {size}" for shot in shots]
         written = [str(path) for path in job.outputs if not (missing and path == beside[1])]
         facts = {"outputs": written, "width": columns, "height": rows}
         if is_series:
@@ -183,10 +181,8 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) ->
         try:
             development.check()
         except InputError:
-            unknown = (
-                f"the colours of the channels {mosaic.calibration.channels} are unknown, "
-                "or those of no light"
-            )
+            channels = mosaic.calibration.channels
+            unknown = f"the colours of the channels {channels} are unknown, or those of no light"
             return (f"no {TRUTH_PICTURE}: {unknown}",)
         write_picture(path, [exposed.truth], development, overwrite=overwrite)
     return ()

@@ -50,13 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser)
     folder = "folder for shots, created if missing; without it there is no button"
     add(parser, "output", required=False, help=folder)
+    usual, address = f"{_HOST}:{_PORT}", "ADDRESS:PORT"
     interface = (
-        "network interface that serves the page, and port, 0 for any free one (default: "
-        "127.0.0.1:8000, for this machine alone; "
-        "0.0.0.0 for everybody on the network)"
+        f"network interface that serves the page, and port, 0 for any free one (default: {usual}, "
+        "for this machine alone; 0.0.0.0 for everybody on the network)"
     )
-    usual = f"{_HOST}:{_PORT}"
-    address = "ADDRESS:PORT"
     parser.add_argument("--bind", metavar=address, type=_address, default=usual, help=interface)
     name = (
         "name of this machine that browsers may ask for, beside its addresses and own names, "

@@ -9,16 +9,16 @@ P = TypeVar("P")
 R = TypeVar("R")
 
 WAITING = 1
-"""Pieces, beside one per thread, that wait until they are worked on or used."""
+"""Items, beside one per thread, that wait until they are worked on or used."""
 
 
-def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iterator[R]:
-    """Yield `work(piece)` for each piece, in order; `work` runs in threads of its own, `pieces` are
+def ahead(work: Callable[[P], R], items: Iterable[P], threads: int = 1) -> Iterator[R]:
+    """Yield `work(item)` for each item, in order; `work` runs in threads of its own, `items` are
     taken in this one.
 
     It pays where `work` spends its time in NumPy, in a codec or on a file, which let other threads
-    run. At most `threads + WAITING` pieces are held. Raises what `work` and `pieces` raise. When
-    the iteration is left early, pieces that have begun are finished, and the others are dropped.
+    run. At most `threads + WAITING` items are held. Raises what `work` and `items` raise. When the
+    iteration is left early, items that have begun are finished, and the others are dropped.
 
     Examples
     --------
@@ -29,8 +29,8 @@ def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iter
     pending: deque[Future[R]] = deque()
     pool = ThreadPoolExecutor(threads, "ahead")
     try:
-        for piece in pieces:
-            pending.append(pool.submit(work, piece))
+        for item in items:
+            pending.append(pool.submit(work, item))
             while pending and (len(pending) >= threads + WAITING or pending[0].done()):
                 yield pending.popleft().result()
         while pending:

@@ -25,6 +25,7 @@ from ...shared.dng.exif import WANTED, printable
 from ...shared.dng.tags import TAG
 from ...shared.errors import InputError
 from ...shared.lights import ILLUMINANTS, between
+from ...shared.pattern import BAYER_ORDERS
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_reading import StoredDirectories, StoredFields, read_directories
 from ...shared.white_balance import clipped_share, normalised, shades_of_grey
@@ -40,13 +41,10 @@ than they take.
 """
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
-_COLOR_MATRICES = (
-    (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"]),
-    (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"]),
-)
+_COLOR_MATRICES = [(TAG[f"ColorMatrix{n}"], TAG[f"CalibrationIlluminant{n}"]) for n in (1, 2)]
 _COLOURS = {tag for pair in _COLOR_MATRICES for tag in pair}
 # Exif's LightSource values; all others are treated as D65.
-_ILLUMINANTS = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
+_ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 NO_RAW = (
@@ -115,10 +113,8 @@ def _unpack(
     """Call the function in a limited process, and check that it returns uint16 (H, W)."""
     samples, facts = run_limited(path, NEEDED, function, str(path), max_pixels)
     if samples.ndim != 2 or samples.dtype != np.uint16:
-        raise InputError(
-            f"its samples are {samples.dtype} of shape {samples.shape}: the file is damaged; "
-            "copy it again"
-        )
+        kind = f"{samples.dtype} of shape {samples.shape}"
+        raise InputError(f"its samples are {kind}: the file is damaged; copy it again")
     return samples, facts
 
 
@@ -152,15 +148,10 @@ def unpack_quads(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
         if (lens := getattr(raw, "lens", None)) is not None:
             facts["lens"] = str(lens.model or "")
         if (other := getattr(raw, "other", None)) is not None:
-            facts |= {
-                "artist": str(other.artist or ""),
-                "f_number": float(other.aperture),
-                "iso": float(other.iso_speed),
-            }
-            facts |= {
-                "focal_length": float(other.focal_length),
-                "exposure_time": float(other.shutter_speed),
-            }
+            numbers = other.aperture, other.iso_speed, other.focal_length, other.shutter_speed
+            names = "f_number", "iso", "focal_length", "exposure_time"
+            facts |= dict(zip(names, map(float, numbers), strict=True))
+            facts["artist"] = str(other.artist or "")
             facts["taken"] = other.timestamp.isoformat() if other.timestamp else ""
         return np.array(raw.raw_image_visible), facts
 
@@ -189,27 +180,22 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
     """
     rows, columns = (size // 2 for size in samples.shape)
     if not rows or not columns:
-        raise InputError(
-            f"the visible area is {samples.shape[1]} x {samples.shape[0]} pixels: no 2 x 2 quad "
-            "fits"
-        )
+        area = f"{samples.shape[1]} x {samples.shape[0]} pixels"
+        raise InputError(f"the visible area is {area}: no 2 x 2 quad fits")
     blacks, white, letters = facts["blacks"], facts["white"], facts["letters"]
     if not max(blacks) < white:
-        raise InputError(
-            f"black level {max(blacks):g} is not below white level {white:g}: the file's levels "
-            "are damaged"
-        )
+        levels = f"black level {max(blacks):g} is not below white level {white:g}"
+        raise InputError(f"{levels}: the file's levels are damaged")
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
     gone, limit = np.zeros_like(rgb), saturation(samples, white)
     for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
         black, channel = blacks[index], _CHANNELS.index(letters[index])
-        light = (
-            samples[row : 2 * rows : 2, column : 2 * columns : 2] - np.float32(black)
-        ) / np.float32(white - black)
-        rgb[..., channel] += light
+        signal = samples[row : 2 * rows : 2, column : 2 * columns : 2] - np.float32(black)
+        signal /= np.float32(white - black)
+        rgb[..., channel] += signal
         # One of two greens may be clipped: then so is their mean.
-        share = clipped_share(light, (limit - black) / (white - black), SHOULDER)
-        np.maximum(gone[..., channel], share, out=gone[..., channel])
+        weight = clipped_share(signal, (limit - black) / (white - black), SHOULDER)
+        np.maximum(gone[..., channel], weight, out=gone[..., channel])
     rgb[..., 1] /= 2
     return np.maximum(rgb, 0, out=rgb), gone
 
@@ -237,13 +223,8 @@ def register_quads(
         if (letter := facts["letters"][index]) != "G":
             channel = _CHANNELS.index(letter)
             move = [_QUARTER if step else -_QUARTER for step in place]
-            light = rgb[..., channel]
-            np.clip(
-                shift(light, move, order=3, mode="mirror"),
-                0,
-                light.max(),
-                out=registered[..., channel],
-            )
+            moved, top = shift(rgb[..., channel], move, mode="mirror"), rgb[..., channel].max()
+            np.clip(moved, 0, top, out=registered[..., channel])
             clipped[..., channel] = shift(gone[..., channel], move, order=1, mode="mirror")
     return registered, clipped
 
@@ -266,18 +247,12 @@ def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
         raise InputError(f"the RAW is monochrome: {no_quads}")
     letters = raw.color_desc.decode("ascii", "replace")
     if pattern.shape != (2, 2):
+        size = f"{pattern.shape[1]} x {pattern.shape[0]} pixels"
         kind = " (X-Trans)" if pattern.shape == (6, 6) else ""
-        raise InputError(
-            f"the filter pattern repeats every {pattern.shape[1]} x {pattern.shape[0]} "
-            f"pixels{kind}: {no_quads}"
-        )
-    quad = [letters[index] for index in pattern.ravel().tolist()]
-    if (
-        sorted(quad) != ["B", "G", "G", "R"]
-        or (quad[0] == "G") == (quad[1] == "G")
-        or (quad[0] == "G") == (quad[2] == "G")
-    ):
-        raise InputError(f"the filters are {''.join(quad)}: {no_quads}")
+        raise InputError(f"the filter pattern repeats every {size}{kind}: {no_quads}")
+    quad = "".join(letters[index] for index in pattern.ravel().tolist())
+    if quad not in BAYER_ORDERS:
+        raise InputError(f"the filters are {quad}: {no_quads}")
     return cast(NDArray[np.uint8], pattern)
 
 
@@ -297,7 +272,7 @@ def camera_scene(
     as_shot: tuple[float, ...] | None,
     fields: StoredFields,
     metadata: CaptureMetadata,
-    known: Any = None,
+    fallback: Any = None,
 ) -> Scene:
     """Return the scene that a camera recorded.
 
@@ -311,32 +286,28 @@ def camera_scene(
         How far each sample is clipped (see `with_white_highlights`); None = none is.
     as_shot : tuple[float, ...] | None
         The neutral that the file states; None = it is estimated from the scene, and a note says so.
-    fields, known : StoredFields, Any, optional
+    fields, fallback : StoredFields, Any, optional
         See `colour_matrix`.
     metadata : CaptureMetadata
         Capture data.
     """
     neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
     if neutral is None:
-        notes.append(
-            "the file has no white balance, and the scene is too dark or too bright to estimate one"
-        )
+        reason = "the scene is too dark or too bright to estimate one"
+        notes.append(f"the file has no white balance, and {reason}")
     elif not as_shot:
         figures = ", ".join(f"{value:.3f}" for value in neutral)
-        notes.append(
-            f"the file has no white balance: neutral {figures} is estimated from the scene"
-        )
-    matrix = colour_matrix(fields, neutral, known)
+        estimate = f"neutral {figures} is estimated from the scene"
+        notes.append(f"the file has no white balance: {estimate}")
+    matrix = colour_matrix(fields, neutral, fallback)
     if matrix is None:
-        notes.append(
-            "the camera's colour matrix is unknown: colours can be balanced, but not matched"
-        )
+        effect = "colours can be balanced, but not matched"
+        notes.append(f"the camera's colour matrix is unknown: {effect}")
     if gone is not None:
         rgb, clipped = with_white_highlights(rgb, neutral, gone)
         notes += clipped
-    return Scene(
-        rgb, name, matrix, neutral, metadata, tuple(notes), not as_shot and neutral is not None
-    )
+    is_estimated = not as_shot and neutral is not None
+    return Scene(rgb, name, matrix, neutral, metadata, tuple(notes), is_estimated)
 
 
 def _neutral(facts: Facts) -> tuple[float, ...] | None:
@@ -349,33 +320,28 @@ def _neutral(facts: Facts) -> tuple[float, ...] | None:
 
 
 def colour_matrix(
-    tags: StoredFields, neutral: tuple[float, ...] | None, known: Any = None
+    tags: StoredFields, neutral: tuple[float, ...] | None, fallback: Any = None
 ) -> Matrix | None:
-    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3),
-    for D65; None without one.
+    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `fallback` (3,
+    3), for D65; None without one.
 
     With matrices for two lights it is the one for the light of the neutral, see `between`.
     """
     if neutral is None:
         return None
     usable = []
-    for tag, light in _COLOR_MATRICES:
+    for tag, illuminant_tag in _COLOR_MATRICES:
         if (matrix := _usable(_numbers(tags, tag))) is not None:
-            code = (*_numbers(tags, light), 0)[0]
-            usable.append(
-                (
-                    ILLUMINANTS[_ILLUMINANTS.get(int(code) if 0 <= code < 2**16 else 0, "D65")],
-                    matrix,
-                )
-            )
+            code = (*_numbers(tags, illuminant_tag), 0)[0]
+            usable.append((ILLUMINANTS[_ILLUMINANTS.get(code, "D65")], matrix))
     if len(usable) == 2 and usable[0][0] != usable[1][0] and (mixed := between(usable, neutral)):
         return mixed
-    if not usable and (matrix := _usable(known)) is not None:
+    if not usable and (matrix := _usable(fallback)) is not None:
         usable.append((D65_XY, matrix))
-    light, matrix = min(
-        usable, key=lambda pair: abs(pair[0][0] - D65_XY[0]), default=(D65_XY, None)
-    )
-    return None if matrix is None else camera_to_xyz(matrix, neutral, light)
+    if not usable:
+        return None
+    xy, matrix = min(usable, key=lambda pair: abs(pair[0][0] - D65_XY[0]))
+    return camera_to_xyz(matrix, neutral, xy)
 
 
 def camera_to_xyz(
@@ -411,12 +377,9 @@ def _usable(values: Any) -> DoubleArray | None:
     except (TypeError, ValueError, ArithmeticError):
         return None
     # DNG requires a matrix: programs that do not know the camera write a unit matrix.
-    meant = (
-        np.isfinite(matrix).all()
-        and np.linalg.matrix_rank(matrix) == 3
-        and not np.allclose(matrix, np.eye(3))
-    )
-    return matrix if meant else None
+    if not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3)):
+        return None
+    return matrix if np.linalg.matrix_rank(matrix) == 3 else None
 
 
 def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
@@ -431,30 +394,31 @@ def raw_directories(path: Path) -> StoredDirectories:
     structure (RAF, RW2, MRW, CR3).
     """
     with path.open("rb") as file:
-        found = read_directories(file, WANTED | _COLOURS)
-        if found.main or found.exif:
-            return found
+        directories = read_directories(file, WANTED | _COLOURS)
+        if directories.main or directories.exif:
+            return directories
         file.seek(0)
         start = file.read(_SEARCHED)
-        places = sorted(place for mark in _TIFF_STARTS if (place := start.find(mark)) >= 0)
-        return read_directories(file, WANTED, places[0]) if places else found
+        places = [place for mark in _TIFF_STARTS if (place := start.find(mark)) >= 0]
+        return read_directories(file, WANTED, min(places)) if places else directories
 
 
 def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
     """Return the capture data: those in the file, or else what LibRaw has read and this rawpy
     passes on.
     """
-    found = metadata_from(directories)
+    metadata = metadata_from(directories)
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns
     # odd fields into odd numbers.
     if not directories.main and "taken" in facts:
         taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
         values = {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
         values |= {"artist": printable(facts["artist"]), "iso": round(facts["iso"])}
-        found = _with(found, {**values, "taken": taken if taken and taken.year > 1970 else None})
-    if "lens" in facts:
-        found = _with(found, {"lens": found.lens or printable(facts["lens"])})
-    return replace(found, orientation=_ORIENTATIONS.get(facts["flip"], 1))
+        values["taken"] = taken if taken and taken.year > 1970 else None
+        metadata = _with(metadata, values)
+    if "lens" in facts and not metadata.lens:
+        metadata = _with(metadata, {"lens": printable(facts["lens"])})
+    return replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))
 
 
 def _with(metadata: CaptureMetadata, values: Mapping[str, Any]) -> CaptureMetadata:

@@ -74,22 +74,22 @@ def with_white_highlights(
     clipped = (gone > _CLIPPED).any(axis=2)
     if not clipped.any():
         return rgb, ()
-    share = f"{100 * float(clipped.mean()):.2g} % of the pixels are clipped in the file"
+    counted = f"{100 * float(clipped.mean()):.2g} % of the pixels are clipped in the file"
     if neutral is None:
-        return rgb, (
-            f"{share}; no white balance is known, so they keep the colour of clipped samples",
-        )
+        effect = "no white balance is known, so they keep the colour of clipped samples"
+        return rgb, (f"{counted}; {effect}",)
     from scipy.ndimage import maximum_filter, uniform_filter
 
     white, result = np.array(neutral, np.float32), rgb.copy()
     some = (gone > 0).any(axis=2)
     result[some] = raised_to_white(rgb[some], gone[some], 1.0, neutral)
-    core = np.ones(rgb.shape[:2], np.float32)
+    burnt_out = np.ones(rgb.shape[:2], np.float32)
     for channel in range(rgb.shape[2]):
-        core *= maximum_filter(gone[..., channel], _BESIDE, mode="nearest")
-    fading = uniform_filter(maximum_filter(core, _BESIDE, mode="nearest"), _BESIDE, mode="nearest")
+        burnt_out *= maximum_filter(gone[..., channel], _BESIDE, mode="nearest")
+    around = maximum_filter(burnt_out, _BESIDE, mode="nearest")
+    fading = uniform_filter(around, _BESIDE, mode="nearest")
     rim = fading > 0
-    weight = np.maximum(fading, core)[rim][:, None].clip(0, 1)
-    light = result[rim].sum(axis=1, keepdims=True) / white.sum()
-    result[rim] += weight * (light * white - result[rim])
-    return result, (f"{share}: they are taken for white, as bright as their other channels say",)
+    weight = np.maximum(fading, burnt_out)[rim][:, None].clip(0, 1)
+    luminance = result[rim].sum(axis=1, keepdims=True) / white.sum()
+    result[rim] += weight * (luminance * white - result[rim])
+    return result, (f"{counted}: they are taken for white, as bright as their other channels say",)

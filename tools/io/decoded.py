@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...shared import CaptureMetadata
 from ...shared.errors import InputError
-from ...shared.tiff_reading import read_directories
+from ...shared.tiff_reading import StoredField, read_directories
 from .encoding import ADOBE_RGB, SRGB, Encoding
 from .icc import read_profile
 from .scene import RGB, scene_channels
@@ -85,13 +85,9 @@ def guarded(path: Path | str) -> Iterator[None]:
     except MemoryError:
         raise InputError("the picture does not fit into memory; cut or reduce it") from None
     except Exception as error:
-        said = error.args[0] if error.args else ""
-        lines = (
-            (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error))
-            .strip()
-            .splitlines()
-        )
-        reason = lines[0] if lines else type(error).__name__
+        message = error.args[0] if error.args else ""
+        text = message.decode("ascii", "replace") if isinstance(message, bytes) else str(error)
+        reason = (text.strip().splitlines() or [type(error).__name__])[0]
         # whoever shows the error names the file
         reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()
         raise InputError(
@@ -101,15 +97,15 @@ def guarded(path: Path | str) -> Iterator[None]:
 
 def channels_of(
     count: int,
-    wanted: str,
+    requested: str,
     notes: list[str],
     *,
     alpha: bool = False,
     colour: bool = False,
     pages: int = 1,
 ) -> str:
-    """Return which channels `count` samples per pixel without names are: `wanted`, or "" for a grey
-    or RGB picture.
+    """Return which channels `count` samples per pixel without names are: `requested`, or "" for a
+    grey or RGB picture.
 
     Parameters
     ----------
@@ -125,24 +121,22 @@ def channels_of(
     Raises
     ------
     InputError
-        When there are more samples than a picture has, and another number than `wanted`.
+        When there are more samples than a picture has, and another number than `requested`.
     """
     stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
     if pages == MOST_PAGES:
         stacked += " or more"
-    of_rgb = set(scene_channels(wanted)) <= set(RGB)
-    if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
-        notes.append(
-            f"its {stacked} have no names: they are taken as linear light of "
-            f"{', '.join(wanted)}, in this order"
-        )
-        return wanted
+    of_rgb = set(scene_channels(requested)) <= set(RGB)
+    if count == len(requested) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
+        order = f"{', '.join(requested)}, in this order"
+        notes.append(f"its {stacked} have no names: they are taken as linear light of {order}")
+        return requested
     if pages > 1 and count == len(RGB) and of_rgb:
         notes.append(f"its {stacked} are taken for red, green and blue")
     elif count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
+        pattern = f"the pattern the {len(requested)} channels {requested}"
         raise InputError(
-            f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as "
-            "many channels as the pattern "
+            f"has {stacked}, and {pattern}; a scene has as many channels as the pattern "
             "(`pattern`), or red, green and blue"
         )
     return ""
@@ -191,21 +185,15 @@ def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
         Gets a remark for the user.
     """
     stored = read_directories(exif, {_COLOR_SPACE, _INTEROPERABILITY_INDEX})
-    space, index = (
-        stored.exif.get(_COLOR_SPACE),
-        stored.interoperability.get(_INTEROPERABILITY_INDEX),
-    )
-    number = space.numbers[:1] if space else ()
-    option = index.data[:3] if index else b""
-    if number == (1,):
+    space = stored.exif.get(_COLOR_SPACE, StoredField(0)).numbers[:1]
+    option = stored.interoperability.get(_INTEROPERABILITY_INDEX, StoredField(0)).data[:3]
+    if space == (1,):
         return SRGB
-    if number == (2,) or option == b"R03":
+    if space == (2,) or option == b"R03":
         return ADOBE_RGB
-    if number and option != b"R98":
-        notes.append(
-            "Exif says that the colours are not those of sRGB, and not which they are; sRGB's "
-            "are assumed"
-        )
+    if space and option != b"R98":
+        unnamed = "the colours are not those of sRGB, and not which they are"
+        notes.append(f"Exif says that {unnamed}; sRGB's are assumed")
     return None
 
 

@@ -56,9 +56,8 @@ def decode_npy(path: Path, max_pixels: int, channels: str) -> Decoded:
         )
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim in (2, 3):
-        check_size(
-            stored.shape[1], stored.shape[0], stored[:1, :1].nbytes, data_bytes(path), max_pixels
-        )
+        rows, columns = stored.shape[:2]
+        check_size(columns, rows, stored[:1, :1].nbytes, data_bytes(path), max_pixels)
     return decode_array(stored, channels)
 
 
@@ -66,25 +65,17 @@ def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
     """The picture in an array, of the shapes, types and channels that `decode_npy` reads; a
     copy.
     """
-    if (
-        array.ndim not in (2, 3)
-        or array.dtype.kind not in "uf"
-        or (array.ndim == 3 and not array.shape[2])
-    ):
+    count = array.shape[2] if array.ndim == 3 else int(array.ndim == 2)
+    if not count or array.dtype.kind not in "uf":
         raise InputError(
-            f"the array is {array.dtype} of shape {array.shape}; "
-            "expected unsigned integers or floating point, (rows, columns) or (rows, columns, "
-            "channels)"
+            f"the array is {array.dtype} of shape {array.shape}; expected unsigned integers or "
+            "floating point, (rows, columns) or (rows, columns, channels)"
         )
     notes: list[str] = []
-    found = channels_of(array.shape[2] if array.ndim == 3 else 1, channels, notes)
-    pixels = np.array(array) if found else without_alpha(np.array(array), notes)
-    return Decoded(
-        pixels,
-        np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None,
-        notes=notes,
-        channels=found or RGB,
-    )
+    letters = channels_of(count, channels, notes)
+    pixels = np.array(array) if letters else without_alpha(np.array(array), notes)
+    peak = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None
+    return Decoded(pixels, peak, notes=notes, channels=letters or RGB)
 
 
 _NPY = PictureFormat("NPY", rb"\x93NUMPY", (".npy",), decode_npy)
@@ -146,26 +137,21 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]
             size = int.from_bytes(start[:4], "big") + _FRAME - len(start)
             chunks += 1
             if chunks > _MOST_CHUNKS + file.tell() // _LEAST_CHUNK:
-                raise InputError(
-                    f"{chunks} chunks in {file.tell()} bytes: the file is damaged, or made to "
-                    "waste time"
-                )
+                counts = f"{chunks} chunks in {file.tell()} bytes"
+                raise InputError(f"{counts}: the file is damaged, or made to waste time")
             if name in _PICTURE:
                 length += _FRAME + size
                 if length > most:
-                    raise InputError(
-                        f"more than {most} bytes of samples: the file is damaged, or made to "
-                        "fill the memory"
-                    )
+                    limit = f"more than {most} bytes of samples"
+                    raise InputError(f"{limit}: the file is damaged, or made to fill the memory")
                 kept += start, file.read(size)
             elif name in _BESIDE and name not in beside and size <= _LONGEST_BESIDE:
                 beside[name] = file.read(size)[:-4]
             else:
                 file.seek(size, 1)
                 # Drafts wrote mDCv and cLLi.
-                what = _UNUSED.get(name[:3] + name[3:].upper()) or (
-                    name.decode() if name in _BESIDE else ""
-                )
+                usual = name.decode() if name in _BESIDE else ""
+                what = _UNUSED.get(name[:3] + name[3:].upper(), usual)
                 if what and what not in unused:
                     unused.append(what)
             if name == b"IEND":
@@ -186,10 +172,8 @@ def _encoding(
     if b"cICP" in beside:
         if encoding := _coded(beside[b"cICP"], peak):
             return encoding
-        unused.append(
-            f"cICP {' '.join(map(str, beside[b'cICP'][:4]))}, an encoding that this program does "
-            "not read"
-        )
+        code = " ".join(map(str, beside[b"cICP"][:4]))
+        unused.append(f"cICP {code}, an encoding that this program does not read")
     if b"iCCP" in beside:
         # behind its name and the method, of which there is one
         profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]
@@ -215,21 +199,17 @@ def _gamma_and_primaries(beside: dict[bytes, bytes], unused: list[str]) -> Encod
     corners = np.frombuffer(beside.get(b"cHRM", b"").ljust(32, b"\0")[:32], ">u4") / 100000
     to_xyz = space_of([*corners[2:], *corners[:2]])  # white is the first
     usable = 0.1 < gamma < 10
-    unused += [
-        name
-        for name, ignored in (("gAMA", not usable), ("cHRM", not to_xyz))
-        if ignored and name.encode() in beside
-    ]
+    used = {b"gAMA": usable, b"cHRM": to_xyz is not None}
+    unused += [name.decode() for name in used if name in beside and not used[name]]
     if not (usable or to_xyz):
         return None
     is_srgb = to_xyz is None or bool(np.allclose(to_xyz, SRGB.to_xyz, atol=0.002))
     # sRGB files give this gamma for old readers
     if usable and is_srgb and abs(gamma - 1 / 2.2) < 0.005:
         return SRGB
-    curves = (power_curve(1 / gamma),) * 3 if usable else ()
-    return Encoding(
-        curves, to_xyz or SRGB.to_xyz, f"gamma {gamma:.4g}" if usable else "primaries alone"
-    )
+    if not usable:
+        return Encoding((), to_xyz or SRGB.to_xyz, "primaries alone")
+    return Encoding((power_curve(1 / gamma),) * 3, to_xyz or SRGB.to_xyz, f"gamma {gamma:.4g}")
 
 
 _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
@@ -259,14 +239,12 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
         raise InputError("the picture is cut short: its end is missing; copy it again")
     pixels, notes = np.atleast_3d(imagecodecs.jpeg8_decode(jpeg)), list[str]()
     # The parts of a profile begin with their number, and how many there are.
-    profile = b"".join(
-        part[2:] for part in sorted(header.held(_PROFILE), key=lambda part: part[:1])
-    )
+    parts = sorted(header.held(_PROFILE), key=lambda part: part[:1])
+    profile = b"".join(part[2:] for part in parts)
     encoding = profile_encoding(profile, notes) or exif_encoding(BytesIO(header.exif), notes)
     if any(mark in jpeg for mark in _GAIN_MAPS):
-        remark_on_unused(
-            ["a gain map for HDR (this is the plain picture, whose highlights end at white)"], notes
-        )
+        plain = "this is the plain picture, whose highlights end at white"
+        remark_on_unused([f"a gain map for HDR ({plain})"], notes)
     elif header.held(_SEVERAL):
         remark_on_unused(["further pictures in the file"], notes)
     return Decoded(pixels, 255, encoding, read_metadata(BytesIO(header.exif)), notes)
@@ -286,19 +264,16 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
             f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save "
             "it as half or float"
         )
-    stated, unused, notes = (
-        facts["chromaticities"],
-        [str(name) for name in facts["unused"]],
-        list[str](),
-    )
+    stated, unused, notes = facts["chromaticities"], [*map(str, facts["unused"])], list[str]()
     matrix = space_of(stated) if stated else None
-    unused += ["its chromaticities, which are those of no colours"] if stated and not matrix else []
+    if stated and not matrix:
+        unused.append("its chromaticities, which are those of no colours")
     remark_on_unused(unused, notes)
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
     return Decoded(pixels, None, encoding, notes=notes, channels=str(facts["channels"]))
 
 
-def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], Facts]:
+def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any], Facts]:
     """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file
     has them, and what it has besides.
 
@@ -309,33 +284,24 @@ def unpack_exr(path: str, max_pixels: int, wanted: str) -> tuple[NDArray[Any], F
 
         first = OpenEXR.File(path, header_only=True)
         header, parts = first.header(), len(first.parts)
-        (left, top), (right, bottom) = (
-            np.asarray(corner).tolist() for corner in header["dataWindow"]
-        )
+        corners = [np.asarray(corner, np.int64) for corner in header["dataWindow"]]
+        width, height = (corners[1] - corners[0] + 1).tolist()
         names = {channel.name for channel in header["channels"]}
         # the filters' own channels before those they can be made from
-        choices = [wanted, scene_channels(wanted), RGB]
-        found = next((choice for choice in choices if set(choice) <= names), "Y")
-        if not set(found) <= names or "RY" in names:
-            expected = "R, G, B" if wanted == RGB else f"{', '.join(wanted)}, or R, G, B"
-            raise InputError(
-                f"the EXR has the channels {', '.join(sorted(names))[:200]}; expected "
-                f"{expected}, or Y alone"
-            )
-        check_size(right - left + 1, bottom - top + 1, 4 * len(names), data_bytes(path), max_pixels)
+        choices = [requested, scene_channels(requested), RGB]
+        letters = next((choice for choice in choices if set(choice) <= names), "Y")
+        if not set(letters) <= names or "RY" in names:
+            expected = "R, G, B" if requested == RGB else f"{', '.join(requested)}, or R, G, B"
+            listed = ", ".join(sorted(names))[:200]
+            raise InputError(f"the EXR has the channels {listed}; expected {expected}, or Y alone")
+        check_size(width, height, 4 * len(names), data_bytes(path), max_pixels)
         channels = OpenEXR.File(path, separate_channels=True).channels()
-        pixels = np.stack([channels[name].pixels for name in found], axis=-1)
-        primaries = header.get("chromaticities")
-        unused = [f"channel {name[:40]}" for name in sorted(names - set(found))[:MOST_PAGES]]
+        pixels = np.stack([channels[name].pixels for name in letters], axis=-1)
+        unused = [f"channel {name[:40]}" for name in sorted(names - set(letters))[:MOST_PAGES]]
         unused += [f"{parts - 1} more parts"] if parts > 1 else []
-        corners = (
-            None if primaries is None else np.ravel(np.asarray(primaries, np.float64)).tolist()
-        )
-        return pixels, {
-            "channels": RGB if found == "Y" else found,
-            "chromaticities": corners,
-            "unused": unused,
-        }
+        primaries = np.ravel(np.asarray(header.get("chromaticities", ()), np.float64)).tolist()
+        channel_names = RGB if letters == "Y" else letters
+        return pixels, {"channels": channel_names, "chromaticities": primaries, "unused": unused}
 
 
 _EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)

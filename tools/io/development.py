@@ -66,11 +66,8 @@ class Development:
         InputError
             If those of the sensor are unknown.
         """
-        return ColourTransform.to_space(
-            self.calibration,
-            "srgb" if self.kind.space == CAMERA else self.kind.space,
-            restored=self.restored,
-        )
+        space = "srgb" if self.kind.space == CAMERA else self.kind.space
+        return ColourTransform.to_space(self.calibration, space, restored=self.restored)
 
     def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
         """A rendering or some rows of it as such a picture shows it: white where light is lost

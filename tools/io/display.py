@@ -71,14 +71,12 @@ class OutputSpace:
         return primaries_to_xyz(self.primaries)
 
 
-SPACES = {
-    space.name: space
-    for space in (
-        OutputSpace("srgb", "sRGB", SRGB_PRIMARIES),
-        OutputSpace("display-p3", "Display P3", P3_PRIMARIES),
-        OutputSpace("linear-srgb", "Linear sRGB", SRGB_PRIMARIES, linear=True),
-    )
-}
+_SPACES = (
+    OutputSpace("srgb", "sRGB", SRGB_PRIMARIES),
+    OutputSpace("display-p3", "Display P3", P3_PRIMARIES),
+    OutputSpace("linear-srgb", "Linear sRGB", SRGB_PRIMARIES, linear=True),
+)
+SPACES = {space.name: space for space in _SPACES}
 
 
 @dataclass(frozen=True)
@@ -128,11 +126,9 @@ class ColourTransform:
         if name not in SPACES:
             raise InputError(f"unknown output space {name!r}; there are {', '.join(SPACES)}")
         white, matrix = display_white(calibration, SPACES[name].to_xyz)
-        weights = (
-            None
-            if restored
-            else tuple(weight / calibration.full_scale for weight in calibration.gamma)
-        )
+        weights = None
+        if not restored:
+            weights = tuple(weight / calibration.full_scale for weight in calibration.gamma)
         brightest = calibration.full_scale / float(white.min())
         return cls(SPACES[name], tuple(white.tolist()), as_rows(matrix), brightest, weights)
 
@@ -163,8 +159,8 @@ class ColourTransform:
         rgb : FloatArray
             (H, W, C), scene units.
         """
-        share = None if self.weights is None else self._burnt_out(rgb.transpose(2, 0, 1), 1.0)
-        return None if share is None else np.rint(255 * share).astype(np.uint8)
+        degree = None if self.weights is None else self._burnt_out(rgb.transpose(2, 0, 1), 1.0)
+        return None if degree is None else np.rint(255 * degree).astype(np.uint8)
 
     def apply(self, rgb: FloatArray, exposure: float = 0.0) -> FloatArray:
         """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for
@@ -215,19 +211,15 @@ class ColourTransform:
                 # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0
                 # would tint noisy shadows. What is burnt out is clipped higher: its chromaticity is
                 # wrong, and may be negative.
-                np.clip(
-                    planes, -white if burnt is None else (2 * burnt - 1) * white, white, out=planes
-                )
+                lowest = -white if burnt is None else (2 * burnt - 1) * white
+                np.clip(planes, lowest, white, out=planes)
             product = np.empty_like(planes[0])
             for output, weights in enumerate(matrix):
                 plane: FloatArray = weights[0] * planes[0]
-                for weight, each in zip(weights[1:], planes[1:], strict=True):
-                    plane += np.multiply(weight, each, out=product)
-                yield (
-                    rows,
-                    output,
-                    encode_srgb(plane) if encoded and not self.space.linear else plane,
-                )
+                for weight, channel in zip(weights[1:], planes[1:], strict=True):
+                    plane += np.multiply(weight, channel, out=product)
+                is_encoded = encoded and not self.space.linear
+                yield rows, output, encode_srgb(plane) if is_encoded else plane
 
     def _burnt_out(self, planes: FloatArray, darker: float) -> FloatArray | None:
         """Degree to which pixels of (C, rows, W), scene units, are not what the light was, 0 to 1.
@@ -247,12 +239,8 @@ class ColourTransform:
         """Return the light (C, ...), scene units, as a fraction of what the shot could measure."""
         if self.weights is None:
             limits = (np.float32(white * self.brightest) for white in self.white)
-            return np.min(
-                [plane / limit for plane, limit in zip(planes, limits, strict=True)], axis=0
-            )
-        return sum(
-            np.float32(weight) * plane for plane, weight in zip(planes, self.weights, strict=True)
-        )
+            return np.min(list(map(np.divide, planes, limits)), axis=0)
+        return sum(map(np.multiply, map(np.float32, self.weights), planes))
 
 
 def check_exposure(exposure: float) -> None:
@@ -276,7 +264,6 @@ def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:
     if not np.issubdtype(rgb.dtype, np.floating):
         raise InputError(f"a picture of {rgb.dtype}, expected floating-point scene units")
     if bad := sum(int(np.count_nonzero(~np.isfinite(rgb[rows]))) for rows in strips(len(rgb))):
-        raise InputError(
-            f"{bad} of {rgb.size} values of the picture are not finite (NaN or infinite)"
-        )
+        counted = f"{bad} of {rgb.size} values of the picture"
+        raise InputError(f"{counted} are not finite (NaN or infinite)")
     return rgb.astype(np.float32, copy=False)

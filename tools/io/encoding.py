@@ -85,10 +85,8 @@ def table_curve(table: DoubleArray) -> Curve:
 
 SRGB = Encoding((decode_srgb,) * 3, SRGB_TO_XYZ, "sRGB")
 LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
-# (1998), 4.3.4.2
-ADOBE_RGB = Encoding(
-    (power_curve(563 / 256),) * 3, as_rows(primaries_to_xyz(_ADOBE_RGB)), "Adobe RGB"
-)
+_ADOBE_TO_XYZ = as_rows(primaries_to_xyz(_ADOBE_RGB))
+ADOBE_RGB = Encoding((power_curve(563 / 256),) * 3, _ADOBE_TO_XYZ, "Adobe RGB")  # (1998), 4.3.4.2
 
 
 def space_of(corners: Sequence[float]) -> Matrix | None:
@@ -125,10 +123,8 @@ def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Enc
     if narrow:
         full = curve
         curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
-    matrix = as_rows(primaries_to_xyz(*corners))
-    return Encoding(
-        (curve,) * 3, matrix, f"primaries {primaries} and transfer {transfer} of H.273", note
-    )
+    name = f"primaries {primaries} and transfer {transfer} of H.273"
+    return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name, note)
 
 
 def _bt709(encoded: DoubleArray) -> DoubleArray:
@@ -140,8 +136,8 @@ def _pq(encoded: DoubleArray) -> DoubleArray:
     """BT.2100, table 4: reference PQ EOTF; 1 = white."""
     power = encoded ** (32 / 2523)
     c2, c3 = 2413 / 128, 2392 / 128
-    light = np.maximum(power - (c3 - c2 + 1), 0) / (c2 - c3 * power)
-    return 10000 / _PQ_WHITE * light ** (16384 / 2610)
+    ratio = np.maximum(power - (c3 - c2 + 1), 0) / (c2 - c3 * power)
+    return 10000 / _PQ_WHITE * ratio ** (16384 / 2610)
 
 
 def _hlg(encoded: DoubleArray) -> DoubleArray:

@@ -27,9 +27,8 @@ def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixel
         Of the picture.
     """
     # tifffile fills missing data with zeros: a black stripe in the picture instead of an error.
-    if not offsets or any(
-        not length or offset + length > end for offset, length in zip(offsets, lengths, strict=True)
-    ):
+    ends = (offset + length for offset, length in zip(offsets, lengths, strict=True))
+    if not offsets or max(ends) > end or not all(lengths):
         raise InputError(
             "the picture is cut short: it points beyond the end of the file; copy it again"
         )
@@ -38,10 +37,8 @@ def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixel
             "the strips of the picture overlap: the file is damaged, or made to fill the memory"
         )
     if len(offsets) > _MANY_PIECES and len(offsets) * _LEAST_PIECE > pixels:
-        raise InputError(
-            f"{pixels} pixels in {len(offsets)} strips: the file is damaged, or made to waste "
-            "time; save it again"
-        )
+        reason = "the file is damaged, or made to waste time; save it again"
+        raise InputError(f"{pixels} pixels in {len(offsets)} strips: {reason}")
 
 
 def data_bytes(path: Path | str) -> int:
@@ -52,14 +49,14 @@ def data_bytes(path: Path | str) -> int:
     to the end.
     """
     with Path(path).open("rb", buffering=0) as file:
-        descriptor, end, found, place = file.fileno(), file.seek(0, SEEK_END), 0, 0
+        descriptor, end, held, place = file.fileno(), file.seek(0, SEEK_END), 0, 0
         if not hasattr(os, "SEEK_DATA"):
             return end
         try:
             for _ in range(_MOST_HOLES):
                 start = os.lseek(descriptor, place, os.SEEK_DATA)
                 place = os.lseek(descriptor, start, os.SEEK_HOLE)
-                found += place - start
+                held += place - start
         except OSError as error:
-            return found if error.errno == errno.ENXIO else end  # ENXIO: no data from here on
-        return found
+            return held if error.errno == errno.ENXIO else end  # ENXIO: no data from here on
+        return held

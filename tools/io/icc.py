@@ -42,12 +42,12 @@ def through_tables(pixels: NDArray[Any], peak: int, profile: bytes) -> FloatArra
 
     `peak` is the code that stands for 1.0. White is 1; nothing is negative.
     """
-    light: FloatArray = np.empty((*pixels.shape[:2], 3), np.float32)
+    linear: FloatArray = np.empty((*pixels.shape[:2], 3), np.float32)
     back = np.linalg.inv(np.array(REC_2020)).T
     for rows in strips(len(pixels)):
-        codes = np.broadcast_to(pixels[rows], light[rows].shape)
-        light[rows] = np.maximum(_xyz(codes / peak, profile) @ back, 0)
-    return light
+        codes = np.broadcast_to(pixels[rows], linear[rows].shape)
+        linear[rows] = np.maximum(_xyz(codes / peak, profile) @ back, 0)
+    return linear
 
 
 def _grey(profile: bytes) -> Encoding:
@@ -60,27 +60,23 @@ def _rgb(profile: bytes) -> Encoding:
     ramps = np.zeros((3, _CODES, 3))
     for channel in range(3):
         ramps[channel, :, channel] = np.linspace(0, 1, _CODES)
-    seen = _xyz(ramps, profile)
-    matrix = seen[:, -1].T
+    converted = _xyz(ramps, profile)
+    matrix = converted[:, -1].T
     tables = Encoding(LINEAR.curves, REC_2020, _NAME, profile=profile)
     white = matrix.sum(axis=1)
     if np.abs(white - D50).max() > 0.01 or np.linalg.matrix_rank(matrix) < 3:
         return tables
-    curves = [
-        seen[channel] @ matrix[:, channel] / (matrix[:, channel] @ matrix[:, channel])
-        for channel in range(3)
-    ]
+    columns = zip(converted, matrix.T, strict=True)
+    curves = [ramp @ column / (column @ column) for ramp, column in columns]
     colours = np.random.default_rng(0).integers(0, _CODES, (1, 64, 3))
-    light = np.stack(
-        [curve[colours[..., channel]] for channel, curve in enumerate(curves)], axis=-1
-    )
-    if np.abs(light @ matrix.T - _xyz(colours / (_CODES - 1), profile)).max() > _ADDS:
+    planes = [curve[colours[..., channel]] for channel, curve in enumerate(curves)]
+    sums = np.stack(planes, axis=-1) @ matrix.T
+    if np.abs(sums - _xyz(colours / (_CODES - 1), profile)).max() > _ADDS:
         return tables
     # Colorants add up to D50 except for rounding, which is corrected so that white stays exactly
     # neutral.
-    return Encoding(
-        tuple(map(table_curve, curves)), as_rows((D50 / white)[:, None] * matrix), _NAME
-    )
+    to_xyz = as_rows((D50 / white)[:, None] * matrix)
+    return Encoding(tuple(map(table_curve, curves)), to_xyz, _NAME)
 
 
 def _xyz(values: DoubleArray, profile: bytes, kind: str = "rgb") -> DoubleArray:
@@ -91,16 +87,9 @@ def _xyz(values: DoubleArray, profile: bytes, kind: str = "rgb") -> DoubleArray:
 
     if len(profile) > _LARGEST:
         raise ValueError("not a profile of a picture")
-    xyz = imagecodecs.cms_profile("xyz")
-    how: dict[str, Any] = {
-        "colorspace": kind,
-        "outcolorspace": "xyz",
-        "outdtype": "f8",
-        "intent": 1,
-    }
-    converted: DoubleArray = imagecodecs.cms_transform(
-        np.asarray(values, np.float64), profile, xyz, **how
-    )
+    spaces: dict[str, Any] = {"colorspace": kind, "outcolorspace": "xyz", "outdtype": "f8"}
+    codes, xyz = np.asarray(values, np.float64), imagecodecs.cms_profile("xyz")
+    converted: DoubleArray = imagecodecs.cms_transform(codes, profile, xyz, intent=1, **spaces)
     if not np.isfinite(converted).all():
         raise ValueError("not the colours of a picture")
     return converted

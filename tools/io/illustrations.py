@@ -54,32 +54,22 @@ def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Cro
         np.repeat(plane[rows, columns, None] / white, 3, axis=2)
         for plane in (mosaic.signal, luminance)
     )
-    planes = mosaic.pattern.filter_map(mosaic.shape)[rows, columns]
-    tints = np.array([_FILTERS[letter] for letter in mosaic.pattern.planes], np.float32) / 255
-    colours = np.where(
-        (planes < 3)[..., None], np.sqrt(np.clip(signal * 3, 0, 1)) * tints[planes], 0.1
-    )
+    pattern = mosaic.pattern
+    planes = pattern.filter_map(mosaic.shape)[rows, columns]
+    tints = np.array([_FILTERS[letter] for letter in pattern.planes], np.float32) / 255
+    sites = np.sqrt(np.clip(signal * 3, 0, 1)) * tints[planes]
+    colours = np.where((planes < 3)[..., None], sites, 0.1)
+    measured, denoised = (_enlarged(np.sqrt(np.clip(plane, 0, 1))) for plane in (signal, filled))
     gain = np.float32(mosaic.calibration.full_scale / white)
     coloured = ColourTransform.to_space(mosaic.calibration).apply(rgb[rows, columns] * gain)
-    light = f"{mosaic.pattern.light_efficiency:.1f} times the light, full-resolution luminance"
+    gathered = f"{pattern.light_efficiency:.1f} times the light, full-resolution luminance"
+    often = f"once in {pattern.period} x {pattern.period} pixels"
     panels = [
         ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(("RG", "GB"))),
-        ("The sparse-colour sensor", light, _pattern(mosaic.pattern.letters_from())),
-        (
-            "It measures luminance",
-            "nearly everywhere ...",
-            _enlarged(np.sqrt(np.clip(signal, 0, 1))),
-        ),
-        (
-            "... and colour",
-            f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels",
-            _enlarged(colours),
-        ),
-        (
-            "Luminance, holes filled",
-            "total variation (Eqs. 1-5), then denoised",
-            _enlarged(np.sqrt(np.clip(filled, 0, 1))),
-        ),
+        ("The sparse-colour sensor", gathered, _pattern(pattern.letters_from())),
+        ("It measures luminance", "nearly everywhere ...", measured),
+        ("... and colour", often, _enlarged(colours)),
+        ("Luminance, holes filled", "total variation (Eqs. 1-5), then denoised", denoised),
         ("Colour, propagated", "along the edges of luminance (Eqs. 6-14)", _enlarged(coloured)),
     ]
     return _sheet(panels, across=3)
@@ -99,14 +89,12 @@ def comparison(pictures: dict[str, FloatArray], crops: dict[str, Crop], size: in
     """
     panels = []
     for place, (row, column) in crops.items():
-        for name, picture in pictures.items():
-            panels.append(
-                (name, place, _enlarged(picture[row : row + size, column : column + size]))
-            )
+        area = np.s_[row : row + size, column : column + size]
+        panels += [(name, place, _enlarged(picture[area])) for name, picture in pictures.items()]
     return _sheet(panels, across=len(pictures))
 
 
-def draw_tile(tile: Sequence[str], cell: int, light: DoubleArray | None = None) -> ByteArray:
+def draw_tile(tile: Sequence[str], cell: int, levels: DoubleArray | None = None) -> ByteArray:
     """Return a picture of filters, uint8 (H, W, 3): a square for each, in its colour.
 
     Parameters
@@ -115,7 +103,7 @@ def draw_tile(tile: Sequence[str], cell: int, light: DoubleArray | None = None) 
         Rows of letters.
     cell : int
         Pixels of a square, with a gap of two.
-    light : DoubleArray | None, optional
+    levels : DoubleArray | None, optional
         Mean level of each site in any unit, (rows, columns): squares as grey as that, with a disc
         in the colour, and a letter.
     """
@@ -123,11 +111,10 @@ def draw_tile(tile: Sequence[str], cell: int, light: DoubleArray | None = None) 
 
     picture = Image.new("RGB", (len(tile[0]) * cell, len(tile) * cell), _PAPER)
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(cell * 0.36)
-    greys = (
-        None
-        if light is None
-        else _DARKEST + (light - light.min()) * ((_BRIGHTEST - _DARKEST) / (np.ptp(light) or 1.0))
-    )
+    greys = None
+    if levels is not None:
+        step = (_BRIGHTEST - _DARKEST) / (np.ptp(levels) or 1.0)
+        greys = _DARKEST + (levels - levels.min()) * step
     for row, column in np.ndindex(len(tile), len(tile[0])):
         letter = tile[row][column]
         left, top, colour = column * cell, row * cell, _FILTERS.get(letter, _OTHER)
@@ -140,14 +127,14 @@ def draw_tile(tile: Sequence[str], cell: int, light: DoubleArray | None = None) 
     return np.asarray(picture)
 
 
-def tile_map(tile: Sequence[str], light: DoubleArray) -> bytes:
+def tile_map(tile: Sequence[str], levels: DoubleArray) -> bytes:
     """Return the PNG of a tile, K rows of K letters, and of how bright its sites are (K, K): see
     `draw_tile`.
     """
     from PIL import Image
 
     file = BytesIO()
-    Image.fromarray(draw_tile(tile, max(_TILE // len(tile), 56), light)).save(file, "PNG")
+    Image.fromarray(draw_tile(tile, max(_TILE // len(tile), 56), levels)).save(file, "PNG")
     return file.getvalue()
 
 
@@ -163,9 +150,8 @@ def _pattern(tile: Sequence[str]) -> ByteArray:
 def _enlarged(display: FloatArray) -> ByteArray:
     """Pixels as squares, as large as fits a panel."""
     factor = max(1, _PANEL // max(display.shape[:2]))
-    return np.kron(
-        quantise(display.astype(np.float32), 8), np.ones((factor, factor, 1), np.uint8)
-    ).astype(np.uint8)
+    codes = quantise(display.astype(np.float32), 8)
+    return codes.repeat(factor, axis=0).repeat(factor, axis=1).astype(np.uint8)
 
 
 def _sheet(panels: list[tuple[str, str, ByteArray]], across: int) -> "Image":

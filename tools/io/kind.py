@@ -48,21 +48,14 @@ class PictureKind:
         check_quality(self.quality)
         if self.quality is not None and not kept_as.has_quality:
             lossy = ", ".join(name for name, written in FORMATS.items() if written.has_quality)
-            raise InputError(
-                f"the quality is {self.quality}, but {self.format} is not compressed with loss; "
-                f"use {lossy}"
-            )
+            plain = f"{self.format} is not compressed with loss"
+            raise InputError(f"the quality is {self.quality}, but {plain}; use {lossy}")
         if kept_as.missing:
             raise InputError(kept_as.missing)
         if self.space not in kept_as.spaces:
-            raise InputError(
-                f"{self.format} does not hold the space {self.space!r}; it holds {_listed(kept_as)}"
-            )
+            raise _refusal(kept_as, f"the space {self.space!r}")
         if self.bits not in kept_as.spaces[self.space]:
-            raise InputError(
-                f"{self.format} does not hold {self.space} with {self.bits} bits; it holds "
-                f"{_listed(kept_as)}"
-            )
+            raise _refusal(kept_as, f"{self.space} with {self.bits} bits")
 
     @classmethod
     def of(
@@ -80,7 +73,7 @@ class PictureKind:
             if space in (None, candidate) and bits in (None, *possible):
                 return cls(name, bits or possible[0], candidate, quality)
         if space is None:
-            raise InputError(f"{name} does not hold {bits} bits; it holds {_listed(kept_as)}")
+            raise _refusal(kept_as, f"{bits} bits")
         return cls(name, bits or 0, space, None)  # raises InputError with the reason
 
     @property
@@ -125,8 +118,10 @@ def _known(name: str) -> Format:
     return FORMATS[name]
 
 
-def _listed(kept_as: Format) -> str:
-    return ", ".join(
+def _refusal(kept_as: Format, requested: str) -> InputError:
+    """The error for what a format does not hold, with what it does."""
+    listed = ", ".join(
         f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
         for space, bits in kept_as.spaces.items()
     )
+    return InputError(f"{kept_as.name} does not hold {requested}; it holds {listed}")

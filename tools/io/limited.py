@@ -65,9 +65,8 @@ def run_limited(
     """
     size = data_bytes(file)
     seconds, most = _SECONDS + size * _SECONDS_PER_BYTE, _BYTES + size * _BYTES_PER_BYTE
-    request = json.dumps(
-        (modules, seconds, most, function.__module__, function.__name__, arguments)
-    )
+    call = function.__module__, function.__name__, arguments
+    request = json.dumps((modules, seconds, most, *call))
     line = [sys.executable, "-c", _START.format(path=sys.path)]
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     # MALLOC_ARENA_MAX: glibc reserves 64 MB for each thread otherwise.
@@ -81,9 +80,8 @@ def run_limited(
         except (ValueError, TypeError, LookupError, RecursionError):
             raise InputError(
                 f"reading it takes more than {seconds:.2g} s or {most >> 20} MB, or ends the "
-                "process that reads it, which no "
-                f"picture of {size} bytes does: the file is damaged, or made to fill the memory; "
-                "copy it again"
+                f"process that reads it, which no picture of {size} bytes does: the file is "
+                "damaged, or made to fill the memory; copy it again"
             ) from None
         finally:
             process.kill()
@@ -100,17 +98,10 @@ def _received(stream: IO[bytes], most: int) -> tuple[str, NDArray[Any], Facts]:
     Raises ValueError, TypeError, LookupError or RecursionError for any other answer.
     """
     answer = json.loads(stream.readline(_LONGEST_FACTS))
-    refused, kind, shape, facts = (
-        str(answer["refused"]),
-        answer["dtype"],
-        tuple(answer["shape"]),
-        dict(answer["facts"]),
-    )
-    if (
-        kind not in _SAMPLES
-        or len(shape) not in (2, 3)
-        or not all(type(side) is int and side >= 0 for side in shape)
-    ):
+    refused, kind, facts = str(answer["refused"]), answer["dtype"], dict(answer["facts"])
+    shape = tuple(answer["shape"])
+    sides = all(type(side) is int and side >= 0 for side in shape)
+    if kind not in _SAMPLES or len(shape) not in (2, 3) or not sides:
         raise ValueError("no samples of a picture")
     if prod(shape) * np.dtype(kind).itemsize > most:
         raise ValueError("more samples than the process may hold")

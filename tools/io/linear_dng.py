@@ -4,8 +4,8 @@ A linear DNG has three samples per pixel, as `panchroma render -f dng`, Adobe's 
 Lightroom write them.
 """
 
+import struct
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -88,10 +88,7 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             if page is None:
                 return None
             _check(page, path.stat().st_size, data_bytes(path), max_pixels)
-            if page.compression in _DEFLATE:
-                _check_inflated(page, stream)
-            if page.compression == _JPEG_XL:
-                _check_declared(page, stream)
+            _check_chunks(page, stream)
             unsigned = page.dtype is not None and page.dtype.kind == "u"
             integers = unsigned and page.compression in (*Compression, _JPEG_XL)
             samples = (
@@ -101,34 +98,26 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             )
             rgb = _levelled(samples, page)
             stated = tag_numbers(file.pages.first, TAG["AsShotNeutral"])
-    as_shot = (
-        normalised(stated)
-        if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
-        else None
-    )
-    gone, directories = (
-        clipped_share(rgb, 1.0, SHOULDER) if integers else None,
-        raw_directories(path),
-    )
-    return camera_scene(path.stem, rgb, gone, as_shot, directories.main, metadata_from(directories))
+    is_stated = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
+    neutral = normalised(stated) if is_stated else None
+    gone = clipped_share(rgb, 1.0, SHOULDER) if integers else None
+    directories = raw_directories(path)
+    return camera_scene(path.stem, rgb, gone, neutral, directories.main, metadata_from(directories))
 
 
 def _main_picture(file: TiffFile) -> TiffPage | None:
     """Return the directory of the linear samples, in the first directory or below it; None if the
     main picture is another.
     """
-    first = file.pages.first
-    pages = [
-        page
-        for page in (first, *(first.pages or ()))
-        if isinstance(page, TiffPage) and page.subfiletype == 0
-    ]
-    linear = [
-        page
-        for page in pages
-        if page.photometric == Photometric.LINEAR_RAW and page.samplesperpixel == PICTURE_PLANES
-    ]
+    kind = Photometric.LINEAR_RAW, PICTURE_PLANES
+    linear = [page for page in _pictures(file) if (page.photometric, page.samplesperpixel) == kind]
     return max(linear, key=lambda page: page.imagewidth * page.imagelength, default=None)
+
+
+def _pictures(file: TiffFile) -> list[TiffPage]:
+    """Return the first directory, and those below it, but for previews."""
+    pages = (file.pages.first, *(file.pages.first.pages or ()))
+    return [page for page in pages if isinstance(page, TiffPage) and page.subfiletype == 0]
 
 
 class _Reader(DngReader):
@@ -149,17 +138,12 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
     """
     if page.compression not in (*Compression, *_DEFLATE, _JPEG_XL):
         kind = getattr(page.compression, "name", page.compression)
+        advice = "export it with JPEG XL or lossless compression"
         raise InputError(
-            f"the linear DNG is compressed by {kind}, which is lossy or rare; export it with JPEG "
-            "XL or lossless compression"
+            f"the linear DNG is compressed by {kind}, which is lossy or rare; {advice}"
         )
     kind, bits = page.dtype, page.bitspersample
-    if (
-        kind is None
-        or kind.kind not in "uf"
-        or kind.itemsize > 4
-        or (kind.kind == "u" and kind.itemsize > 2)
-    ):
+    if kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
         raise InputError(
             f"the samples of the linear DNG are {bits} bits {kind}; expected integers up to 16 "
             "bits or floating point"
@@ -170,56 +154,36 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
             "export it again"
         )
     check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
-    sides = (
-        ((page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength))
-        if page.is_tiled
-        else ()
-    )
     check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
-    if any(tile > max(side, _LARGE_TILE) for tile, side in sides):
+    sides = (page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)
+    if page.is_tiled and any(tile > max(side, _LARGE_TILE) for tile, side in sides):
         raise InputError(
             "the linear DNG is damaged: its tiles are larger than its picture; copy it again"
         )
 
 
-def _piece_shape(page: TiffPage) -> tuple[int, int]:
-    """Return (rows, columns) of a tile, or of a strip."""
+def _check_chunks(page: TiffPage, stream: Any) -> None:
+    """Raise InputError if a strip or tile inflates to more than it should hold, for which tifffile
+    has no limit, or holds a JPEG XL image that declares more.
+    """
+    rows, columns = min(page.rowsperstrip, page.imagelength), page.imagewidth
     if page.is_tiled:
-        return page.tilelength, page.tilewidth
-    return min(page.rowsperstrip, page.imagelength), page.imagewidth
-
-
-def _pieces(page: TiffPage, stream: Any) -> Iterator[bytes]:
-    """Yield the strips or tiles of a page as they are stored."""
+        rows, columns = page.tilelength, page.tilewidth
+    most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
+    reason = "it is damaged, or made to fill the memory"
     for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         stream.seek(offset)
-        yield stream.read(count)
-
-
-def _check_declared(page: TiffPage, stream: Any) -> None:
-    """Raise InputError if the JPEG XL image of a strip or tile declares more than that holds."""
-    rows, columns = _piece_shape(page)
-    for piece in _pieces(page, stream):
-        height, width = declared_size(piece)
-        if height > rows or width > columns:
-            raise InputError(
-                f"a JPEG XL image of the linear DNG declares {width} x {height} pixels in a place "
-                f"for {columns} x {rows}: it is damaged, or made to fill the memory"
-            )
-
-
-def _check_inflated(page: TiffPage, stream: Any) -> None:
-    """Raise InputError if a strip or tile inflates to more than it should hold: tifffile has no
-    limit.
-    """
-    rows, columns = _piece_shape(page)
-    most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
-    for piece in _pieces(page, stream):
-        if len(zlib.decompressobj().decompress(piece, most + 1)) > most:
-            raise InputError(
-                "the linear DNG's strips hold more than they say: it is damaged, or made to fill "
-                "the memory"
-            )
+        if page.compression == _JPEG_XL:
+            height, width = declared_size(stream.read(count))
+            if height > rows or width > columns:
+                raise InputError(
+                    f"a JPEG XL image of the linear DNG declares {width} x {height} pixels in a "
+                    f"place for {columns} x {rows}: {reason}"
+                )
+        elif page.compression in _DEFLATE:
+            inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)
+            if len(inflated) > most:
+                raise InputError(f"the linear DNG's strips hold more than they say: {reason}")
 
 
 def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
@@ -232,9 +196,8 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     if (area := tag_numbers(page, _ACTIVE_AREA)).size == 4:
         top, left, bottom, right = area.astype(int).tolist()
         if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
-            raise InputError(
-                "the active area is outside the picture: the file is damaged; copy it again"
-            )
+            reason = "the file is damaged; copy it again"
+            raise InputError(f"the active area is outside the picture: {reason}")
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
@@ -242,10 +205,8 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     white = np.resize(stated, 3) if stated.size else np.full(3, default)
     lowest = black.reshape(-1, 3).max(axis=0)
     if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
-        raise InputError(
-            f"black level {lowest.max():g} is not below white level {white.min():g}: the file's "
-            "levels are damaged"
-        )
+        levels = f"black level {lowest.max():g} is not below white level {white.min():g}"
+        raise InputError(f"{levels}: the file's levels are damaged")
     rgb = (rgb - black.astype(np.float32)) * (1 / (white - lowest)).astype(np.float32)
     return np.maximum(rgb, 0, out=rgb)[_default_crop(page, rgb.shape)]
 
@@ -265,20 +226,17 @@ def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]
 
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
-    rows, columns = (tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1])[
-        :2
-    ]
+    period = tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1]
+    rows, columns = period[:2]
     stated = tag_numbers(page, TAG["BlackLevel"])
     if stated.size not in (0, 1, rows * columns * 3):
-        raise InputError(
-            f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; "
-            "copy it again"
-        )
-    black: DoubleArray = np.zeros((1, 1, 3)) + (
-        stated.reshape(rows, columns, 3) if stated.size > 1 else stated.sum()
-    )
-    if rows * columns > 1 and stated.size > 1:
-        black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
+        levels = f"{stated.size} black levels for {rows} x {columns} pixels"
+        raise InputError(f"{levels}: the file is damaged; copy it again")
+    black: DoubleArray = np.full((1, 1, 3), stated.sum())
+    if stated.size > 1:
+        black = stated.reshape(rows, columns, 3)
+        if rows * columns > 1:
+            black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
     for tag, axis in ((_BLACK_DELTA_H, 1), (_BLACK_DELTA_V, 0)):
         if (delta := tag_numbers(page, tag)).size == shape[axis]:
             black = black + np.expand_dims(delta, (1 - axis, 2))
@@ -293,35 +251,27 @@ def remark_on_corrections(path: Path) -> tuple[str, ...]:
     with path.open("rb") as stream:
         check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS, _BASELINE_EXPOSURE})
     with TiffFile(path, **PLAIN) as file:
-        first: Any = file.pages[0]
-        stops = float(tag_numbers(first, _BASELINE_EXPOSURE).sum())
-        # previews have none
-        pages = [page for page in (first, *(first.pages or ())) if page.subfiletype == 0]
+        stops = float(tag_numbers(file.pages.first, _BASELINE_EXPOSURE).sum())
+        pages = _pictures(file)
         linear = any(page.photometric == Photometric.LINEAR_RAW for page in pages)
-        lists = [
-            bytes(page.tags[tag].value) for page in pages for tag in _LISTS if tag in page.tags
-        ]
-    names = dict.fromkeys(name for opcodes in lists for name in _names(opcodes))
+        fields = [page.tags[tag] for page in pages for tag in _LISTS if tag in page.tags]
+        names = dict.fromkeys(name for field in fields for name in _names(bytes(field.value)))
     notes = []
     if names:
-        notes.append(
-            f"the file asks for corrections that are not made ({', '.join(names)}): a linear TIFF "
-            "of a raw developer has them"
-        )
+        advice = "a linear TIFF of a raw developer has them"
+        asked = f"the file asks for corrections that are not made ({', '.join(names)})"
+        notes.append(f"{asked}: {advice}")
     if linear and stops:
-        notes.append(
-            f"the file asks to be shown {stops:+.3g} stops brighter (BaselineExposure): the scene "
-            "is as measured, its white level is 1.0"
-        )
+        asked = f"the file asks to be shown {stops:+.3g} stops brighter (BaselineExposure)"
+        notes.append(f"{asked}: the scene is as measured, its white level is 1.0")
     return tuple(notes)
 
 
 def _names(opcodes: bytes) -> list[str]:
-    found, place, count = list[str](), 4, int.from_bytes(opcodes[:4], "big")
-    while place + _HEAD <= len(opcodes) and len(found) < min(count, 1024):
-        number, length = (
-            int.from_bytes(opcodes[start : start + 4], "big") for start in (place, place + 12)
-        )
-        found.append(_NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode {number}")
+    """Return the names of the opcodes in a list."""
+    names, place, count = list[str](), 4, int.from_bytes(opcodes[:4], "big")
+    while place + _HEAD <= len(opcodes) and len(names) < min(count, 1024):
+        number, _, _, length = struct.unpack_from(">4I", opcodes, place)
+        names.append(_NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode {number}")
         place += _HEAD + length
-    return found
+    return names

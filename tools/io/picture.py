@@ -4,6 +4,7 @@ converted.
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -48,10 +49,8 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
             rgb = pixels.astype(np.float32)
         highest = float(rgb.max(initial=0))
         if 1 < highest < np.inf:
-            notes.append(
-                f"the brightest value is {highest:.4g}: 1.0 is white, sensors clip the rest; "
-                "scale it if that is not intended"
-            )
+            effect = "1.0 is white, sensors clip the rest; scale it if that is not intended"
+            notes.append(f"the brightest value is {highest:.4g}: {effect}")
     elif pixels.dtype.kind == "u" and picture.peak and pixels.dtype.itemsize <= 4:
         if encoding.profile:
             rgb = through_tables(pixels, picture.peak, encoding.profile)
@@ -69,16 +68,8 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
     # Red, green and blue among other channels, which have no known colour.
     matrix = as_rows(among(encoding.to_xyz, channels)) if set(RGB) <= set(channels) else None
     neutral, eight_bits = (1.0,) * len(channels), (picture.peak or 256) < 256
-    return Scene(
-        rgb,
-        name,
-        matrix,
-        neutral,
-        picture.metadata,
-        tuple(notes),
-        channels=channels,
-        eight_bits=eight_bits,
-    )
+    scene = partial(Scene, channels=channels, eight_bits=eight_bits)
+    return scene(rgb, name, matrix, neutral, picture.metadata, tuple(notes))
 
 
 def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
@@ -87,26 +78,19 @@ def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
 
     rgb is (code - black) / (white - black); values below black, which noise causes, become 0.
     """
-    if (
-        picture.pixels.dtype != np.uint16
-        or picture.pixels.shape[2] != 3
-        or picture.pixels.max() > _GEHLERS_WHITE
-    ):
+    codes = picture.pixels
+    if codes.dtype != np.uint16 or codes.shape[2] != 3 or codes.max() > _GEHLERS_WHITE:
         return None
     for name, black, camera in _GEHLERS:
         if re.fullmatch(name, stem):
-            light = np.maximum(
-                (picture.pixels.astype(np.float32) - black) / np.float32(_GEHLERS_WHITE - black), 0
-            )
-            note = (
-                f"recognised as Gehler's data set in Shi and Funt's version: {camera}, black "
-                f"level {black}"
-            )
-            neutral = shades_of_grey(light)
-            light, clipped = with_white_highlights(light, neutral)
-            return Scene(
-                light, stem, None, neutral, picture.metadata, (*picture.notes, note, *clipped)
-            )
+            rgb = (codes.astype(np.float32) - black) / np.float32(_GEHLERS_WHITE - black)
+            rgb = np.maximum(rgb, 0)
+            source = f"{camera}, black level {black}"
+            note = f"recognised as Gehler's data set in Shi and Funt's version: {source}"
+            neutral = shades_of_grey(rgb)
+            rgb, clipped = with_white_highlights(rgb, neutral)
+            notes = *picture.notes, note, *clipped
+            return Scene(rgb, stem, None, neutral, picture.metadata, notes)
     return None
 
 
@@ -127,10 +111,8 @@ def _encoding(picture: Decoded, linear: bool, notes: list[str]) -> Encoding:
             notes.append(f"{why} taken as linear light, although the file says {declared.name}")
     elif assumed is LINEAR:
         primaries = "the file's" if declared else "sRGB"
-        notes.append(
-            f"nothing says how the values are encoded: taken as linear light with {primaries} "
-            "primaries, white balanced"
-        )
+        taken = f"taken as linear light with {primaries} primaries, white balanced"
+        notes.append(f"nothing says how the values are encoded: {taken}")
     return replace(assumed, to_xyz=declared.to_xyz) if declared else assumed
 
 
@@ -141,14 +123,14 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
         raise InputError(
             f"a sample is {pixels.max()}, but the file declares {peak} as its largest value"
         )
-    light: FloatArray = np.empty(pixels.shape, np.float32)
+    linear: FloatArray = np.empty(pixels.shape, np.float32)
     for channel in range(pixels.shape[2]):
         curve, plane = encoding.curves[channel], pixels[..., channel]
         if peak <= 65535:
-            light[..., channel] = curve(np.arange(peak + 1) / peak).astype(np.float32)[plane]
+            linear[..., channel] = curve(np.arange(peak + 1) / peak).astype(np.float32)[plane]
         else:
-            light[..., channel] = curve(plane / peak)
-    return light
+            linear[..., channel] = curve(plane / peak)
+    return linear
 
 
 def _remark_on_bits(highest: int, peak: int, notes: list[str]) -> None:
@@ -162,7 +144,6 @@ def _remark_on_bits(highest: int, peak: int, notes: list[str]) -> None:
     times = (peak + 1) >> bits
     if highest and times >= 4:
         notes.append(
-            f"no sample is above {highest}, of {peak}: if the samples have {bits} bits, the "
-            f"scene is {times} times too dark; "
-            f"multiply them by {times}, and save the picture again"
+            f"no sample is above {highest}, of {peak}: if the samples have {bits} bits, the scene "
+            f"is {times} times too dark; multiply them by {times}, and save the picture again"
         )

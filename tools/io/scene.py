@@ -68,22 +68,17 @@ class Scene:
     def __post_init__(self) -> None:
         rgb = np.ascontiguousarray(self.rgb, np.float32)
         if rgb.ndim != 3 or rgb.shape[2] != len(self.channels) or rgb.size == 0:
-            wanted = f"(rows, columns, {len(self.channels)})"
-            raise InputError(
-                f"a scene is an array {wanted}; this one has shape {np.shape(self.rgb)}"
-            )
+            array = f"an array (rows, columns, {len(self.channels)})"
+            raise InputError(f"a scene is {array}; this one has shape {np.shape(self.rgb)}")
         lowest, highest = float(rgb.min()), float(rgb.max())
         if not (np.isfinite(lowest) and np.isfinite(highest)):  # min and max propagate NaN
-            bad = int((~np.isfinite(rgb)).sum())
-            raise InputError(
-                f"{bad} of {rgb.size} values are not finite (NaN or infinite); replace them "
-                "before simulating"
-            )
+            counted = f"{int((~np.isfinite(rgb)).sum())} of {rgb.size} values"
+            reason = "are not finite (NaN or infinite); replace them before simulating"
+            raise InputError(f"{counted} {reason}")
         if lowest < min(0.0, DARKEST * highest):
             raise InputError(
-                f"the lowest value is {lowest:.4g}, but light is not negative. Subtract the "
-                "black level correctly, "
-                "or clip the picture at 0 if it has been sharpened"
+                f"the lowest value is {lowest:.4g}, but light is not negative. Subtract the black "
+                "level correctly, or clip the picture at 0 if it has been sharpened"
             )
         if lowest < 0:
             rgb = np.maximum(rgb, 0)
@@ -130,10 +125,8 @@ def check_size(
     if width < 1 or height < 1:
         raise InputError(f"the picture is {width} x {height} pixels: it is empty")
     if width * height > max_pixels:
-        raise InputError(
-            f"{width} x {height} pixels are more than the limit of {max_pixels}; `max_pixels` "
-            "raises it"
-        )
+        limit = f"the limit of {max_pixels}; `max_pixels` raises it"
+        raise InputError(f"{width} x {height} pixels are more than {limit}")
     decoded = width * height * pixel_bytes
     believed = width * height <= _BELIEVED and decoded <= _BELIEVED * _BELIEVED_BYTES
     if file_bytes and not believed and decoded > MAX_EXPANSION * file_bytes:

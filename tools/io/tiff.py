@@ -27,24 +27,10 @@ from .file_size import check_pieces, data_bytes
 from .scene import RGB, check_size
 
 # Tags of TIFF 6.0 (sections 8 and 20), and of the ICC profile.
-_ICC_PROFILE, _TRANSFER, _WHITE_POINT, _PRIMARIES, _LARGEST, _LARGEST_OF_KIND = (
-    34675,
-    301,
-    318,
-    319,
-    281,
-    341,
-)
-_GREY_CURVE, _REFERENCES = 291, 532
-_READ = {
-    _ICC_PROFILE,
-    _WHITE_POINT,
-    _PRIMARIES,
-    _LARGEST,
-    _LARGEST_OF_KIND,
-    _GREY_CURVE,
-    _REFERENCES,
-}
+_LARGEST, _GREY_CURVE, _TRANSFER, _WHITE_POINT, _PRIMARIES = 281, 291, 301, 318, 319
+_LARGEST_OF_KIND, _REFERENCES, _ICC_PROFILE = 341, 532, 34675
+_COLOURS = {_GREY_CURVE, _WHITE_POINT, _PRIMARIES, _REFERENCES, _ICC_PROFILE}
+_READ = _COLOURS | {_LARGEST, _LARGEST_OF_KIND}
 _RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own,
@@ -83,23 +69,17 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
             )
         alpha = any(kind in _ALPHA for kind in first.extrasamples)
         colour = first.photometric == tifffile.PHOTOMETRIC.RGB
-        found = channels_of(
-            samples * len(pages), channels, notes, alpha=alpha, colour=colour, pages=len(pages)
-        )
+        count, kinds = samples * len(pages), {"alpha": alpha, "colour": colour}
+        letters = channels_of(count, channels, notes, pages=len(pages), **kinds)
         # a grey scene has three planes as well
-        pixel_bytes = max(samples * len(pages), 3) * max(1, first.bitspersample // 8)
+        pixel_bytes = max(count, 3) * max(1, first.bitspersample // 8)
         check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
-        offsets, lengths = (
-            [each for page in pages for each in getattr(page, name)]
-            for name in ("dataoffsets", "databytecounts")
-        )
+        offsets = [offset for page in pages for offset in page.dataoffsets]
+        lengths = [length for page in pages for length in page.databytecounts]
         check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
-        pixels = (
-            _page_pixels(first)
-            if len(pages) == 1
-            else np.concatenate([_page_pixels(page) for page in pages], axis=-1)
-        )
-        if not found:
+        planes = [_page_pixels(page) for page in pages]
+        pixels = planes[0] if len(planes) == 1 else np.concatenate(planes, axis=-1)
+        if not letters:
             pixels = without_alpha(pixels, notes)
         if several and len(pages) == 1:
             notes.append("the file has several pages; only the first is used")
@@ -108,7 +88,7 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         if encoding is None and peak:
             encoding = exif_encoding(stream, notes)
         metadata = read_metadata(stream)
-    return Decoded(pixels, peak, encoding, metadata, notes, found or RGB)
+    return Decoded(pixels, peak, encoding, metadata, notes, letters or RGB)
 
 
 def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
@@ -123,10 +103,7 @@ def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
     peak = (1 << page.bitspersample) - 1
     if _TRANSFER in page.tags:  # a table for all samples
         return peak
-    stated = max(
-        (*tag_numbers(page, _LARGEST).tolist(), *tag_numbers(page, _LARGEST_OF_KIND).tolist()),
-        default=peak,
-    )
+    stated = max((*tag_numbers(page, _LARGEST), *tag_numbers(page, _LARGEST_OF_KIND)), default=peak)
     largest = int(stated) if 255 <= stated < peak else peak
     if largest == peak or largest & (largest + 1) or pixels.max(initial=0) > largest:
         return peak
@@ -144,11 +121,8 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
     references, top = tag_numbers(page, _REFERENCES), (1 << page.bitspersample) - 1
     if references.size and references.tolist() != [0, top] * 3:
         unused.append("ReferenceBlackWhite")
-    corners = (
-        *tag_numbers(page, _PRIMARIES),
-        *(tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY),
-    )
-    to_xyz = space_of(corners)
+    white = tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY
+    to_xyz = space_of((*tag_numbers(page, _PRIMARIES), *white))
     if to_xyz is None:
         names = {_PRIMARIES: "PrimaryChromaticities", _WHITE_POINT: "WhitePoint"}
         unused += [name for tag, name in names.items() if tag in page.tags]
@@ -161,11 +135,9 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
         else:
             unused.append("TransferFunction")
     remark_on_unused(unused, notes)
-    return (
-        Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF")
-        if curves or to_xyz
-        else None
-    )
+    if not (curves or to_xyz):
+        return None
+    return Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF")
 
 
 def tag_numbers(page: Any, tag: int) -> DoubleArray:
@@ -207,10 +179,8 @@ def _page_pixels(page: Any) -> NDArray[Any]:
             "or with none"
         )
     if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
-        covered, pixels = (
-            page.tilewidth * page.tilelength * len(page.dataoffsets),
-            page.imagewidth * page.imagelength,
-        )
+        covered = page.tilewidth * page.tilelength * len(page.dataoffsets)
+        pixels = page.imagewidth * page.imagelength
         if covered > max(_SMALL, 4 * page.samplesperpixel * pixels):
             raise InputError(
                 f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made "

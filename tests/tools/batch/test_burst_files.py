@@ -9,7 +9,7 @@ from panchroma.tools.batch.burst import series, series_stem
 from panchroma.tools.batch.folders import DNGS, Source, search
 
 
-def found(folder: Path, *names: str) -> list[Source]:
+def sources_in(folder: Path, *names: str) -> list[Source]:
     for name in names:
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).touch()
@@ -17,20 +17,14 @@ def found(folder: Path, *names: str) -> list[Source]:
 
 
 def test_a_folder_s_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    sources = found(
-        tmp_path, "rose-2.dng", "rose-10.dng", "rose-1.DNG", "rose.truth.tif", "rose.motion.json"
-    )
-    assert series(sources) == [
-        str(tmp_path / name) for name in ("rose-1.DNG", "rose-2.dng", "rose-10.dng")
-    ]
+    names = ("rose-2.dng", "rose-10.dng", "rose-1.DNG", "rose.truth.tif", "rose.motion.json")
+    ordered = [str(tmp_path / name) for name in ("rose-1.DNG", "rose-2.dng", "rose-10.dng")]
+    assert series(sources_in(tmp_path, *names)) == ordered
 
 
 def test_files_that_are_named_are_taken_as_they_are() -> None:
-    assert series([Source("b.dng"), Source("a-7.dng"), Source("c/a-1.dng")]) == [
-        "b.dng",
-        "a-7.dng",
-        "c/a-1.dng",
-    ]
+    names = ["b.dng", "a-7.dng", "c/a-1.dng"]
+    assert series(list(map(Source, names))) == names
 
 
 @pytest.mark.parametrize(
@@ -44,7 +38,7 @@ def test_files_that_are_named_are_taken_as_they_are() -> None:
 )
 def test_what_is_not_one_burst_is_named(tmp_path: Path, names: str, words: str) -> None:
     with pytest.raises(InputError, match=words.format(tmp_path)):
-        series(found(tmp_path, *names.split()))
+        series(sources_in(tmp_path, *names.split()))
 
 
 @pytest.mark.parametrize("spelling", ["./a.dng", "hard.dng", "b-2.dng"])
@@ -53,9 +47,8 @@ def test_a_file_that_is_given_twice_under_other_names(tmp_path: Path, spelling: 
     (tmp_path / "b-2.dng").symlink_to("a.dng")
     (tmp_path / "hard.dng").hardlink_to(tmp_path / "a.dng")
     first, second = f"{tmp_path}/a.dng", f"{tmp_path}/{spelling}"
-    with pytest.raises(
-        InputError, match=f"^{second}: is given twice: it is the same file as {first}$"
-    ):
+    message = f"^{second}: is given twice: it is the same file as {first}$"
+    with pytest.raises(InputError, match=message):
         series([Source(first), Source("missing.dng"), Source(second)])
 
 

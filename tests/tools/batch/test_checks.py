@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from panchroma import offline
-from panchroma.offline import BEST, PRESETS
+from panchroma.offline import BEST, PAPER, PRESETS
 from panchroma.offline.numerics.arrays import Floats1
 from panchroma.offline.numerics.compile import ParallelKernel, Pieces
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
@@ -27,29 +27,19 @@ SMALL = (60, 90)
 LARGE = (1700, 1500)
 
 
-def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
+def mosaic(shape: tuple[int, int]) -> Mosaic:
     """A busy one of 12 bits, a small one repeated."""
     codes = np.random.default_rng(0).integers(300, 4000, (60, 60), np.uint16)
     repeated = np.tile(codes, (-(-shape[0] // 60), -(-shape[1] // 60)))[: shape[0], : shape[1]]
-    return Mosaic(
-        repeated,
-        pattern or CfaPattern.bayer(),
-        SensorCalibration(black_level=(256.0,) * 4, white_level=4095),
-    )
+    levels = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    return Mosaic(repeated, CfaPattern.bayer(), levels)
 
 
 # --- how much ------------------------------------------------------------------------------------
 
 
 def test_sizes_are_read_and_shown_rounded_up() -> None:
-    sizes = {
-        "1": 1,
-        "3K": 3072,
-        "800M": 800 << 20,
-        "1.5g": 3 << 29,
-        "2GiB": 2 << 30,
-        "1TB": 1 << 40,
-    }
+    sizes = {"1": 1, "3K": 3072, "800M": 800 << 20, "1.5g": 3 << 29, "1TB": 1 << 40}
     assert {option: parse_bytes(option) for option in sizes} == sizes
     for wrong in ("", "0", "-1G", "4 G", "4X", "0.0M"):
         with pytest.raises(ValueError):  # noqa: PT011  the command says what is expected
@@ -74,10 +64,9 @@ def test_no_more_memory_is_taken_than_was_foreseen(
         "try: main()\n"
         "finally: print(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1])"
     )
-    said = run_python(
-        script, "render", shot, "-o", out, "-f", name, "--bits", bits, "--preset", preset
-    )
-    peak = int(said.splitlines()[-1]) * 1024
+    options = f"-f {name} --bits {bits} --preset {preset}".split()
+    printed = run_python(script, "render", shot, "-o", out, *options)
+    peak = int(printed.splitlines()[-1]) * 1024
     foreseen = checks.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), PRESETS[preset])
     assert foreseen / 2 < peak < foreseen
 
@@ -96,16 +85,15 @@ def test_100_megapixels_are_foreseen_to_fit_2_2_gigabytes(monkeypatch: pytest.Mo
 def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, name: str) -> None:
     frame = mosaic((600, 450))
     shot = save_mosaic(tmp_path / "shot.dng", frame)
-    need = {each: checks.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
-    limit = str((need["tif"] + need[name]) // 2)
-    outcome = run("render", shot, "-o", out, "-f", name, "--max-memory", limit)
-    enough = format_bytes(need[name]).replace(" ", "").removesuffix("B")
-    words = f"use -f tif, which needs {format_bytes(need['tif'])}, or set `max_memory={enough}`"
+    kinds = PictureKind.of("tif"), PictureKind.of(name)
+    least, need = (checks.needed_memory(frame, kind, PAPER) for kind in kinds)
+    options = f"-f {name} --preset paper --max-memory"
+    outcome = run("render", shot, "-o", out, f"{options} {(least + need) // 2}")
+    enough = format_bytes(need).replace(" ", "").removesuffix("B")
+    words = f"use -f tif, which needs {format_bytes(least)}, or set `max_memory={enough}`"
     assert_refused(outcome, words, name=str(shot))
     assert names(out) == set()
-    run(
-        "render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M", code=0
-    )
+    run("render", shot, "-o", out, f"{options} {-(-need // 2**20)}M", code=0)
 
 
 # --- compiling -----------------------------------------------------------------------------------
@@ -120,11 +108,11 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
 
     kernel = ParallelKernel(fresh, len)
     monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
-    said: list[str] = []
-    with announced_compilation(StageProgress(note=said.append)):
+    notes: list[str] = []
+    with announced_compilation(StageProgress(note=notes.append)):
         kernel(np.ones(1, np.float32))
         kernel(np.ones(1, np.float32))
-    (line,) = said
+    (line,) = notes
     assert "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR" in line
 
 

@@ -18,7 +18,7 @@ from panchroma.tools.batch.jobs import Job, Outcome, Work, output_folder, run_jo
 from panchroma.tools.batch.progress import StageProgress
 from tests.tools.command import run
 
-Said = pytest.CaptureFixture[str]
+Output = pytest.CaptureFixture[str]
 
 
 def write(job: Job, listener: StageProgress) -> Outcome:
@@ -27,25 +27,12 @@ def write(job: Job, listener: StageProgress) -> Outcome:
 
 
 def do(
-    sources: Sequence[object], folder: Path, work: Work = write, *, overwrite: bool = False
+    names: Sequence[object], folder: Path, work: Work = write, *, overwrite: bool = False
 ) -> int:
     """Jobs that write their source's name; the exit code."""
-    jobs = plan(
-        [Source(str(source)) for source in sources],
-        lambda source: [f"{Path(source).stem}.out"],
-        folder,
-    )
+    sources = [Source(str(name)) for name in names]
+    jobs = plan(sources, lambda source: [f"{Path(source).stem}.out"], folder)
     return run_jobs(jobs, work, Console(json=True), overwrite=overwrite)
-
-
-def test_every_job_is_done(tmp_path: Path, capsys: Said) -> None:
-    assert do(["one.in", "sub/two.in"], tmp_path) == 0
-    assert sorted(path.read_text() for path in tmp_path.iterdir()) == ["one.in", "sub/two.in"]
-    records = (
-        '{"source": "one.in", "ok": true, "size": 6}\n{"source": "sub/two.in", "ok": '
-        'true, "size": 10}\n'
-    )
-    assert capsys.readouterr() == (records, "")
 
 
 @pytest.mark.parametrize(
@@ -60,7 +47,7 @@ def test_every_job_is_done(tmp_path: Path, capsys: Said) -> None:
     ],
 )
 def test_one_failure_is_one_line_and_the_rest_goes_on(
-    tmp_path: Path, capsys: Said, error: Exception, line: str
+    tmp_path: Path, capsys: Output, error: Exception, line: str
 ) -> None:
     def work(job: Job, listener: StageProgress) -> Outcome:
         if job.source == "bad.in":
@@ -76,10 +63,8 @@ def test_one_failure_is_one_line_and_the_rest_goes_on(
 
 
 def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path) -> None:
-    for error in (
-        KeyboardInterrupt(),
-        StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe")),
-    ):
+    broken = StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe"))
+    for error in (KeyboardInterrupt(), broken):
 
         def work(job: Job, listener: StageProgress, error: BaseException = error) -> NoReturn:
             raise error
@@ -91,7 +76,7 @@ def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path)
 # --- what may be written -------------------------------------------------------------------------
 
 
-def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Said) -> None:
+def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Output) -> None:
     (tmp_path / "one.out").write_text("old")
     assert do(["one.in", "two.in"], tmp_path) == 1
     assert (tmp_path / "one.out").read_text() == "old"
@@ -103,7 +88,7 @@ def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Said) -
 
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_two_sources_of_one_stem_do_not_share_a_result(
-    tmp_path: Path, capsys: Said, overwrite: bool
+    tmp_path: Path, capsys: Output, overwrite: bool
 ) -> None:
     assert do(["a/shot.in", "b/shot.in", "c/SHOT.in"], tmp_path, overwrite=overwrite) == 1
     assert (tmp_path / "shot.out").read_text() == "a/shot.in"
@@ -119,7 +104,7 @@ def test_two_sources_of_one_stem_do_not_share_a_result(
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("link", ["itself", "symbolic", "hard", "folder"])
 def test_an_input_is_never_replaced(
-    tmp_path: Path, capsys: Said, link: str, overwrite: bool
+    tmp_path: Path, capsys: Output, link: str, overwrite: bool
 ) -> None:
     source, folder = tmp_path / "shot.out", tmp_path
     source.write_text("precious")
@@ -137,42 +122,19 @@ def test_an_input_is_never_replaced(
         assert "shot.out: is an input; use another output folder" in capsys.readouterr().err
 
 
-def test_a_folder_in_the_place_of_a_result_is_refused(tmp_path: Path, capsys: Said) -> None:
+def test_a_folder_in_the_place_of_a_result_is_refused(tmp_path: Path, capsys: Output) -> None:
     (tmp_path / "one.out").mkdir()
     assert do(["one.in"], tmp_path, overwrite=True) == 1
     assert "one.out: is a folder; remove it" in capsys.readouterr().err
 
 
-def test_results_go_to_the_top_and_subfolders_are_mirrored() -> None:
-    sources = [
-        Source("lone/z.in"),
-        Source("in/A.IN", Path("A.IN")),
-        Source("in/sub/c.d.in", Path("sub/c.d.in")),
-    ]
-    assert plan(sources, lambda source: [f"{Path(source).stem}.out"], Path("out")) == [
-        Job("lone/z.in", (Path("out/z.out"),)),
-        Job("in/A.IN", (Path("out/A.out"),), found=True),
-        Job("in/sub/c.d.in", (Path("out/sub/c.d.out"),), found=True),
-    ]
-
-
-# --- the output folder ---------------------------------------------------------------------------
-
-
-def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> None:
-    folder = tmp_path / "not yet"
-    assert output_folder(str(folder), dry_run=True) == folder
-    assert not folder.exists()
-    assert output_folder(str(folder)) == output_folder(str(folder)) == folder
-    assert folder.is_dir()
+# --- the output folder, see also tests/tools/commands/test_refusals.py ---------------------------
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
     [
         ("not yet/a b", "not yet does not exist; create it first: mkdir -p '"),
-        ("file", "file: is not a folder"),
-        ("file/below", "file is not a folder; choose another place"),
         ("link", "link: is a link to nowhere, which is not there; remove the link"),
         ("x" * 300, "cannot be created (File name too long)"),
         (".", "no permission to write in this folder; choose another"),
@@ -182,7 +144,6 @@ def test_no_other_output_folder_is_taken(
     tmp_path: Path, name: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("os.access", lambda *_: False)  # root may write everywhere
-    (tmp_path / "file").touch()
     (tmp_path / "link").symlink_to("nowhere")
     with pytest.raises(OutputError, match=re.escape(words)):
         output_folder(str(tmp_path / name))

@@ -52,11 +52,8 @@ def limited(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return process
 
 
-FIRST = (
-    "first version/slurm/uid_0/job 1/step_0",
-    "first version/slurm/uid_0/job 1",
-    "first version",
-)
+JOB = "first version/slurm/uid_0/job 1"
+FIRST = (f"{JOB}/step_0", JOB, "first version")
 SECOND = ("second/system.slice/job.scope/step/task", "second/system.slice", "second")
 
 

@@ -60,21 +60,20 @@ def pool(
 
 def test_items_are_shared_by_processes_that_stay_and_an_error_stops_no_other() -> None:
     notes: list[str] = []
-    found = dict(pool(double, range(-1, 20), notes.append))
-    assert (str(found.pop(-1)), type(found.pop(0))) == ("is negative", MemoryError)
-    assert {item: result[0] for item, result in found.items()} == {
-        item: 2 * item for item in range(1, 20)
-    }
-    used = {result[1] for result in found.values()}
+    results = dict(pool(double, range(-1, 20), notes.append))
+    assert (str(results.pop(-1)), type(results.pop(0))) == ("is negative", MemoryError)
+    assert all(result[0] == 2 * item for item, result in results.items())
+    assert set(results) == set(range(1, 20))
+    used = {result[1] for result in results.values()}
     assert os.getpid() not in used
     assert len(used) <= 2
     assert sorted(notes) == sorted(f"at {item}" for item in range(-1, 20))
 
 
 def test_a_process_that_is_killed_costs_one_item() -> None:
-    found = dict(pool(die, range(8)))
-    killed = found.pop(5)
-    assert found == {item: item for item in range(8) if item != 5}
+    results = dict(pool(die, range(8)))
+    killed = results.pop(5)
+    assert results == {item: item for item in range(8) if item != 5}
     assert isinstance(killed, PanchromaError)
     assert str(killed).endswith("for want of memory; use fewer `jobs`")
 
@@ -83,8 +82,8 @@ def test_processes_that_die_before_they_have_an_item_are_started_again() -> None
     with processes(2, "") as executor:
         for child in multiprocessing.active_children():
             child.kill()
-        found: dict[int, Any] = dict(executor.run(double, range(1, 5), print))
-    assert {item: result[0] for item, result in found.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
+        results: dict[int, Any] = dict(executor.run(double, range(1, 5), print))
+    assert {item: result[0] for item, result in results.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
 def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback_once(
@@ -122,12 +121,8 @@ def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert [duration(seconds) for seconds in (0.2, 40, 700, 12000)] == [
-        "1 s",
-        "40 s",
-        "12 min",
-        "3 h 20 min",
-    ]
+    words = {0.2: "1 s", 40: "40 s", 700: "12 min", 12000: "3 h 20 min"}
+    assert {seconds: duration(seconds) for seconds in words} == words
     times, said = iter([0.0, 40.0, 50.0]), list[str]()
     monkeypatch.setattr("panchroma.tools.batch.parallel.time.monotonic", lambda: next(times))
     monkeypatch.setattr(StageProgress, "remark", lambda _, text: said.append(text))
@@ -138,18 +133,14 @@ def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_processes_give_the_same_bytes_as_one_and_are_as_many_as_fit(tmp_path: Path) -> None:
     shots = [save_shot(tmp_path / "shots" / f"{seed}.dng", seed) for seed in range(3)]
-    shots.append(save_shot(tmp_path / "shots" / "large.dng", 9, (1200, 1200)))
+    shots.append(save_shot(tmp_path / "shots" / "large.dng", 9, (600, 600)))
     (tmp_path / "shots" / "bad.dng").write_text("no picture")
-    small, large = (
-        needed_memory(read_dng(shot), PictureKind.of("npy"), PAPER)
-        for shot in (shots[0], shots[-1])
-    )
+    mosaics = read_dng(shots[0]), read_dng(shots[-1])
+    small, large = (needed_memory(shot, PictureKind.of("npy"), PAPER) for shot in mosaics)
     before = contents(tmp_path / "shots")
     for jobs, limit in (("1", 3 * large), ("2", 3 * large), ("3", large + small)):
-        options = ("--jobs", jobs, "--max-memory", str(limit), "-f", "npy", "--preset", "paper")
-        outcome = run(
-            "render", tmp_path / "shots", "-o", tmp_path / jobs, "--json", *options, code=1
-        )
+        options = f"--json --jobs {jobs} --max-memory {limit} -f npy --preset paper -o"
+        outcome = run("render", tmp_path / "shots", options, tmp_path / jobs, code=1)
         assert sum(record["ok"] for record in outcome.records) == len(shots), outcome.err
         assert len(outcome.errors) == 1
         assert ("memory is enough for 1 at a time" in outcome.err) == (limit < 2 * large)
@@ -165,13 +156,10 @@ def test_processes_give_the_same_bytes_as_one_and_are_as_many_as_fit(tmp_path: P
 def test_several_commands_share_a_folder_and_each_file_is_made_once(
     tmp_path: Path, out: Path
 ) -> None:
-    count = 12
+    count, options = 12, "--resume --json --jobs 1 --preset paper -o"
     for seed in range(count):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed)
-    running = [
-        start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--jobs", "1")
-        for _ in range(3)
-    ]
+    running = [start("render", tmp_path / "shots", options, out) for _ in range(3)]
     records = [record for process in running for record in ended(process, code=0).records]
     made = [record["output"] for record in records if not record.get("current")]
     assert sorted(made) == sorted(str(out / f"{seed}.tif") for seed in range(count))

@@ -89,18 +89,14 @@ def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(
         assert (outcome.code, current(outcome)) == (0, {"b.tif", "c.tif"})
         assert f"a.tif: has changed since it was made; it is kept as {name}" in outcome.err
         assert (out / "a.tif").read_bytes() == made["a.tif"]
-    assert [(out / name).read_bytes() for name in ("a.tif.bak", "a.tif.bak2")] == [
-        old + b"a.tif.bak",
-        old + b"a.tif.bak2",
-    ]
+    for name in ("a.tif.bak", "a.tif.bak2"):
+        assert (out / name).read_bytes() == old + name.encode()
 
 
 def test_a_file_that_no_render_made_stays(shots: Path, out: Path) -> None:
     (out / "a.tif").write_text("mine")
-    outcome = render(shots, out, "--resume")
-    assert_refused(
-        outcome, "exists already, and no render noted that it made it", name=str(out / "a.tif")
-    )
+    words = "exists already, and no render noted that it made it"
+    assert_refused(render(shots, out, "--resume"), words, name=str(out / "a.tif"))
     assert (out / "a.tif").read_text() == "mine"
     assert results(out) == {"a.tif", "b.tif", "sub"}
     assert render(shots, out, "--resume", "--overwrite").code == 0
@@ -170,11 +166,8 @@ def test_a_shot_that_changes_while_it_is_read_is_refused(
         return mosaic
 
     monkeypatch.setattr("panchroma.tools.batch.order.read_dng", late)
-    assert_refused(
-        run("render", shots / "a.dng", "-o", out),
-        "has changed while it was read",
-        name=str(shots / "a.dng"),
-    )
+    outcome = run("render", shots / "a.dng", "-o", out)
+    assert_refused(outcome, "has changed while it was read", name=str(shots / "a.dng"))
     assert results(out) == set()
 
 
@@ -185,11 +178,8 @@ def test_what_has_its_size_and_time_is_not_read(
     with monkeypatch.context() as patched:
         patched.setattr(attempt, "digest", lambda _: pytest.fail("a file was read"))
         assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
-    lines = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
-    older = [
-        {name: value for name, value in line.items() if name not in ("input", "stamp")}
-        for line in lines
-    ]
-    # of a journal of earlier versions
-    (out / NAME).write_text("".join(f"{json.dumps(line)}\n" for line in older))
+    entries = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
+    for entry in entries:  # as in the journals of earlier versions
+        del entry["input"], entry["stamp"]
+    (out / NAME).write_text("".join(f"{json.dumps(entry)}\n" for entry in entries))
     assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}

@@ -4,7 +4,7 @@ lost.
 
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,19 +27,19 @@ from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.tools.batch.examples import save_mosaic, save_shot
 from tests.tools.calibration.known_camera import stating
-from tests.tools.command import Outcome, assert_refused, contents, results, run
+from tests.tools.command import Outcome, assert_refused, results, run
 
-MEASURED = ("--bits", "32", "--space", "camera", "--preset", "unlearned")
+MEASURED = "--bits 32 --space camera --preset unlearned"
 UNLEARNED = PRESETS["unlearned"]
 STEM = "builtin-280x220"
 
 
 @pytest.fixture(scope="module")
 def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A burst of three noisy frames of the built-in scene, with its true motion."""
+    """A burst of three noisy frames of the built-in scene."""
     folder = tmp_path_factory.mktemp("burst")
-    options = ("--burst", "3", "--motion", "2", "--sigma", "0.01", "--reduce", "2", "--truth")
-    run("simulate", STEM.replace("-", ":"), "-o", folder, *options, code=0)
+    options = "--burst 3 --motion 2 --sigma 0.01 --reduce 2"
+    run("simulate", STEM.replace("-", ":"), "-o", folder, options, code=0)
     return folder
 
 
@@ -57,19 +57,8 @@ def frame(folder: Path, number: int) -> Path:
     return folder / f"{STEM}-{number}.dng"
 
 
-def merged(
-    frames: Path | Sequence[Path], out: Path, *options: str | Path, code: int | None = 0
-) -> Outcome:
-    return run(
-        "burst",
-        *([frames] if isinstance(frames, Path) else frames),
-        "-o",
-        out,
-        "--preset",
-        "unlearned",
-        *options,
-        code=code,
-    )
+def merged(frames: Path, out: Path, *options: str | Path, code: int | None = 0) -> Outcome:
+    return run("burst", frames, "-o", out, "--preset unlearned", *options, code=code)
 
 
 # --- what is made --------------------------------------------------------------------------------
@@ -81,30 +70,19 @@ def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_
     for number in (1, 2, 3):
         path = frame(frames, number)
         save_mosaic(path, replace(read_dng(path), metadata=CaptureMetadata(iso=100 * number)))
-    (record,) = run(
-        "burst", frames, "-o", out, *MEASURED, "--reference", frame(frames, 2), "--json", code=0
-    ).records
+    paths = [str(frame(frames, number)) for number in (1, 2, 3)]
+    options = (MEASURED, "--reference", paths[1], "--json")
+    (record,) = run("burst", frames, "-o", out, *options, code=0).records
     assert results(out) == {f"{STEM}.tif"}
-    burst = merge_burst(
-        [read_dng(frame(frames, number)) for number in (1, 2, 3)], UNLEARNED, reference=1
-    )
+    burst = merge_burst(list(map(read_dng, paths)), UNLEARNED, reference=1)
+    expected = np.concatenate(list(render_burst_bands(burst, UNLEARNED)))
     with tifffile.TiffFile(out / f"{STEM}.tif") as file:
-        assert np.array_equal(
-            file.asarray(), np.concatenate(list(render_burst_bands(burst, UNLEARNED)))
-        )
+        assert np.array_equal(file.asarray(), expected)
         # that of its reference
         assert file.pages.first.tags["ExifTag"].value["ISOSpeedRatings"] == 200
-    assert (record["ok"], record["reference"], record["source"]) == (
-        True,
-        str(frame(frames, 2)),
-        str(frame(frames, 1)),
-    )
-    for fate, judged, number in zip(record["frames"], burst.frames, (1, 2, 3), strict=True):
-        assert (fate["source"], fate["used"], fate["reason"]) == (
-            str(frame(frames, number)),
-            True,
-            "",
-        )
+    assert (record["ok"], record["reference"], record["source"]) == (True, paths[1], paths[0])
+    for fate, judged, name in zip(record["frames"], burst.frames, paths, strict=True):
+        assert (fate["source"], fate["used"], fate["reason"]) == (name, True, "")
         assert (fate["down"], fate["right"]) == pytest.approx(judged.motion.shift, abs=1e-3)
         assert fate["gain"] == pytest.approx(1, abs=0.02)
 
@@ -123,7 +101,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
         light = scene[y : y + 120, x : x + 170]
         save_mosaic(shot, simulate_additive(light, *sensor, 0.0, np.random.default_rng(0)))
     shifts = " ".join(f"{x},{y}" for x, y in places)
-    outcome = run("burst", *shots, "-o", out, *MEASURED, "--json", "--shifts", shifts, code=0)
+    outcome = run("burst", *shots, "-o", out, MEASURED, "--json", "--shifts", shifts, code=0)
     assert outcome.records[0]["reference"] == str(shots[0])
     alone, truth = render(read_dng(shots[0]), UNLEARNED).rgb, scene[:120, :170]
     assert psnr(tifffile.imread(out / "step.tif"), truth) > psnr(alone, truth) + 3
@@ -132,13 +110,12 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
 # --- which frames --------------------------------------------------------------------------------
 
 
+OTHER = CfaPattern.bayer(6, "GBRG")
 LEFT_OUT: dict[str, Callable[[Mosaic], Mosaic]] = {
     "it has 120 x 90 pixels, the others ": lambda shot: replace(
         shot, samples=shot.codes[:90, :120]
     ),
-    "its filters are arranged otherwise": lambda shot: replace(
-        shot, pattern=CfaPattern.bayer(6, "GBRG")
-    ),
+    "its filters are arranged otherwise": lambda shot: replace(shot, pattern=OTHER),
     "it was taken with another camera": lambda shot: stating(shot, gamma=(0.9, 1.0, 1.1)),
 }
 
@@ -163,17 +140,12 @@ def test_copies_and_frames_of_another_scene_are_left_out_by_name(frames: Path, o
     original = read_dng(frame(frames, 2))
     noise = np.random.default_rng(0).integers(300, 3800, original.shape, np.uint16)
     odd = save_mosaic(frame(frames, 4), replace(original, samples=noise))  # as sharp as any
-    copy = frame(frames, 5)
-    # another preview
-    write_dng(
-        copy, replace(original, metadata=CaptureMetadata(iso=50)), np.ones((8, 8, 3), np.uint8)
-    )
+    copied = replace(original, metadata=CaptureMetadata(iso=50))
+    write_dng(copy := frame(frames, 5), copied, np.ones((8, 8, 3), np.uint8))  # another preview
     outcome = merged(frames, out)
     assert re.findall(r"([^/ ]+): is left out: ", outcome.err) == [odd.name, copy.name]
-    assert (
-        f"{copy}: is left out: it is a copy of {frame(frames, 2)}: its samples are the same"
-        in outcome.err
-    )
+    reason = f"it is a copy of {frame(frames, 2)}: its samples are the same"
+    assert f"{copy}: is left out: {reason}" in outcome.err
     assert f"3 of 5 frames, reference {STEM}-1.dng" in outcome.out
     outcome = merged(frames, out, "--overwrite", "--reference", copy)
     assert f"{frame(frames, 2)}: is left out: it is a copy of {copy}: " in outcome.err
@@ -186,46 +158,30 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     assert_refused(outcome, name=str(cut))
     assert "2 of 3 frames" in outcome.out
     assert results(out) == {f"{STEM}.tif"}
-    for options in (("--dry-run", "--overwrite"), ("--resume",)):
-        assert_refused(merged(frames, out, *options, code=1), name=str(cut))
-    assert_refused(
-        merged(frames, out, "--reference", cut, "--overwrite", code=1),
-        "name another `reference`",
-        name=str(cut),
-    )
+    for option in ("--dry-run --overwrite", "--resume"):
+        assert_refused(merged(frames, out, option, code=1), name=str(cut))
+    outcome = merged(frames, out, "--overwrite --reference", cut, code=1)
+    assert_refused(outcome, "name another `reference`", name=str(cut))
 
 
 # --- what is there already -----------------------------------------------------------------------
 
 
-def test_what_exists_stays(taken: Path, out: Path) -> None:
-    (out / f"{STEM}.tif").write_text("mine")
-    assert_refused(
-        run("burst", taken, "-o", out),
-        "exists already; use `overwrite=True`",
-        name=f"{out / STEM}.tif",
-    )
-    assert_refused(
-        run("burst", taken, "-o", out, "--resume"), "no render noted", name=f"{out / STEM}.tif"
-    )
-    assert contents(out) == {f"{STEM}.tif": b"mine"}
-
-
 def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
-    resume = ("--resume", "--json", "--dry-run")
+    def is_current(*options: str | Path) -> bool:
+        planned = merged(frames, out, "--resume --json --dry-run", *options)
+        return bool(planned.records[0].get("current"))
+
     picture = out / f"{STEM}.tif"
     merged(frames, out)
-    assert merged(frames, out, *resume).records[0].get("current")
+    assert is_current()
     picture.unlink()
-    assert not merged(frames, out, *resume).records[0].get("current")
+    assert not is_current()
     merged(frames, out, "--resume")
-    assert merged(frames, out, *resume).records[0].get("current")
-    for more in (
-        ("--reference", frame(frames, 2)),
-        ("--exposure", "1"),
-        ("--shifts", "0,0 0,1 1,0"),
-    ):
-        assert not merged(frames, out, *resume, *more).records[0].get("current")
+    assert is_current()
+    assert not is_current("--reference", frame(frames, 2))
+    assert not is_current("--exposure 1")
+    assert not is_current("--shifts", "0,0 0,1 1,0")
     picture.write_text("edited")
     save_shot(frame(frames, 4), shape=(60, 70))
     merged(frames, out, "--resume")

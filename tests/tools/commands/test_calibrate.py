@@ -30,8 +30,6 @@ from tests.tools.calibration.known_camera import (
 from tests.tools.command import repeated, run
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
-
-
 STEPS: dict[str, list[Any]] = {
     "chart": ["chart.dng", "--corners", *CORNERS],
     "dark": repeated("--dark", ("dark0.dng", "dark1.dng")),
@@ -132,10 +130,8 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     record = calibrated(folder, output, "dark")
     assert record["verdict"] == "use it with care"
     assert any("gamma was not measured" in warning for warning in record["warnings"])
-    calibrated(folder, tmp_path / "again.json", "dark")
-    assert (tmp_path / "again.json").read_bytes() == output.read_bytes(), (
-        "equal frames make equal files"
-    )
+    calibrated(folder, again := tmp_path / "again.json", "dark")
+    assert again.read_bytes() == output.read_bytes(), "equal frames make equal files"
     # A gamma that is known already stays, whatever becomes of further charts.
     calibrated(folder, output, "chart")
     known = read_camera(output).calibration.gamma
@@ -171,25 +167,19 @@ def test_another_sensor_and_a_damaged_file_are_not_updated(
 
 def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     """As the README tells a newcomer who has no camera."""
-    frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
-    for kind, light, seed in (
-        ("chart", 1, 0),
-        *product(["dark"], [1], (1, 2, 3, 4)),
-        *product(["flat"], (0.1, 0.3, 0.6), (1, 2)),
-    ):
-        to = tmp_path / f"{kind}{light}-{seed}"
-        words = ["--light", str(light), "--seed", str(seed)]
-        run("simulate", f"{kind}:720x480", "-o", to, *words, code=0)
-        frames[kind] += to.iterdir()
+    exposures = [("chart", 1, 0), *product(["dark"], [1], range(4))]
+    for kind, light, seed in (*exposures, *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
+        folder = tmp_path / "frames" / f"{kind}{light}-{seed}"
+        folder.mkdir(parents=True)
+        run("simulate", f"{kind}:480x320", f"--light {light} --seed {seed} -o", folder, code=0)
     output = tmp_path / "camera.json"
-    others = [word for kind in ("dark", "flat") for word in repeated(f"--{kind}", frames[kind])]
-    outcome = run("calibrate", *frames["chart"], *others, "-o", output, "--json")
+    outcome = run("calibrate", tmp_path / "frames", "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["warnings"]) == (0, [])
     assert outcome.records[-1]["verdict"] == "use it"
     camera = read_camera(output)
     np.testing.assert_allclose(camera.calibration.gamma, (1, 1, 1), rtol=0.01)
-    found, typical = camera.calibration.noise, typical_noise(camera.calibration)
-    np.testing.assert_allclose((found.shot, found.read), (typical.shot, typical.read), rtol=0.05)
+    noise, typical = camera.calibration.noise, typical_noise(camera.calibration)
+    np.testing.assert_allclose((noise.shot, noise.read), (typical.shot, typical.read), rtol=0.05)
 
 
 REFERENCE = color_checker_xyz()

@@ -23,35 +23,20 @@ def test_a_folder_of_mixed_files(out: Path, tmp_path: Path) -> None:
     (mixed / "notes.txt").write_text("a note")
     (mixed / "cut.png").write_bytes((mixed / "kodim01.png").read_bytes()[:300])
     np.save(mixed / "tiny.npy", small_scene(20, 20, 0))
-    options = (
-        "-o",
-        out,
-        "--methods",
-        "preview,bilinear",
-        "--sigma",
-        "0,0.03",
-        "--jobs",
-        "1",
-        "--json",
-    )
+    options = ("-o", out, "--methods preview,bilinear --sigma 0,0.03 --jobs 1 --json")
     outcome = run("evaluate", mixed, "builtin:60x60", *options, code=1)
     assert len(outcome.errors) == 2
-    assert all(
-        sum(name in line for line in outcome.errors) == 1 for name in ("cut.png", "tiny.npy")
-    )
+    for name in ("cut.png", "tiny.npy"):
+        assert sum(name in line for line in outcome.errors) == 1
     assert "mixed: left out notes.txt" in outcome.err
     groups = [record["group"] for record in outcome.records if record["ok"]]
     assert groups == ["Kodak", "linear photographs", "built-in scenes"]
     assert sum(not record["ok"] for record in outcome.records) == 2
     document = json.loads((out / "evaluation.json").read_text())
-    assert (len(document["failed"]), len(document["left_out"]), set(document["verdict"])) == (
-        2,
-        1,
-        set(groups),
-    )
-    assert (
-        (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q10")
-    )
+    assert (len(document["failed"]), len(document["left_out"])) == (2, 1)
+    assert set(document["verdict"]) == set(groups)
+    table = (out / "evaluation.csv").read_text()
+    assert table.startswith("group,scene,level,method,period,rgb_q10")
     page = (out / "evaluation.html").read_text()
     assert "notes.txt" in page
     assert "mixed/cut.png: " in page
@@ -59,16 +44,8 @@ def test_a_folder_of_mixed_files(out: Path, tmp_path: Path) -> None:
 
     # With --resume another method adds itself to what is kept.
     kept = times(out / "results")
-    more = run(
-        "evaluate",
-        mixed,
-        "builtin:60x60",
-        *options,
-        "--methods",
-        "bilinear,dlmmse",
-        "--resume",
-        code=1,
-    )
+    added = (*options, "--methods bilinear,dlmmse --resume")
+    more = run("evaluate", mixed, "builtin:60x60", *added, code=1)
     assert "6 results are kept" in more.err
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept
@@ -77,30 +54,15 @@ def test_a_folder_of_mixed_files(out: Path, tmp_path: Path) -> None:
 
 
 def test_overwrite_measures_again(out: Path, tmp_path: Path) -> None:
-    options = (
-        "builtin:60x60",
-        "-o",
-        out,
-        "--methods",
-        "preview,bilinear",
-        "--sigma",
-        "0.01",
-        "--jobs",
-        "1",
-    )
+    options = ("builtin:60x60", "-o", out, "--methods preview,bilinear --sigma 0.01 --jobs 1")
     run("evaluate", *options, code=0)
     results, csv = out / "results", (out / "evaluation.csv").read_text()
     # results as an earlier fault may have left them: of something else
     for path in results.iterdir():
-        source = next(
-            other for other in results.iterdir() if other.suffix == path.suffix and other != path
-        )
+        source = next(other for other in results.glob(f"*{path.suffix}") if other != path)
         path.write_bytes(source.read_bytes())
-    said = run("evaluate", *options, code=2).err
-    assert (
-        "evaluation.html: exists already; use `overwrite=True` to replace it, or `resume=True` "
-        "to keep" in said
-    )
+    exists = "evaluation.html: exists already; use `overwrite=True` to replace it, or `resume=True`"
+    assert exists in run("evaluate", *options, code=2).err
     listed = run("evaluate", *options, "--overwrite", "--dry-run", code=0).out
     assert listed.endswith("2 results to make, 0 kept from an earlier run\n")
     run("evaluate", *options, "--resume", code=0)
@@ -113,21 +75,8 @@ def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(
     out: Path, tmp_path: Path
 ) -> None:
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
-    run(
-        "evaluate",
-        "builtin:60x60",
-        "-o",
-        out,
-        "--methods",
-        "preview",
-        "--sigma",
-        "0",
-        "--jobs",
-        "1",
-        "--rival",
-        path,
-        code=0,
-    )
+    options = "--methods preview --sigma 0 --jobs 1 --rival"
+    run("evaluate builtin:60x60 -o", out, options, path, code=0)
     page, csv, written = (
         (out / f"evaluation.{end}").read_text() for end in ("html", "csv", "json")
     )
@@ -138,33 +87,19 @@ def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(
 
 
 def test_dry_run_lists_the_work(tmp_path: Path) -> None:
-    options = (
-        "-o",
-        tmp_path,
-        "--methods",
-        "paper,bilinear",
-        "--sigma",
-        "0.01",
-        "--pattern",
-        "K=4,K=6",
-        "--dry-run",
-    )
-    listed = run("evaluate", "builtin:60x60", *options, code=0).out.splitlines()
-    assert [line.rpartition(": ")[2] for line in listed[:3]] == [
-        "paper K=4",
-        "paper K=6",
-        "bilinear",
-    ]
+    options = "--methods paper,bilinear --sigma 0.01 --pattern K=4,K=6 --dry-run"
+    listed = run("evaluate builtin:60x60 -o", tmp_path, options, code=0).out.splitlines()
+    names = [line.rpartition(": ")[2] for line in listed[:3]]
+    assert names == ["paper K=4", "paper K=6", "bilinear"]
     assert listed[3].startswith("3 results to make, 0 kept")
 
 
 def test_patterns_of_every_kind_are_compared(tmp_path: Path, out: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
-    options = ("--light", "0.25", "--jobs", "1", "--pattern", f"K=6,{mine},WBWG/BWGW/WGWR/GWRW")
-    outcome = run(
-        "evaluate", "builtin:60x60", "-o", out, "--methods", "preview,bilinear", *options, code=0
-    )
+    patterns = f"K=6,{mine},WBWG/BWGW/WGWR/GWRW"
+    options = "--methods preview,bilinear --light 0.25 --jobs 1 --pattern"
+    outcome = run("evaluate builtin:60x60 -o", out, options, patterns, code=0)
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
     document = json.loads((out / "evaluation.json").read_text())
     protocol = document["protocol"]

@@ -8,15 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import (
-    CaptureMetadata,
-    CfaPattern,
-    Mosaic,
-    NoiseModel,
-    SensorCalibration,
-    write_dng,
-)
-from panchroma.shared.dng import read_preview
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared.dng import read_preview, write_dng
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.command import run
 from tests.tools.io.examples import picture_dng
@@ -87,6 +80,10 @@ def test_people_get_them_with_their_units(tmp_path: Path) -> None:
     assert TOLD.items() <= shown.items()
 
 
+ESTIMATED = {"neutral": (0.5, 1, 0.7), "neutral_estimated": True}
+TWO_LINES = CaptureMetadata(description="two\nlines \x1b[31m")
+
+
 @pytest.mark.parametrize(
     ("fields", "name", "value"),
     [
@@ -94,38 +91,26 @@ def test_people_get_them_with_their_units(tmp_path: Path) -> None:
         ({}, "noise", "unknown"),
         ({}, "colour", "no matrix"),
         ({}, "levels", "black 256, white 3839"),
-        (
-            {"neutral": (0.5, 1, 0.7), "neutral_estimated": True},
-            "neutral",
-            "0.5 1 0.7, estimated from the picture",
-        ),
-        (CaptureMetadata(exposure_time=1.0), "exposure", "1 s"),
-        (CaptureMetadata(exposure_time=1 / 3), "exposure", "1/3 s"),
-        (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines  [31m"),
+        (ESTIMATED, "neutral", "0.5 1 0.7, estimated from the picture"),
+        ({"metadata": CaptureMetadata(exposure_time=1.0)}, "exposure", "1 s"),
+        ({"metadata": CaptureMetadata(exposure_time=1 / 3)}, "exposure", "1/3 s"),
+        ({"metadata": TWO_LINES}, "description", "two lines  [31m"),
     ],
 )
 def test_what_is_not_known_or_all_alike_and_capture_data_with_units(
-    tmp_path: Path, fields: dict[str, Any] | CaptureMetadata, name: str, value: str
+    tmp_path: Path, fields: dict[str, Any], name: str, value: str
 ) -> None:
-    facts = (
-        [SensorCalibration.of_bits(12), fields]
-        if isinstance(fields, CaptureMetadata)
-        else [SensorCalibration.of_bits(12, **fields)]
-    )
-    path = save(
-        tmp_path / "shot.dng",
-        Mosaic(np.full((12, 12), 2000, np.uint16), CfaPattern.bayer(), *facts),
-    )
-    shown = rows(run("inspect", path, code=0).out)
+    metadata = fields.pop("metadata", CaptureMetadata())
+    sensor = CfaPattern.bayer(), SensorCalibration.of_bits(12, **fields)
+    shot = Mosaic(np.full((12, 12), 2000, np.uint16), *sensor, metadata)
+    shown = rows(run("inspect", save(tmp_path / "shot.dng", shot), code=0).out)
     assert shown[name] == value
     assert {"exposure", "taken", "make", "orientation", "description"} & set(shown) <= {name}
 
 
 def test_a_shot_without_a_panchromatic_pixel_has_no_brightness(tmp_path: Path) -> None:
-    shot = Mosaic(
-        np.full((2, 2), 900, np.uint16), CfaPattern.bayer(), SensorCalibration.of_bits(12)
-    )
-    path = save(tmp_path / "shot.dng", shot)
+    sensor = CfaPattern.bayer(), SensorCalibration.of_bits(12)
+    path = save(tmp_path / "shot.dng", Mosaic(np.full((2, 2), 900, np.uint16), *sensor))
     (facts,) = run("inspect", "--json", path).records
     assert (facts["mean_luminance"], facts["saturated"]) == (None, None)
     assert "no pixel is panchromatic" in run("inspect", path, code=0).out
@@ -157,16 +142,10 @@ def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path) -> Non
         path.write_bytes(data)
     outcome = run("inspect", "--verify", "--json", tmp_path, code=1)
     assert {record["source"] for record in outcome.records} == set(map(str, paths))
-    assert {
-        "source": str(paths[0]),
-        "ok": True,
-        "width": 30,
-        "height": 20,
-        "digest": "shot",
-    } in outcome.records
-    assert sorted(record["source"] for record in outcome.records if not record["ok"]) == list(
-        map(str, damaged)
-    )
+    facts = {"ok": True, "width": 30, "height": 20, "digest": "shot"}
+    assert {"source": str(paths[0]), **facts} in outcome.records
+    failed = sorted(record["source"] for record in outcome.records if not record["ok"])
+    assert failed == list(map(str, damaged))
     assert "2 whole, 2 damaged" in outcome.err
     for path, line in zip(damaged, sorted(outcome.errors), strict=True):
         assert line.startswith(f"panchroma: {path}: damaged")
@@ -184,18 +163,13 @@ def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
     counted = "4 whole, 0 damaged, 2 of other programs, without a digest to check\n"
     outcome = run("inspect", "--verify", tmp_path, code=0)
     assert (outcome.out, outcome.errors) == (counted, [])
-    assert all(
-        f"{path}: not a DNG of Panchroma: it has no digest" in outcome.err for path in others
-    )
-    records = run("inspect", "--verify", tmp_path, "--json", code=0).records
-    assert {record["source"] for record in records if record.get("foreign")} == set(
-        map(str, others)
-    )
+    for path in others:
+        assert f"{path}: not a DNG of Panchroma: it has no digest" in outcome.err
+    records = run("inspect --verify --json", tmp_path, code=0).records
+    foreign = {record["source"] for record in records if record.get("foreign")}
+    assert foreign == set(map(str, others))
     outcome = run("inspect", "--verify", *others, code=1)  # they were named
-    assert (outcome.out, len(outcome.errors)) == (
-        "0 whole, 0 damaged, 2 of other programs, without a digest to check\n",
-        2,
-    )
+    assert (outcome.out, len(outcome.errors)) == (counted.replace("4 whole", "0 whole"), 2)
     for lost, told in (
         (b"Panchroma\0", "1 whole, 0 damaged"),
         (b"Panchroma mosaic\0", "0 whole, 1 damaged"),
@@ -216,7 +190,5 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
         "the file again",
         f"{tmp_path}/absent.dng: there is no such file; check the name",
     ]
-    assert (
-        outcome.out
-        == f"0 whole, 1 damaged, 1 that cannot be read\n  {path}\n  {tmp_path}/absent.dng\n"
-    )
+    counted = "0 whole, 1 damaged, 1 that cannot be read"
+    assert outcome.out == f"{counted}\n  {path}\n  {tmp_path}/absent.dng\n"

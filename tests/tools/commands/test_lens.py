@@ -23,42 +23,24 @@ def taken(
     """Simulate a source in `folder/true`, and save the shot as `folder/name`, where its calibration
     states other facts.
     """
-    run("simulate", source, "-o", folder / "true", "--overwrite", "--light", "1", *options, code=0)
+    run("simulate", source, "--overwrite --light 1 -o", folder / "true", *options, code=0)
     shot = read_dng(folder / "true" / f"{source.replace(':', '-')}.dng")
-    return save(
-        folder / name, replace(stating(shot, **facts), metadata=CaptureMetadata(focal_length=focal))
-    )
+    metadata = CaptureMetadata(focal_length=focal)
+    return save(folder / name, replace(stating(shot, **facts), metadata=metadata))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Flat frames, a shot, and the camera file that the flat frames make."""
     folder = tmp_path_factory.mktemp("lens")
-    lens = ("--shading", "1.5,10", "--light")
+    lens = "--shading 1.5,10 --light"
     for number in range(4):
-        light, seed = ("0.2", "0.6")[number // 2], str(number)
-        taken(
-            folder,
-            f"flat{number}.dng",
-            f"flat:{SIZE}",
-            *lens,
-            light,
-            "--seed",
-            seed,
-            focal=35.0,
-            shading=None,
-        )
-    taken(folder, "shot.dng", f"builtin:{SIZE}", *lens, "0.9", focal=50.0, shading=None)
+        options = f"{lens} {(0.2, 0.6)[number // 2]} --seed {number}"
+        taken(folder, f"flat{number}.dng", f"flat:{SIZE}", options, focal=35.0, shading=None)
+    taken(folder, "shot.dng", f"builtin:{SIZE}", f"{lens} 0.9", focal=50.0, shading=None)
     assert read_dng(folder / "true" / f"builtin-{SIZE}.dng").calibration.shading == LENS
-    outcome = run(
-        "calibrate",
-        *repeated("--flat", folder.glob("flat*.dng")),
-        "-o",
-        folder / "camera.json",
-        "--report",
-        folder,
-        code=0,
-    )
+    flats = repeated("--flat", folder.glob("flat*.dng"))
+    outcome = run("calibrate --report", folder, *flats, "-o", folder / "camera.json", code=0)
     assert "shading: 1.4" in outcome.out
     return folder
 
@@ -72,9 +54,8 @@ def path(folder: Path, tmp_path: Path) -> Path:
 
 def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     camera = read_camera(folder / "camera.json")
-    np.testing.assert_allclose(
-        camera.calibration.shading.of_plane(SHAPE, 0), LENS.of_plane(SHAPE, 0), rtol=0.02
-    )
+    measured = camera.calibration.shading.of_plane(SHAPE, 0)
+    np.testing.assert_allclose(measured, LENS.of_plane(SHAPE, 0), rtol=0.02)
     facts = camera.measured["shading"]
     assert (facts["frames"], facts["focal_length"]) == (4, 35)
     assert "bottom right" in (folder / "report.html").read_text("utf-8")
@@ -83,13 +64,8 @@ def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
 
 def test_commands_tell_another_focal_length(folder: Path, path: Path, tmp_path: Path) -> None:
     told = "shot.dng: taken at 50 mm, but its shading was measured at 35 mm"
-    for command, *options in (("render", "-f", "npy"), ("preview",)):
-        assert (
-            told
-            in run(
-                command, folder / "shot.dng", "-o", tmp_path, "--camera", path, *options, code=0
-            ).err
-        )
+    for command in ("render -f npy --preset paper -o", "preview -o"):
+        assert told in run(command, tmp_path, folder / "shot.dng", "--camera", path, code=0).err
     assert told in run("calibrate", folder / "shot.dng", "-o", path, "--update").err
 
 
@@ -103,11 +79,8 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(
     """
     slope = np.linspace(0.9, 1.1, SHAPE[1])
     for flat_path in folder.glob("flat*.dng"):
-        flat = read_dng(flat_path)
-        save(
-            tmp_path / flat_path.name,
-            stating(edited(flat, lambda codes: (codes - 256) * slope + 256), shading=LENS),
-        )
+        flat = edited(read_dng(flat_path), lambda codes: (codes - 256) * slope + 256)
+        save(tmp_path / flat_path.name, stating(flat, shading=LENS))
     tilted, new = sorted(tmp_path.glob("flat*.dng")), tmp_path / "new.json"
     reason = "flat frames: the light is tilted"
     outcome = run("calibrate", *repeated("--flat", tilted), "-o", new, "--json", code=0)
@@ -120,18 +93,15 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(
     assert f"no shading was measured: {reason}" in refused.err
     kept = run("calibrate", *repeated("--flat", tilted), "-o", path, "--update")
     assert f"no shading was measured, and the one before is kept: {reason}" in kept.err
-    assert (
-        read_camera(path).calibration.shading
-        == read_camera(folder / "camera.json").calibration.shading
-    )
+    before = read_camera(folder / "camera.json").calibration
+    assert read_camera(path).calibration.shading == before.shading
 
 
 def test_one_flat_frame_tells_shading_and_no_noise(folder: Path, tmp_path: Path) -> None:
-    outcome = run(
-        "calibrate", "--flat", folder / "flat3.dng", "-o", tmp_path / "camera.json", code=0
-    )
+    path = tmp_path / "camera.json"
+    outcome = run("calibrate --flat", folder / "flat3.dng", "-o", path, code=0)
     assert "no noise was measured: flat frames: no two unclipped frames" in outcome.err
-    assert list(read_camera(tmp_path / "camera.json").measured) == ["shading"]
+    assert list(read_camera(path).measured) == ["shading"]
 
 
 def test_a_lens_is_simulated_once_and_not_beside_that_of_a_camera_file(

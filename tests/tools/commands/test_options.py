@@ -5,7 +5,7 @@ from argparse import ArgumentParser
 import pytest
 
 from panchroma.shared import CfaPattern
-from panchroma.tools.commands.options import add, camera_of, factor
+from panchroma.tools.commands.options import add, camera_of
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 
@@ -27,10 +27,3 @@ def test_the_pattern_that_options_describe(
     parser = ArgumentParser()
     add(parser, "camera", "pattern", "channels", "origin")
     assert camera_of(parser.parse_args(options.split()), known) == (None, expected)
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)]
-)
-def test_light_may_be_a_fraction(text: str, expected: float) -> None:
-    assert factor(text) == expected

@@ -18,7 +18,7 @@ from tests.tools.io.files import save
 
 WIDTH, HEIGHT = 181, 121
 LEAVES = builtin_scene(WIDTH, HEIGHT)
-MEASURED = ("--bits", "32", "--space", "camera")
+MEASURED = "--bits 32 --space camera"
 FIVE = "VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
 BROADBAND = "CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
 
@@ -26,10 +26,8 @@ BROADBAND = "CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
 def bands() -> FloatArray:
     """The leaves in five bands that change from place to place as their colours do."""
     red, green, blue = np.moveaxis(LEAVES.rgb, -1, 0)
-    return np.stack(
-        [0.8 * blue + 0.1 * red, red, green, 0.6 * red + 0.3 * green, 0.5 * blue + 0.4 * green],
-        axis=-1,
-    )
+    violet, near, ultra = 0.8 * blue + 0.1 * red, 0.6 * red + 0.3 * green, 0.5 * blue + 0.4 * green
+    return np.stack([violet, red, green, near, ultra], axis=-1)
 
 
 def quality(out: Path, stem: str) -> float:
@@ -41,16 +39,14 @@ def quality(out: Path, stem: str) -> float:
 
 def test_five_bands(out: Path, tmp_path: Path) -> None:
     scene, shot = save(tmp_path / "bands.npy", bands()), out / "bands.dng"
-    camera = ("--origin", "2,1", "--truth", "--sigma", "0.01", "--bits", "14")
-    run("simulate", scene, "-o", out, "--pattern", FIVE, *camera, code=0)
+    camera = f"--pattern {FIVE} --origin 2,1 --truth --sigma 0.01 --bits 14"
+    run("simulate", scene, "-o", out, camera, code=0)
     assert np.array_equal(tifffile.imread(out / "bands.truth.tif"), bands())
     saved = read_dng(shot)
     assert saved.pattern == CfaPattern.of_letters(FIVE, (2, 1))
-    assert (saved.calibration.channels, saved.calibration.gamma, saved.calibration.bits) == (
-        "VRGNU",
-        (1.0,) * 5,
-        14,
-    )
+    calibration = saved.calibration
+    assert (calibration.channels, calibration.gamma) == ("VRGNU", (1.0,) * 5)
+    assert calibration.bits == 14
     shown = run("inspect", shot).out
     assert "gamma         1  (VRGNU)" in shown
     # 30 pixels see all of it, and 6 a fifth
@@ -58,44 +54,33 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
     run("preview", shot, "-o", tmp_path, code=0)
     with Image.open(tmp_path / "bands.jpg") as grey:
         assert np.ptp(np.asarray(grey, int), axis=2).max() <= 2  # nobody knows its colours
-    refused = run("render", shot, "-o", out)
-    assert_refused(
-        refused,
-        "no colour matrix for the channels VRGNU",
-        '`space="camera"`, as tif, exr or npy',
-        name=str(shot),
-    )
-    assert_refused(
-        run("render", shot, "-o", tmp_path, "-f", "dng"),
-        "has VRGNU; use tif, exr or npy",
-        name=str(shot),
-    )
-    assert run("render", shot, "-o", out, *MEASURED, "--json", code=0).records[0]["learned"] is None
+    words = "no colour matrix for the channels VRGNU", '`space="camera"`, as tif, exr or npy'
+    assert_refused(run("render", shot, "-o", out), *words, name=str(shot))
+    refused = run("render", shot, "-f dng -o", tmp_path)
+    assert_refused(refused, "has VRGNU; use tif, exr or npy", name=str(shot))
+    (record,) = run("render", shot, "-o", out, MEASURED, "--json", code=0).records
+    assert record["learned"] is None
     assert quality(out, "bands") > 23
 
 
 def test_broadband_filters_show_the_colours_of_the_scene(out: Path) -> None:
     source, stem = f"builtin:{WIDTH}x{HEIGHT}", f"builtin-{WIDTH}x{HEIGHT}"
-    made = run(
-        "simulate", source, "-o", out, "--pattern", BROADBAND, "--truth", "--light", "1", code=0
-    )
-    assert "C, M and Y are made from the scene's red, green and blue" in made.err
+    outcome = run("simulate", source, "-o", out, f"--pattern {BROADBAND} --truth --light 1", code=0)
+    assert "C, M and Y are made from the scene's red, green and blue" in outcome.err
     red, green, blue = np.moveaxis(LEAVES.rgb, -1, 0)
     truth = tifffile.imread(out / f"{stem}.truth.tif")
-    np.testing.assert_allclose(
-        truth, np.stack([green + blue, red + blue, red + green], axis=-1) / 2, rtol=1e-6
-    )
+    sums = np.stack([green + blue, red + blue, red + green], axis=-1)
+    np.testing.assert_allclose(truth, sums / 2, rtol=1e-6)
     shot = read_dng(out / f"{stem}.dng")
     assert (shot.calibration.channels, shot.calibration.full_scale) == ("CMY", 1.5)
     white = shot.pattern.panchromatic_mask(shot.shape)
-    assert shot.signal[white].mean() == pytest.approx(
-        LEAVES.rgb.sum(axis=2)[white].mean() / 2, rel=0.01
-    )
-    run("render", out / f"{stem}.dng", "-o", out, *MEASURED, code=0)
+    expected = LEAVES.rgb.sum(axis=2)[white].mean() / 2
+    assert shot.signal[white].mean() == pytest.approx(expected, rel=0.01)
+    run("render", out / f"{stem}.dng", "-o", out, MEASURED, code=0)
     assert quality(out, stem) > 25
     plain = SensorCalibration(camera_to_xyz=LEAVES.camera_to_xyz, neutral=LEAVES.neutral)
     expected = ColourTransform.to_space(plain).apply(LEAVES.rgb)
-    run("render", out / f"{stem}.dng", "-o", out, "-f", "npy", "--space", "srgb", code=0)
+    run("render", out / f"{stem}.dng", "-o", out, "-f npy --space srgb", code=0)
     shown = np.load(out / f"{stem}.npy")
     assert np.abs(np.median(shown - expected, axis=(0, 1))).max() < 0.02
     assert np.abs(shown.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.03

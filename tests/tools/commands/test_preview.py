@@ -11,15 +11,9 @@ from PIL import Image
 
 from panchroma.device import Preview
 from panchroma.device.preview.graph import build_preview
-from panchroma.shared import (
-    Camera,
-    CaptureMetadata,
-    CfaPattern,
-    Mosaic,
-    SensorCalibration,
-    read_dng,
-)
+from panchroma.shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import ByteArray
+from panchroma.shared.dng import read_dng
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, run
 
@@ -53,12 +47,9 @@ def distance(jpeg: Path, expected: ByteArray) -> float:
 @pytest.mark.parametrize("scale", [1, 2, 3])
 def test_it_is_the_preview_of_the_shot(tmp_path: Path, scale: int) -> None:
     source, made = shot(tmp_path / "shot.dng"), tmp_path / "shot.jpg"
-    outcome = run("preview", source, "-o", tmp_path, "--scale", str(scale), code=0)
-    assert (
-        distance(made, picture(source, scale))
-        < JPEG_LOSS
-        < distance(made, picture(source, scale)[::-1])
-    )
+    outcome = run("preview", source, "-o", tmp_path, f"--scale {scale}", code=0)
+    expected = picture(source, scale)
+    assert distance(made, expected) < JPEG_LOSS < distance(made, expected[::-1])
     assert outcome.out.startswith(f"{made}: {95 // scale} x {61 // scale}, ")
 
 
@@ -72,33 +63,28 @@ def test_it_lies_as_the_samples_do_and_says_which_way_is_up(tmp_path: Path) -> N
 
 def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> None:
     sources = [tmp_path / f"{name}.dng" for name in ("a", "text", "b", "c")]
-    sources[1].write_text("no shot")
     for source, pattern in zip(
-        (sources[0], *sources[2:]), (SHIFTED, CfaPattern.bayer(5), SHIFTED), strict=True
+        sources, (SHIFTED, SHIFTED, CfaPattern.bayer(5), SHIFTED), strict=True
     ):
         shot(source, pattern)
+    sources[1].write_text("no shot")
     outcome = run("preview", *sources, "-o", tmp_path, "--json")
     assert_refused(outcome, "not a DNG", name=str(tmp_path / "text.dng"))
     assert [record["ok"] for record in outcome.records] == [True, False, True, True]
-    facts = {
-        "source": str(sources[0]),
-        "ok": True,
-        "output": str(tmp_path / "a.jpg"),
-        "width": 95,
-        "height": 61,
-        "preview_ms": 0,
-    }
-    assert outcome.records[0] | {"preview_ms": 0} == facts
+    files = {"source": str(sources[0]), "ok": True, "output": str(tmp_path / "a.jpg")}
+    record = outcome.records[0]
+    assert record.pop("preview_ms") > 0
+    assert record == files | {"width": 95, "height": 61}
     assert (tmp_path / "a.jpg").read_bytes() == (tmp_path / "c.jpg").read_bytes()
     assert distance(tmp_path / "b.jpg", picture(sources[2])) < JPEG_LOSS
 
 
 def test_quality_is_that_of_the_jpeg(tmp_path: Path) -> None:
-    source, made = shot(tmp_path / "shot.dng"), [tmp_path / quality for quality in ("20", "100")]
-    assert [
-        run("preview", source, "-o", folder, "--quality", folder.name).code for folder in made
-    ] == [0, 0]
-    assert len({(folder / "shot.jpg").stat().st_size // 1000 for folder in made}) == 2
+    source, sizes = shot(tmp_path / "shot.dng"), []
+    for quality in (20, 100):
+        run("preview", source, "-o", tmp_path, f"--overwrite --quality {quality}", code=0)
+        sizes.append((tmp_path / "shot.jpg").stat().st_size)
+    assert sizes[1] > 2 * sizes[0]
 
 
 def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:
@@ -106,21 +92,15 @@ def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path)
     camera = replace(read_dng(source).calibration, black_level=(900.0,) * 4)
     file.write_text(json.dumps(Camera(camera).to_json()))
     run("preview", source, "-o", tmp_path, "--camera", file, code=0)
-    expected = picture(source, calibration=camera)
-    assert (
-        distance(tmp_path / "shot.jpg", expected)
-        < JPEG_LOSS
-        < distance(tmp_path / "shot.jpg", picture(source))
-    )
+    made, expected = tmp_path / "shot.jpg", picture(source, calibration=camera)
+    assert distance(made, expected) < JPEG_LOSS < distance(made, picture(source))
 
 
 @pytest.mark.parametrize("scale", [1, 3])
 def test_the_graph_is_that_of_the_shot_s_pattern(tmp_path: Path, scale: int) -> None:
-    path, source = (
-        tmp_path / "g.onnx",
-        shot(tmp_path / "shot.dng", CfaPattern.bayer(6, "GBRG", (2, 3))),
-    )
-    outcome = run("preview", source, "--export", path, "--scale", str(scale), code=0)
+    source = shot(tmp_path / "shot.dng", CfaPattern.bayer(6, "GBRG", (2, 3)))
+    path = tmp_path / "g.onnx"
+    outcome = run("preview", source, "--export", path, f"--scale {scale}", code=0)
     assert path.read_bytes() == build_preview(CfaPattern.bayer(6, "GBRG"), scale)
     assert outcome.out == f"{path}: {path.stat().st_size} bytes\n"
     assert not (tmp_path / "shot.jpg").exists()

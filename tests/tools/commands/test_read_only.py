@@ -2,12 +2,11 @@
 written.
 """
 
+import re
 from pathlib import Path
 
-import pytest
-
 from tests.tools.batch.examples import save_shot
-from tests.tools.command import contents, run, spawn
+from tests.tools.command import contents, names, run, spawn
 
 # A disk below the first argument that can be read alone: whatever would write to it ends the
 # program.
@@ -27,62 +26,35 @@ def watch(event, given):
 
 sys.addaudithook(watch)
 from panchroma.tools.cli import main
-main()
+for line in sys.argv[1:]:
+    try:
+        main(line.split())
+    except SystemExit as ended:
+        assert not ended.code, line
 """
+LINES = {
+    "render shots -o pictures --preset paper --resume --dry-run": "3 up to date",
+    "render shots -o pictures --resume --dry-run --scheduler tcp://localhost:1": "3 to be made",
+    "render shots -o new --dry-run": "3 to be made",
+    "burst shots/1.dng shots/2.dng -o pictures -f png --dry-run": "shots/1.dng -> ",
+    "inspect --verify shots": "3 whole, 0 damaged",
+    "evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --dry-run": "0 results to make",
+    "evaluate builtin:60x60 -o new --methods bilinear --sigma 0 --dry-run": "1 results to make",
+}
 
 
-PLACES = ("shots", "pictures", "results", "new", "report")
-
-
-@pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Shots in `shots` and below, and all that is made of them."""
-    tmp_path = tmp_path_factory.mktemp("archive")
+def test_a_dry_run_and_a_check_write_nothing(tmp_path: Path) -> None:
     for number, name in enumerate(("1.dng", "2.dng", "below/3.dng")):
         save_shot(tmp_path / "shots" / name, number)
-    run("render", tmp_path / "shots", "-o", tmp_path / "pictures", "--preset", "paper", code=0)
+    run("render", tmp_path / "shots", "--preset paper -o", tmp_path / "pictures", code=0)
     left = tmp_path / "pictures" / "below" / ".3.tif.12345678.panchroma.part"
     left.write_bytes(b"half of a picture, which the next run removes")
-    run(
-        "evaluate",
-        "builtin:60x60",
-        "-o",
-        tmp_path / "results",
-        "--methods",
-        "bilinear",
-        "--sigma",
-        "0",
-        code=0,
-    )
-    return tmp_path
-
-
-@pytest.mark.parametrize(
-    ("line", "says"),
-    [
-        ("render shots -o pictures --preset paper --resume --dry-run", "3 up to date"),
-        (
-            "render shots -o pictures --preset paper --resume --dry-run --scheduler tcp://localhost:1",
-            "3 up to date",
-        ),
-        ("render shots -o new --dry-run", "3 to be made"),
-        ("burst shots/1.dng shots/2.dng -o pictures -f png --dry-run", "shots/1.dng -> "),
-        ("inspect --verify shots", "3 whole, 0 damaged"),
-        (
-            "evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --dry-run",
-            "0 results to make, 1 kept",
-        ),
-        (
-            "evaluate builtin:60x60 -o new --methods bilinear --sigma 0 --dry-run",
-            "1 results to make, 0 kept",
-        ),
-    ],
-)
-def test_a_dry_run_and_a_check_write_nothing(archive: Path, line: str, says: str) -> None:
-    before = contents(archive)
-    words = (
-        str(archive / word) if word.partition("/")[0] in PLACES else word for word in line.split()
-    )
-    outcome = spawn(f"{archive}/", *words, script=SCRIPT, code=0)
-    assert says in outcome.out + outcome.err
-    assert contents(archive) == before
+    run("evaluate builtin:60x60 --methods bilinear --sigma 0 -o", tmp_path / "results", code=0)
+    before = contents(tmp_path)
+    places = r"\b(?=(shots|pictures|results|new)\b)"
+    lines = (re.sub(places, f"{tmp_path}/", line) for line in LINES)
+    outcome = spawn(f"{tmp_path}/", *lines, script=SCRIPT, code=0)
+    for says in LINES.values():
+        assert says in outcome.out + outcome.err
+    assert contents(tmp_path) == before
+    assert names(tmp_path) == {"shots", "pictures", "results"}

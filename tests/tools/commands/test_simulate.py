@@ -29,8 +29,8 @@ SHOT, TRUTH, SHOWN = (f"builtin-24x18.{ending}" for ending in ("dng", "truth.tif
 def camera(bits: int = 12, **fields: Any) -> SensorCalibration:
     """What the command takes without --camera, for the built-in scene."""
     scene = builtin_scene(24, 18)
-    given = {"camera_to_xyz": scene.camera_to_xyz, "neutral": scene.neutral, "sensor": "simulated"}
-    return SensorCalibration.of_bits(bits, **{**given, **fields})
+    colours = {"camera_to_xyz": scene.camera_to_xyz, "neutral": scene.neutral}
+    return SensorCalibration.of_bits(bits, **{"sensor": "simulated", **colours, **fields})
 
 
 def simulate(out: Path, *options: str | Path) -> Any:
@@ -45,10 +45,8 @@ def simulate(out: Path, *options: str | Path) -> Any:
 def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
     scene = builtin_scene(24, 18).rgb
     expected = simulate_additive(scene, CfaPattern.bayer(), camera(), 0.02, noise_of(7, SHOT))
-    shot, truth = (
-        simulate(out, "--sigma", "0.02", "--seed", "7", "--truth"),
-        tifffile.imread(out / TRUTH),
-    )
+    shot = simulate(out, "--sigma 0.02 --seed 7 --truth")
+    truth = tifffile.imread(out / TRUTH)
     assert np.array_equal(shot.codes, expected.codes)
     assert (shot.pattern, shot.calibration) == (expected.pattern, expected.calibration)
     assert names(out) == {SHOT, TRUTH, SHOWN}
@@ -58,34 +56,31 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
 
 def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
     calibration = camera(white_level=4095)  # the sensor ends where its codes do
-    expected = simulate_sensor(
-        builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, noise_of(0, SHOT)
-    )
-    shot = simulate(out, "--light", "4")
+    scene, rng = builtin_scene(24, 18).rgb, noise_of(0, SHOT)
+    expected = simulate_sensor(scene, CfaPattern.bayer(), calibration, 4.0, rng)
+    shot = simulate(out, "--light 4")
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.calibration.noise == typical_noise(calibration)
     assert shot.codes.max() == 4095
 
 
 @pytest.mark.parametrize(
-    ("options", "reads"),
+    ("option", "reads"),
     [
-        (["--pattern", "K=5"], lambda shot: shot.pattern == CfaPattern.bayer(5)),
-        (["--pattern", "GBW/RGW/WWW"], lambda shot: shot.pattern == CfaPattern.bayer(3, "GBRG")),
-        (["--origin", "4,-1"], lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
-        (
-            ["--bits", "16"],
-            lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, 4096),
-        ),
-        (["--sigma", "0.05"], lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
+        ("--pattern K=5", lambda shot: shot.pattern == CfaPattern.bayer(5)),
+        ("--pattern GBW/RGW/WWW", lambda shot: shot.pattern == CfaPattern.bayer(3, "GBRG")),
+        ("--origin 4,-1", lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
+        ("--bits 16", lambda shot: shot.calibration.bits == 16),
+        ("--bits 16", lambda shot: shot.calibration.black_level[0] == 4096),
+        ("--sigma 0.05", lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
     ],
 )
 def test_every_option_of_the_camera_counts(
-    out: Path, options: list[str], reads: Callable[[Any], bool]
+    out: Path, option: str, reads: Callable[[Any], bool]
 ) -> None:
     plain = simulate(out)
     before = (out / SHOT).read_bytes()
-    assert reads(simulate(out, *options))
+    assert reads(simulate(out, option))
     assert (out / SHOT).read_bytes() != before
     assert not reads(plain)
 
@@ -98,89 +93,65 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(
     for source in sources:
         np.save(source, np.full((36, 36, 3), 0.5, np.float32))
     white = CfaPattern.bayer().panchromatic_mask((36, 36))
-    for protocol in (["--sigma", "0.1"], ["--light", "1"]):
-        run("simulate", *sources, "-o", out, "--overwrite", *protocol, code=0)
-        one, other = (
-            read_dng(out / f"{source.stem}.dng").codes.astype(float) for source in sources
-        )
+    for noise in ("--sigma 0.1", "--light 1"):
+        run("simulate", *sources, "--overwrite -o", out, noise, code=0)
+        one, other = (read_dng(out / f"flat{number}.dng").codes.astype(float) for number in (1, 2))
         assert abs(np.corrcoef(one[white], other[white])[0, 1]) < 0.2
-        run("simulate", *reversed(sources), "-o", out, "--overwrite", *protocol, code=0)
+        run("simulate", *reversed(sources), "--overwrite -o", out, noise, code=0)
         assert np.array_equal(read_dng(out / "flat1.dng").codes, one)
 
 
 @pytest.mark.parametrize(
-    ("more", "light"),
+    ("option", "light"),
     [
-        ((), 3),
-        (("--shading", "1,10"), 0.25),
-        (("--reduce", "2"), 0.25),
-        (("--burst", "2", "--motion", "1", "--bracket=1,-1"), 3),
+        ("--linear", 3),
+        ("--shading 1,10", 0.25),
+        ("--reduce 2", 0.25),
+        ("--burst 2 --motion 1 --bracket=1,-1", 3),
     ],
 )
 def test_the_truth_is_as_bright_as_a_render_under_any_light(
-    out: Path, more: tuple[str, ...], light: float
+    out: Path, option: str, light: float
 ) -> None:
     """It is the light of the scene times light and exposure, in command and notebook, in each
     protocol.
     """
     source, truth = "builtin:96x72", out / "builtin-96x72.truth.tif"
-    run("simulate", source, "-o", out, "--truth", "--light", str(light), *more, code=0)
+    run("simulate", source, "-o", out, f"--truth --light {light}", option, code=0)
     under_light = tifffile.imread(truth)
-    run("simulate", source, "-o", out, "--truth", "--overwrite", *more, code=0)
+    run("simulate", source, "-o", out, "--truth --overwrite", option, code=0)
     np.testing.assert_allclose(under_light, tifffile.imread(truth) * light, rtol=1e-6)
-    if not more:
+    if option == "--linear":  # which is nothing to a built-in scene
         shot = panchroma.simulate(source, light=light)
         np.testing.assert_array_equal(shot.truth.rgb, under_light)
         assert shot.truth.white == light
 
 
 def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path: Path) -> None:
-    levels: dict[str, Any] = {
-        "black_level": (60, 61, 62, 63),
-        "white_level": 1000,
-        "neutral": (0.5, 1, 0.7),
-        "sensor": "mine",
-    }
-    calibration = SensorCalibration(
-        gamma=(0.8, 1.0, 1.2), noise=NoiseModel((0.001,) * 4, (0.02,) * 4), **levels
-    )
+    levels: Any = {"black_level": (60, 61, 62, 63), "white_level": 1000, "neutral": (0.5, 1, 0.7)}
+    gamma, noise = (0.8, 1.0, 1.2), NoiseModel((0.001,) * 4, (0.02,) * 4)
+    calibration = SensorCalibration(gamma=gamma, noise=noise, sensor="mine", **levels)
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(calibration.to_json()))
-    scene = builtin_scene(24, 18)
-    shot = simulate(out, "--camera", path, "--light", "1")
+    known = read_camera(path).calibration
+    shot = simulate(out, "--light 1 --camera", path)
     # The camera does not know the colours, the scene does.
-    assert shot.calibration == replace(
-        read_camera(path).calibration, camera_to_xyz=scene.camera_to_xyz
-    )
-    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--bits", "14").calibration
-    assert (paper.gamma, paper.bits, paper.noise) == (
-        calibration.gamma,
-        14,
-        NoiseModel.gaussian(0.03, 4),
-    )
+    colours = builtin_scene(24, 18).camera_to_xyz
+    assert shot.calibration == replace(known, camera_to_xyz=colours)
+    paper = simulate(out, "--sigma 0.03 --bits 14 --camera", path).calibration
+    assert (paper.gamma, paper.bits) == (gamma, 14)
+    assert paper.noise == NoiseModel.gaussian(0.03, 4)
 
 
 def test_without_known_colours_there_is_no_picture_of_the_truth_and_that_is_said(
     out: Path, tmp_path: Path
 ) -> None:
     np.save(tmp_path / "two.npy", np.full((24, 24, 2), 0.5, np.float32))
-    outcome = run(
-        "simulate",
-        tmp_path / "two.npy",
-        "-o",
-        out,
-        "--pattern",
-        "AB/WW",
-        "--truth",
-        "--json",
-        code=0,
-    )
+    options = "--pattern AB/WW --truth --json -o"
+    outcome = run("simulate", tmp_path / "two.npy", options, out, code=0)
     assert "no .truth.png: the colours of the channels AB are unknown" in outcome.err
-    assert (
-        {Path(name).name for name in outcome.records[0]["outputs"]}
-        == names(out)
-        == {"two.dng", "two.truth.tif"}
-    )
+    outputs = {Path(name).name for name in outcome.records[0]["outputs"]}
+    assert outputs == names(out) == {"two.dng", "two.truth.tif"}
 
 
 def test_what_is_no_scene_costs_one_line_and_the_rest_is_recorded(
@@ -190,35 +161,22 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_is_recorded(
     Image.fromarray(picture).save(tmp_path / "picture.png")
     np.save(tmp_path / "bad.npy", np.full((12, 12, 3), np.nan))
     sources = (tmp_path / "bad.npy", SOURCE, tmp_path / "picture.png")
-    outcome = run("simulate", *sources, "-o", out, "--json", "--truth", "--linear")
+    outcome = run("simulate", *sources, "--json --truth --linear -o", out)
     assert_refused(outcome, "432 of 432 values are not finite", name=str(tmp_path / "bad.npy"))
     bad, _, good = outcome.records
     assert bad["error"] == outcome.errors[0].removeprefix("panchroma: ")
-    outputs = [
-        str(out / name) for name in ("picture.dng", "picture.truth.tif", "picture.truth.png")
-    ]
-    assert good == {
-        "source": str(sources[2]),
-        "ok": True,
-        "outputs": outputs,
-        "width": 15,
-        "height": 13,
-    }
-    assert names(out) == {
-        SHOT,
-        TRUTH,
-        SHOWN,
-        "picture.dng",
-        "picture.truth.tif",
-        "picture.truth.png",
-    }
+    made = [f"picture.{ending}" for ending in ("dng", "truth.tif", "truth.png")]
+    outputs = [str(out / name) for name in made]
+    size = {"width": 15, "height": 13}
+    assert good == {"source": str(sources[2]), "ok": True, "outputs": outputs, **size}
+    assert names(out) == {SHOT, TRUTH, SHOWN, *made}
     np.testing.assert_allclose(tifffile.imread(out / "picture.truth.tif"), picture / 255, atol=1e-6)
 
 
 def test_the_truth_is_also_a_picture_to_look_at_and_nothing_of_a_user_is_replaced(
     out: Path,
 ) -> None:
-    calibration = simulate(out, "--light", "1/4", "--truth").calibration
+    calibration = simulate(out, "--light 1/4 --truth").calibration
     expected = ColourTransform.to_space(calibration).apply(tifffile.imread(out / TRUTH))
     np.testing.assert_allclose(np.asarray(Image.open(out / SHOWN)), 255 * expected, atol=1)
     before = (out / SHOWN).read_bytes()
@@ -236,19 +194,8 @@ BESIDE = {f"builtin-150x120.{ending}" for ending in ("truth.tif", "truth.png", "
 
 
 def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
-    options = (
-        "--burst",
-        "3",
-        "--motion",
-        "2",
-        "--sigma",
-        "0.02",
-        "--seed",
-        "3",
-        "--truth",
-        "--json",
-    )
-    outcome = run("simulate", "builtin:150x120", "-o", out, *options, code=0)
+    options = "--burst 3 --motion 2 --sigma 0.02 --seed 3 --truth --json"
+    outcome = run("simulate builtin:150x120 -o", out, options, code=0)
     assert names(out) == {*FRAMES, *BESIDE}
     told = json.loads((out / "builtin-150x120.motion.json").read_text())
     hand = noise_of(3, "builtin-150x120-1.motion")
@@ -257,17 +204,14 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
         shot = read_dng(out / name)
         known = simulate_additive(frame.rgb, CfaPattern.bayer(), camera(), 0.02, noise_of(3, name))
         assert np.array_equal(shot.codes, known.codes)
-        assert (
-            tuple(told["frames"][name][each] for each in ("down", "across")) == frame.motion.shift
-        )
+        motion = told["frames"][name]
+        assert (motion["down"], motion["across"]) == frame.motion.shift
         assert told["centre"] == [(count - 1) / 2 for count in shot.shape]
     assert told["reference"] == FRAMES[0]
     assert np.array_equal(tifffile.imread(out / "builtin-150x120.truth.tif"), frames[0].rgb)
     (record,) = outcome.records
     assert len(record["outputs"]) == 6
     assert record["reference"] == str(out / FRAMES[0])
-    assert (
-        f"{out}/builtin-150x120.truth.tif: what {out / FRAMES[0]} sees, the reference; "
-        in outcome.err
-    )
+    seen = f"{out}/builtin-150x120.truth.tif: what {out / FRAMES[0]} sees, the reference; "
+    assert seen in outcome.err
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]

@@ -22,7 +22,7 @@ from tests.tools.capture.test_viewfinder import codes, pictures
 from tests.tools.command import ended, start
 from tests.tools.commands.test_capture import LINE, MOVING, SLIPPED, moving
 
-NOISE = ("--size", "30x20", "--pixel-format", "u16", "--bits", "10", "--unchecked")
+NOISE = "--size 30x20 --pixel-format u16 --bits 10 --unchecked"
 
 
 @contextmanager
@@ -33,9 +33,9 @@ def viewing(
     with start("view", source, "--bind", "127.0.0.1:0", *arguments, stdin=stdin) as process:
         try:
             line = process.stdout.readline()
-            found = re.search(r"http://127\.0\.0\.1:\d+/", line)
-            assert found, line
-            yield process, found[0]
+            address = re.search(r"http://127\.0\.0\.1:\d+/", line)
+            assert address, line
+            yield process, address[0]
         finally:
             process.kill()  # the test failed, or it has ended
 
@@ -64,24 +64,16 @@ def test_a_signal_ends_it_while_somebody_watches(
         connection.request("GET", "/stream.mjpg")
         stream = pictures(connection.getresponse())
         assert imagecodecs.jpeg8_decode(next(stream)).shape == (128, 192, 3)
-        others = (
-            int(task.name)
-            for task in Path(f"/proc/{process.pid}/task").iterdir()
-            if task.name != str(process.pid)
-        )
-        assert (
-            ctypes.CDLL(None).tgkill(
-                process.pid, process.pid if thread == "main" else next(others), number
-            )
-            == 0
-        )
+        tasks = {int(task.name) for task in Path(f"/proc/{process.pid}/task").iterdir()}
+        task = process.pid if thread == "main" else max(tasks - {process.pid})
+        assert ctypes.CDLL(None).tgkill(process.pid, task, number) == 0
         assert ended(process, code=code).err == ""
 
 
 @pytest.mark.parametrize("kept", [0, 5], ids=["between two frames", "within one"])
 def test_a_camera_that_ends_ends_it(kept: int) -> None:
     reading, writing = os.pipe()
-    with viewing(*NOISE, source="-", stdin=reading) as (process, url):
+    with viewing(NOISE, source="-", stdin=reading) as (process, url):
         os.close(reading)
         for number in (1, 2):
             os.write(writing, codes(0).tobytes())
@@ -96,7 +88,7 @@ def test_a_camera_that_ends_ends_it(kept: int) -> None:
 def test_a_stream_that_slips_ends_it() -> None:
     frames = moving(5)
     reading, writing = os.pipe()
-    with viewing(*MOVING, source="-", stdin=reading) as (process, _):
+    with viewing(MOVING, source="-", stdin=reading) as (process, _):
         os.close(reading)
         with suppress(BrokenPipeError), os.fdopen(writing, "wb") as pipe:
             pipe.write(b"".join([*frames, frames[0][LINE:], *frames, *frames]))
@@ -109,29 +101,26 @@ def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> Non
     reading, writing = os.pipe()
     with (
         Browser(tmp_path / "profile") as browser,
-        viewing(*NOISE, source="-", stdin=reading) as (process, url),
+        viewing(NOISE, source="-", stdin=reading) as (process, url),
     ):
         os.close(reading)
         browser.open(url)
         browser.until("document.body?.dataset.state === 'waiting'")
         for number in range(2):
-            os.write(
-                writing, np.maximum(codes(number), 1023 * (number == 1)).astype("<u2").tobytes()
-            )
+            frame = np.maximum(codes(number), 1023 * number).astype("<u2")
+            os.write(writing, frame.tobytes())
             wait_for_pictures(url, number + 1)
         browser.until("document.body.dataset.state === 'silent'")
         for _ in range(2):
             assert browser.until("picture.naturalWidth") == 30
-            assert browser.evaluate("getComputedStyle(picture).opacity") == "1"
-            assert browser.until("clipped.textContent === '100 %' && rate.textContent") == "0.0"
+            browser.until("getComputedStyle(picture).opacity === '1'")  # it fades in
+            browser.until("clipped.textContent === '100 %' && rate.textContent === '0.0'")
             browser.open(url)  # again
             browser.until("document.body?.dataset.state === 'silent'")
         ended(process, signal.SIGINT, code=130)
         browser.until("document.body.dataset.state === 'lost'")
-        assert {
-            browser.evaluate(f"{name}.textContent")
-            for name in ("rate", "latency", "dropped", "clipped")
-        } == {"–"}
+        for name in ("rate", "latency", "dropped", "clipped"):
+            assert browser.evaluate(f"{name}.textContent") == "–"
     os.close(writing)
 
 
@@ -151,18 +140,15 @@ def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int, dark: 
         assert re.fullmatch(r"\d+ ms", browser.evaluate("latency.textContent"))
         assert browser.evaluate("dropped.textContent").isdigit()
         assert browser.evaluate("size.textContent") == "192 × 128"
-        assert browser.evaluate(
-            "document.documentElement.scrollWidth <= innerWidth && "
-            "document.documentElement.scrollHeight <= innerHeight"
-        )
+        root = "document.documentElement"
+        assert browser.evaluate(f"{root}.scrollWidth <= innerWidth")
+        assert browser.evaluate(f"{root}.scrollHeight <= innerHeight")
 
         ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
         assert ground == ("rgb(18, 18, 18)" if dark else "rgb(233, 233, 233)")
         browser.until("getComputedStyle(picture).opacity === '1'")  # it fades in
-        box = browser.evaluate(
-            "(({x, y, width, height}) => ({x, y, width, height, scale: "
-            "1}))(picture.getBoundingClientRect())"
-        )
+        place = "(({x, y, width, height}) => ({x, y, width, height, scale: 1}))"
+        box = browser.evaluate(f"{place}(picture.getBoundingClientRect())")
         one = imagecodecs.png_decode(browser.screenshot(box))
         assert one[..., :3].std(axis=(0, 1)).min() > 20  # a scene, not a ground
         moved = (imagecodecs.png_decode(browser.screenshot(box)) != one for _ in range(50))

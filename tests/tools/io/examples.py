@@ -31,9 +31,9 @@ FOUR = SensorCalibration(
 METADATA = replace(examples.METADATA, place=None, altitude=None)
 SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
 KINDS = [
-    PictureKind(each.name, bits, space)
-    for each in FORMATS.values()
-    for space, depths in each.spaces.items()
+    PictureKind(name, bits, space)
+    for name, written in FORMATS.items()
+    for space, depths in written.spaces.items()
     for bits in depths
 ]
 
@@ -47,10 +47,8 @@ def development(
     kind: PictureKind, shape: tuple[int, ...], orientation: int = 6, **changed: Any
 ) -> Development:
     """How a rendering of `shape` becomes a picture; changed: fields of it."""
-    whole = Development(
-        kind, (shape[0], shape[1]), CALIBRATION, replace(METADATA, orientation=orientation)
-    )
-    return replace(whole, **changed)
+    metadata = replace(METADATA, orientation=orientation)
+    return replace(Development(kind, (shape[0], shape[1]), CALIBRATION, metadata), **changed)
 
 
 def encode_picture(rgb: FloatArray, development: Development) -> bytes:
@@ -72,10 +70,8 @@ def picture_dng(
     metadata: CaptureMetadata = examples.METADATA,
 ) -> bytes:
     """A rendered picture (H, W, 3) as a linear DNG, with itself as the preview."""
-    shape, preview = (
-        (rgb.shape[0], rgb.shape[1]),
-        (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8),
-    )
+    shape = rgb.shape[0], rgb.shape[1]
+    preview = (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8)
     parts = [encode_part(rgb[top : top + PART], shape) for top in range(0, shape[0], PART)]
     return encode_tiff(linear_dng(parts, preview, metadata, camera_to_xyz, neutral))
 

@@ -29,10 +29,7 @@ def save(path: Path, light: Any, channels: str = "RGB") -> Path:
             np.save(path, light)
         case ".exr":
             header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-            planes = {
-                letter: np.ascontiguousarray(light[..., index])
-                for index, letter in enumerate(channels)
-            }
+            planes = dict(zip(channels, np.moveaxis(light, -1, 0).copy(), strict=True))
             with OpenEXR.File(header, planes) as file:
                 file.write(str(path))
         case ".tif" if channels == "RGB":
@@ -50,14 +47,9 @@ def png(path: Path, samples: Any, **chunks: bytes) -> str:
     """Write a PNG with these chunks before its samples."""
     data = imagecodecs.png_encode(samples)
     for name, content in chunks.items():
-        chunk = name.encode() + content
-        data = (
-            data[:33]
-            + struct.pack(">I", len(content))
-            + chunk
-            + struct.pack(">I", zlib.crc32(chunk))
-            + data[33:]
-        )
+        named = name.encode() + content
+        chunk = struct.pack(">I", len(content)) + named + struct.pack(">I", zlib.crc32(named))
+        data = data[:33] + chunk + data[33:]
     path.write_bytes(data)
     return str(path)
 
@@ -95,13 +87,9 @@ def write_dng(
     single = kind == LINEAR_RAW and samples.ndim == 2  # tifffile writes none
     with tifffile.TiffWriter(path, byteorder="<") as file:
         if above is not None:
-            preview: dict[str, Any] = {
-                "photometric": "rgb",
-                "subfiletype": 1,
-                "subifds": 1,
-                "extratags": _tags(first),
-            }
-            file.write(np.zeros((8, 8, 3), np.uint8), metadata=None, **preview)
+            preview: dict[str, Any] = {"photometric": "rgb", "subfiletype": 1, "subifds": 1}
+            preview |= {"extratags": _tags(first), "metadata": None}
+            file.write(np.zeros((8, 8, 3), np.uint8), **preview)
         options |= {"photometric": "minisblack" if single else kind, "extratags": tags}
         file.write(samples, metadata=None, **options)
     if single:
@@ -114,14 +102,6 @@ def _tags(fields: Fields) -> list[Any]:
     tags = []
     for tag, (kind, values) in fields.items():
         numbers = 2 if kind in (RATIONAL, SRATIONAL) else 1  # of each value
-        text = isinstance(values, str)
-        tags.append(
-            (
-                tag,
-                kind,
-                0 if text else len(values) // numbers,
-                values if text else tuple(values),
-                True,
-            )
-        )
+        count = 0 if isinstance(values, str) else len(values) // numbers
+        tags.append((tag, kind, count, values if not count else tuple(values), True))
     return tags

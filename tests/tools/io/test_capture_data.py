@@ -38,11 +38,10 @@ WRITTEN = {**KEPT, "Make": "Canon", "Model": "Canon EOS 5D", "Flash": "16"}
 
 
 def shown(path: Path) -> dict[str, Any]:
-    found = fields(path, "-n", *(f"-EXIF:{name}" for name in KEPT))
+    tags = fields(path, "-n", *(f"-EXIF:{name}" for name in KEPT))
+    kept = {name: tags[name] for name in KEPT if name in tags}
     return {
-        name: round(value, 7) if isinstance(value, float) else value
-        for name, value in found.items()
-        if name in KEPT
+        name: round(kept[name], 7) if isinstance(kept[name], float) else kept[name] for name in kept
     }
 
 
@@ -52,13 +51,8 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "in").mkdir()
     source = tmp_path / "in" / f"source{suffix}"
     Image.fromarray(np.kron(colours, np.ones((8, 8, 1), np.uint8))).save(source)
-    exiftool(
-        "-q",
-        "-n",
-        "-overwrite_original",
-        *(f"-EXIF:{name}={value}" for name, value in WRITTEN.items()),
-        source,
-    )
+    written = (f"-EXIF:{name}={value}" for name, value in WRITTEN.items())
+    exiftool("-q", "-n", "-overwrite_original", *written, source)
     expected = shown(source)
     assert len(expected) == len(KEPT)
     run("simulate", source, "-o", tmp_path / "out", code=0)
@@ -68,13 +62,11 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     assert (facts["metadata"]["make"], facts["metadata"]["model"]) == ("Canon", "Canon EOS 5D")
     # from the same shot
     for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):
-        run("render", shot, "-o", tmp_path, "-f", kind, "--preset", "paper", "--overwrite", code=0)
+        run("render", shot, "-o", tmp_path, f"-f {kind} --preset paper --overwrite", code=0)
         result = tmp_path / f"source.{kind}"
         assert shown(result) == expected, kind
-        said = exiftool("-s3", "-validate", "-warning", "-a", result).decode().splitlines()
+        lines = exiftool("-s3", "-validate", "-warning", "-a", result).decode().splitlines()
         # exiftool alone asks by which method a place was found, and we do not invent one.
-        assert [line for line in said if "GPSProcessingMethod" not in line] in (
-            ["OK"],
-            ["1 Warning"],
-        )
+        remarks = [line for line in lines if "GPSProcessingMethod" not in line]
+        assert remarks in (["OK"], ["1 Warning"])
         assert b"EOS 5D" in exiftool("-a", "-Model", result)

@@ -9,6 +9,7 @@ import pytest
 
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.calibration import SensorCalibration
+from panchroma.shared.colorimetry import as_rows
 from panchroma.shared.errors import InputError
 from panchroma.tools.io.colour import decode_srgb, encode_srgb
 from panchroma.tools.io.display import MAX_EXPOSURE, SPACES, ColourTransform
@@ -22,12 +23,8 @@ ROUNDING = 1e-6
 MATRIX = ((0.75, 0.15, 0.06), (0.28, 0.85, -0.13), (0.02, -0.12, 0.92))
 NEUTRAL = (0.48, 1.0, 0.65)
 # White reads NEUTRAL; the matrix is for balanced channels, nearly right only, as fits are.
-CAMERA = SensorCalibration(
-    neutral=NEUTRAL,
-    camera_to_xyz=tuple(
-        tuple(value / n for value, n in zip(row, NEUTRAL, strict=True)) for row in MATRIX
-    ),
-)
+TO_XYZ = as_rows(np.array(MATRIX) / NEUTRAL)
+CAMERA = SensorCalibration(neutral=NEUTRAL, camera_to_xyz=TO_XYZ)
 
 
 def random_picture(shape: tuple[int, ...], seed: int = 0) -> FloatArray:
@@ -46,17 +43,15 @@ def test_neutral_readings_become_grey_and_keep_their_level(
 ) -> None:
     neutral = np.array(calibration.neutral or (1.0, 1.0, 1.0), np.float32)
     levels = np.linspace(0, 1, 33, dtype=np.float32)
-    result = ColourTransform.to_space(calibration, name).apply(
-        (levels[:, None] * neutral / neutral.max())[None]
-    )
+    greys = levels[:, None] * neutral / neutral.max()
+    result = ColourTransform.to_space(calibration, name).apply(greys[None])
     expected = levels if SPACES[name].linear else encode_srgb(levels)
     np.testing.assert_allclose(result[0], np.repeat(expected[:, None], 3, axis=1), atol=ROUNDING)
 
 
 def test_clipped_highlights_are_white_and_not_magenta() -> None:
-    shown = ColourTransform.to_space(CAMERA).apply(
-        np.array([[(1, 1, 1), (0.7, 1.5, 0.9), (1e30, 1e30, 3e38)]], np.float32)
-    )
+    clipped = np.array([[(1, 1, 1), (0.7, 1.5, 0.9), (1e30, 1e30, 3e38)]], np.float32)
+    shown = ColourTransform.to_space(CAMERA).apply(clipped)
     np.testing.assert_allclose(shown, 1.0, atol=ROUNDING)
 
 
@@ -71,9 +66,8 @@ def test_noise_below_black_does_not_lift_the_other_channels_shadows() -> None:
 
 def test_an_uncalibrated_sensor_has_the_primaries_of_srgb() -> None:
     rgb = random_picture((20, 30, 3))
-    np.testing.assert_allclose(
-        ColourTransform.to_space(SensorCalibration()).apply(rgb), encode_srgb(rgb), atol=ROUNDING
-    )
+    shown = ColourTransform.to_space(SensorCalibration()).apply(rgb)
+    np.testing.assert_allclose(shown, encode_srgb(rgb), atol=ROUNDING)
 
 
 @pytest.mark.parametrize("name", SPACES)
@@ -84,15 +78,12 @@ def test_a_perfect_matrix_gives_back_the_colours_of_the_scene(name: str) -> None
     mixing = np.array([[0.40, 0.06, 0.02], [0.15, 0.80, 0.05], [0.03, 0.12, 0.50]])
     camera_to_xyz = SPACES["display-p3"].to_xyz @ np.linalg.inv(mixing)
     white = mixing.sum(axis=1)
-    calibration = SensorCalibration(
-        neutral=tuple(white), camera_to_xyz=tuple(map(tuple, camera_to_xyz))
-    )
+    sensor = SensorCalibration(neutral=tuple(white), camera_to_xyz=as_rows(camera_to_xyz))
     scene = random_picture((8, 9, 3), seed=2) * 0.5
     linear = scene @ (np.linalg.inv(SPACES[name].to_xyz) @ SPACES["display-p3"].to_xyz).T
     expected = linear if SPACES[name].linear else encode_srgb(linear.astype(np.float32))
-    result = ColourTransform.to_space(calibration, name).apply(
-        (scene @ mixing.T / white.max()).astype(np.float32)
-    )
+    measured = (scene @ mixing.T / white.max()).astype(np.float32)
+    result = ColourTransform.to_space(sensor, name).apply(measured)
     # the curve is 12.92 times as steep near black
     np.testing.assert_allclose(result, expected, atol=1e-5)
 
@@ -104,9 +95,8 @@ def test_exposure_is_in_stops() -> None:
     shown = ColourTransform.to_space(CAMERA)
     whites = np.array(NEUTRAL) * np.array([[0.5], [1], [2], [4]])
     darker = shown.apply(whites[None].astype(np.float32), -1.0)
-    np.testing.assert_allclose(
-        darker[0, :, 1], encode_srgb(np.array([0.25, 0.5, 1, 1], np.float32)), atol=ROUNDING
-    )
+    expected = encode_srgb(np.array([0.25, 0.5, 1, 1], np.float32))
+    np.testing.assert_allclose(darker[0, :, 1], expected, atol=ROUNDING)
     assert np.ptp(darker, axis=2).max() < ROUNDING
     assert shown.apply(rgb, MAX_EXPOSURE).max() <= 1.0
 
@@ -124,17 +114,15 @@ def test_what_is_burnt_out_is_white_at_every_exposure(
     white, limit = np.array(shown.white), calibration.full_scale
     end = limit / white.min() if restored else limit / (white @ calibration.gamma)
     ramp = (np.linspace(0, end, 400)[:, None] * white).astype(np.float32)[None]
-    seen = shown.apply(ramp, stops)[0]
-    assert np.ptp(seen, axis=1).max() < 1e-4
-    assert np.diff(seen[:, 1]).min() > -ROUNDING
-    np.testing.assert_allclose(seen[-1], 1, atol=ROUNDING)
+    result = shown.apply(ramp, stops)[0]
+    assert np.ptp(result, axis=1).max() < 1e-4
+    assert np.diff(result[:, 1]).min() > -ROUNDING
+    np.testing.assert_allclose(result[-1], 1, atol=ROUNDING)
     below = ramp[0, :, 1] < 0.6 * ramp[0, -1, 1]
-    expected = encode_srgb(
-        (ramp[0, below, 1] / np.float32(white[1]) * 2**stops).clip(0, 1).astype(np.float32)
-    )
-    np.testing.assert_allclose(seen[below, 1], expected, atol=1e-4)
+    linear = (ramp[0, below, 1] / np.float32(white[1]) * 2**stops).clip(0, 1)
+    np.testing.assert_allclose(result[below, 1], encode_srgb(linear.astype(np.float32)), atol=1e-4)
     if stops <= -1:
-        assert np.diff(seen[:, 1]).max() < 0.2  # no hard edge
+        assert np.diff(result[:, 1]).max() < 0.2  # no hard edge
 
 
 @pytest.mark.parametrize(

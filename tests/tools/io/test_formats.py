@@ -23,14 +23,13 @@ from panchroma.tools.io.icc import icc_profile
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.io.samples import quantise
 from tests.exiftool import fields
+from tests.tools.io import examples
 from tests.tools.io.examples import (
     CALIBRATION,
     FOUR,
     KINDS,
     METADATA,
-    SIZES,
     development,
-    encode_picture,
     encoded,
     scene,
     shown,
@@ -43,16 +42,14 @@ def exr_pixels(file: io.BytesIO, folder: Path) -> tuple[NDArray[np.floating[Any]
     with OpenEXR.File(str(path), separate_channels=True) as exr:
         channels = exr.channels()
         letters = "RGB" if set(channels) == set("RGB") else "RGBE"
-        return np.stack([channels[letter].pixels for letter in letters], axis=-1), dict(
-            exr.header()
-        )
+        planes = [channels[letter].pixels for letter in letters]
+        return np.stack(planes, axis=-1), dict(exr.header())
 
 
 def kinds(formats: str) -> pytest.MarkDecorator:
     """Run a test with every kind of these formats."""
-    return pytest.mark.parametrize(
-        "kind", [kind for kind in KINDS if kind.format in formats.split()], ids=str
-    )
+    chosen = [kind for kind in KINDS if kind.format in formats.split()]
+    return pytest.mark.parametrize("kind", chosen, ids=str)
 
 
 # --- pixels --------------------------------------------------------------------------------------
@@ -77,17 +74,17 @@ def read(file: io.BytesIO, kind: PictureKind, folder: Path) -> NDArray[Any]:
 
 
 @kinds("tif png jxl exr dng npy")
-@pytest.mark.parametrize("shape", SIZES)
+@pytest.mark.parametrize("shape", examples.SIZES)
 def test_without_loss_every_sample_comes_back(
     kind: PictureKind, shape: tuple[int, int], tmp_path: Path
 ) -> None:
     rgb = scene(shape)
     floating = kind.bits == 32 or kind.format == "exr"
     expected = rgb if kind.space == CAMERA else shown(rgb, kind.space, 6)
-    found = read(encoded(rgb, kind), kind, tmp_path)
-    assert found.dtype == np.dtype(f"{'float' if floating else 'uint'}{kind.bits}")
-    codes = expected.astype(found.dtype) if floating else quantise(expected, kind.bits)
-    assert np.array_equal(found, codes)
+    samples = read(encoded(rgb, kind), kind, tmp_path)
+    assert samples.dtype == np.dtype(f"{'float' if floating else 'uint'}{kind.bits}")
+    codes = expected.astype(samples.dtype) if floating else quantise(expected, kind.bits)
+    assert np.array_equal(samples, codes)
 
 
 def test_jpeg_keeps_colour_at_full_resolution() -> None:
@@ -113,9 +110,8 @@ def test_pictures_are_upright_and_say_so(name: str, orientation: int) -> None:
 
 def test_exr_names_the_channels_and_the_shot(tmp_path: Path) -> None:
     rgb = scene((4, 5), 4)
-    read, header = exr_pixels(
-        encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR), tmp_path
-    )
+    file = encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR)
+    read, header = exr_pixels(file, tmp_path)
     assert np.array_equal(read, rgb)
     assert header["capDate"] == "2014:03:09 07:05:01"
     assert header["comments"] == METADATA.description
@@ -155,39 +151,35 @@ def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated(
 @kinds("tif png jpg uhdr")
 def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
     file = encoded(scene((5, 6)), kind)
-    # Past sixteen bits Pillow reads the header all the same.
-    found = (
-        tifffile.TiffFile(file).pages.first.iccprofile
-        if kind.format == "tif"
-        else Image.open(file).info.get("icc_profile")
-    )
-    assert found == (icc_profile(kind.space) if kind.space in SPACES else None)
+    if kind.format == "tif":
+        profile = tifffile.TiffFile(file).pages.first.iccprofile
+    else:  # past sixteen bits Pillow reads the header all the same
+        profile = Image.open(file).info.get("icc_profile")
+    assert profile == (icc_profile(kind.space) if kind.space in SPACES else None)
 
 
 @kinds("tif png jpg uhdr jxl dng")
 def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     path = tmp_path / f"picture{kind.suffix}"
     path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
-    found = fields(path, "-n", "-G0", "-validate", "-warning", "-EXIF:all")
+    tags = fields(path, "-n", "-G0", "-validate", "-warning", "-EXIF:all")
     # Raw developers would give a DNG the colours of the camera it names.
-    assert found["EXIF:Make"] == ("Panchroma" if kind.format == "dng" else METADATA.make)
-    assert found["EXIF:Model"] == ("Panchroma render" if kind.format == "dng" else METADATA.model)
-    expected = {
+    is_dng = kind.format == "dng"
+    expected: dict[str, Any] = {
+        "Make": "Panchroma" if is_dng else METADATA.make,
+        "Model": "Panchroma render" if is_dng else METADATA.model,
         "LensModel": METADATA.lens,
         "Artist": METADATA.artist,
         "ImageDescription": METADATA.description,
         "DateTimeOriginal": "2014:03:09 07:05:01",
-        "ExposureTime": 1 / 250,
-        "FNumber": 2.8,
-        "ISO": 640,
-        "FocalLength": 34.56,
         "Orientation": 6 if kind.space == CAMERA else 1,
     }
-    assert {name: found[f"EXIF:{name}"] for name in expected} == expected
-    assert found["EXIF:Software"].startswith("Panchroma")
+    expected |= {"ExposureTime": 1 / 250, "FNumber": 2.8, "ISO": 640, "FocalLength": 34.56}
+    assert {name: tags[f"EXIF:{name}"] for name in expected} == expected
+    assert tags["EXIF:Software"].startswith("Panchroma")
     # Files by Google's own library have no packet wrapper: its early versions do not read one.
     minor = "[minor] XMP is missing xpacket wrapper"
-    assert [text for key, text in found.items() if "Warning" in key and text != minor] == []
+    assert [text for key, text in tags.items() if "Warning" in key and text != minor] == []
 
 
 def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
@@ -224,10 +216,7 @@ def test_what_is_left_open_is_the_first_that_fits(
         (("gif",), f"unknown picture format 'gif'; there are {', '.join(FORMATS)}"),
         (("jpg", 16), "jpg does not hold 16 bits; it holds srgb with 8 bits"),
         (("jpg", None, "camera"), "jpg does not hold the space 'camera'; it holds srgb with 8"),
-        (
-            ("png", 32, "srgb"),
-            "png does not hold srgb with 32 bits; it holds srgb with 8 or 16 bits",
-        ),
+        (("png", 32, "srgb"), "png does not hold srgb with 32 bits; it holds srgb with 8 or 16"),
     ],
 )
 def test_what_cannot_be_is_refused_with_what_can(chosen: tuple[Any, ...], message: str) -> None:
@@ -254,7 +243,7 @@ def test_what_would_fail_after_the_render_is_known_before(
     with pytest.raises(InputError, match=message):
         how.check()
     with pytest.raises(InputError, match=message):
-        encode_picture(np.zeros((*shape, len(calibration.channels)), np.float32), how)
+        examples.encode_picture(np.zeros((*shape, len(calibration.channels)), np.float32), how)
 
 
 def test_no_room_for_openexr_is_an_output_error(

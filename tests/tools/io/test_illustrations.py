@@ -25,9 +25,8 @@ def panel(sheet: Image.Image, row: int, column: int) -> ByteArray:
 def shot() -> Shown:
     rgb: FloatArray = np.full((80, 90, 3), 0.2, np.float32)
     rgb[30:60, 30:60] = 0.6, 0.2, 0.1
-    mosaic = simulate_additive(
-        rgb, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0)
-    )
+    sensor, rng = (CfaPattern.bayer(6), SensorCalibration()), np.random.default_rng(0)
+    mosaic = simulate_additive(rgb, *sensor, 0.0, rng)
     return mosaic, rgb.sum(axis=2), rgb  # what a perfect render finds
 
 
@@ -38,9 +37,8 @@ def test_the_overview_draws_both_patterns_and_shows_holes_where_the_colour_is(sh
     names = {colour: letter for letter, colour in FILTERS.items()}
     for column, tile in enumerate((["RG" * 3, "GB" * 3] * 3, CfaPattern.bayer(6).tile)):
         drawn = panel(sheet, 0, column)[middles, middles].tolist()
-        assert ["".join(names[tuple(pixel)] for pixel in row) for row in drawn] == [
-            row * 2 for row in tile
-        ] * 2
+        letters = ["".join(names[tuple(pixel)] for pixel in row) for row in drawn]
+        assert letters == [row * 2 for row in tile] * 2
     factor = PANEL // illustrations._SHOWN
     places = ((0, 2), (1, 0), (1, 1))
     samples, colours, filled = (
@@ -63,6 +61,5 @@ def test_the_comparison_has_a_row_per_crop_and_a_column_per_picture() -> None:
     for row, (top, left) in enumerate(crops.values()):
         for column, picture in enumerate(pictures.values()):
             shown = panel(sheet, row, column)[5::10, 5::10] / 255
-            np.testing.assert_allclose(
-                shown, picture[top : top + 33, left : left + 33], atol=0.5 / 255 + 1e-6
-            )
+            crop = picture[top : top + 33, left : left + 33]
+            np.testing.assert_allclose(shown, crop, atol=0.5 / 255 + 1e-6)

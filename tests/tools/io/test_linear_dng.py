@@ -37,13 +37,8 @@ def developed(data: bytes) -> DoubleArray:
     """
     with rawpy.imread(BytesIO(data)) as raw:
         # LibRaw brightens pictures whose maximum is not quite white unless told not to.
-        plain: Any = {
-            "gamma": (1, 1),
-            "no_auto_bright": True,
-            "adjust_maximum_thr": 0.0,
-            "user_flip": 0,
-        }
-        linear = raw.postprocess(use_camera_wb=True, output_bps=16, **plain)
+        plain: Any = {"gamma": (1, 1), "no_auto_bright": True, "adjust_maximum_thr": 0.0}
+        linear = raw.postprocess(use_camera_wb=True, output_bps=16, user_flip=0, **plain)
     return linear[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] / 65535
 
 
@@ -65,9 +60,8 @@ def test_calibrated_colours_are_kept() -> None:
     camera_to_xyz = SRGB_TO_XYZ @ crosstalk / NEUTRAL
     camera = (patches(0.3, 0.7) * NEUTRAL).astype(np.float32)
     shown = developed(picture_dng(camera, camera_to_xyz, NEUTRAL))
-    np.testing.assert_allclose(
-        shown, (camera / NEUTRAL @ crosstalk.T)[::PATCH, ::PATCH], atol=QUANTISED
-    )
+    expected = (camera / NEUTRAL @ crosstalk.T)[::PATCH, ::PATCH]
+    np.testing.assert_allclose(shown, expected, atol=QUANTISED)
 
 
 def test_a_picture_that_is_not_finite_is_refused() -> None:

@@ -37,28 +37,22 @@ def highlights() -> FloatArray:
     levels = np.geomspace(0.1, 4, 8)
     greys = levels[:, None] * np.array(CALIBRATION.neutral)
     colours = greys * np.array([1.0, 0.7, 0.5])
-    return np.repeat(np.repeat(np.stack([greys, colours]), 16, axis=0), 16, axis=1).astype(
-        np.float32
-    )
+    patches = np.stack([greys, colours]).astype(np.float32)
+    return patches.repeat(16, axis=0).repeat(16, axis=1)
 
 
 def hdr(data: bytes, boost: float | None = None) -> NDArray[np.float32]:
     """What a display shows of a file, 1.0 = display white; boost: how much more it can show, None =
     everything.
     """
-    return imagecodecs.ultrahdr_decode(data, dtype=np.float16, boost=boost)[..., :3].astype(
-        np.float32
-    )
+    halves = imagecodecs.ultrahdr_decode(data, dtype=np.float16, boost=boost)
+    return np.asarray(halves[..., :3], np.float32)
 
 
 def light(rgb: FloatArray, space: str, exposure: float) -> FloatArray:
     """The render as it is: linear light of the space's primaries, nothing clipped."""
     shown = ColourTransform.to_space(CALIBRATION, space)
     return replace(shown, space=replace(shown.space, linear=True)).apply(rgb, exposure)
-
-
-def luminance(linear: FloatArray, space: str) -> FloatArray:
-    return np.asarray(linear @ SPACES[space].to_xyz[1], np.float32)
 
 
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])
@@ -82,16 +76,14 @@ def test_a_display_with_room_shows_the_render(
 ) -> None:
     rgb, kind = highlights(), PictureKind.of("uhdr", space=space)
     data = encoded(rgb, kind, orientation, exposure=exposure).getvalue()
-    seen, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
-    assert seen.shape == expected.shape
-    inside = np.s_[4::16, 4::16]  # of every patch
-    assert expected.max() > 1.5
-    np.testing.assert_allclose(
-        luminance(seen, space)[inside], luminance(expected, space)[inside], rtol=STEP
-    )
-    grey = np.ptp(expected[inside], axis=-1) < 1e-5
-    assert expected[inside][grey].max() > 1.5
-    np.testing.assert_allclose(seen[inside][grey], expected[inside][grey], rtol=STEP)
+    result, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
+    assert result.shape == expected.shape
+    result, expected = result[4::16, 4::16], expected[4::16, 4::16]  # inside every patch
+    weights = SPACES[space].to_xyz[1]
+    np.testing.assert_allclose(result @ weights, expected @ weights, rtol=STEP)
+    grey = np.ptp(expected, axis=-1) < 1e-5
+    assert expected[grey].max() > 1.5
+    np.testing.assert_allclose(result[grey], expected[grey], rtol=STEP)
 
 
 def test_a_display_as_bright_as_the_highlights_shows_all_of_them() -> None:
@@ -104,14 +96,14 @@ def test_a_display_as_bright_as_the_highlights_shows_all_of_them() -> None:
 def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     path = tmp_path / "picture.jpg"
     path.write_bytes(encoded(highlights(), PictureKind.of("uhdr")).getvalue())
-    found = fields(path, "-a", "-G1", "-XMP:all", "-MPF:all", "-MPImage2", "-warning")
+    tags = fields(path, "-a", "-G1", "-XMP:all", "-MPF:all", "-MPImage2", "-warning")
     data = path.read_bytes()
     second = data.index(b"\xff\xd9\xff\xd8") + 2
-    assert found["XMP-hdrgm:Version"] == 1.0
-    assert found["XMP-Container:DirectoryItemLength"] == len(data) - second
-    assert (found["MPImage1:MPImageLength"], found["MPImage2:MPImageStart"]) == (second, second)
-    assert found["MPImage2:MPImageLength"] == len(data) - second
-    assert not [key for key in found if "Warning" in key]
+    assert tags["XMP-hdrgm:Version"] == 1.0
+    assert tags["XMP-Container:DirectoryItemLength"] == len(data) - second
+    assert (tags["MPImage1:MPImageLength"], tags["MPImage2:MPImageStart"]) == (second, second)
+    assert tags["MPImage2:MPImageLength"] == len(data) - second
+    assert not [key for key in tags if "Warning" in key]
     (tmp_path / "map.jpg").write_bytes(data[second:])
     described = fields(tmp_path / "map.jpg", "-n", "-G1", "-XMP:all", "-warning")
     gains = GainMap(ColourTransform.to_space(CALIBRATION))
@@ -147,9 +139,7 @@ def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> N
     """The reader makes them from JPEG XL's own, as the codec has labelled them."""
     sizes = []
     for quality in (20, 90):
-        data = encoded(
-            smooth(), PictureKind(kind.format, kind.bits, kind.space, quality)
-        ).getvalue()
+        data = encoded(smooth(), replace(kind, quality=quality)).getvalue()
         read, expected = imagecodecs.jpegxl_decode(data), samples(smooth(), kind)
         sizes.append(len(data))
     assert read.dtype == expected.dtype
@@ -159,10 +149,9 @@ def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> N
 
 
 def test_quality_100_is_without_loss() -> None:
-    plain, best = (
-        encoded(scene((30, 20)), PictureKind("jxl", 8, "srgb", quality)) for quality in (None, 100)
-    )
-    assert plain.getvalue() == best.getvalue()
+    kinds = (PictureKind("jxl", 8, "srgb", quality) for quality in (None, 100))
+    plain, best = (encoded(scene((30, 20)), kind).getvalue() for kind in kinds)
+    assert plain == best
 
 
 def test_without_the_codec_it_is_refused_before_anything_is_rendered(

@@ -134,19 +134,15 @@ def test_a_profile_of_tables_is_followed(tmp_path: Path) -> None:
     corners[1, 1, 0] *= 0.8  # yellow is darker than red and green together
     picture = (255 * cube).astype(np.uint8, order="C").reshape(2, 4, 3)
     scene = load_scene(png(tmp_path / "a.png", picture, iCCP=iccp(table_profile(corners))))
-    seen = scene.rgb @ np.array(scene.camera_to_xyz).T
-    np.testing.assert_allclose(seen, corners.reshape(2, 4, 3), atol=1e-3)
+    xyz = scene.rgb @ np.array(scene.camera_to_xyz).T
+    np.testing.assert_allclose(xyz, corners.reshape(2, 4, 3), atol=1e-3)
     assert scene.notes == ()
 
 
 def test_a_profile_that_cannot_be_read_is_ignored_and_said(tmp_path: Path) -> None:
     assert read_profile(b"") is None
-    for broken in (
-        b"nonsense",
-        SRGB_PROFILE[:100],
-        SRGB_PROFILE[:200],
-        profile(b"mft2" + bytes(40)),
-    ):
+    tables = profile(b"mft2" + bytes(40))
+    for broken in (b"nonsense", SRGB_PROFILE[:100], SRGB_PROFILE[:200], tables):
         assert read_profile(broken) is None
         tifffile.imwrite(tmp_path / "a.tif", ramp(np.uint8), photometric="rgb", iccprofile=broken)
         assert any("profile" in note for note in load_scene(str(tmp_path / "a.tif")).notes)

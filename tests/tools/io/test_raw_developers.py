@@ -32,9 +32,8 @@ def rawtherapee(source: Path, target: Path, home: Path) -> list[str | Path]:
 
 def darktable(source: Path, target: Path, home: Path) -> list[str | Path]:
     """Without workflow modules, with the white balance of the shot."""
-    settings = (
-        "darkroom/workflow=none darkroom/chromatic-adaptation=legacy imageio/format/tiff/bpp=16"
-    )
+    settings = "darkroom/workflow=none darkroom/chromatic-adaptation=legacy "
+    settings += "imageio/format/tiff/bpp=16"
     core = [word for setting in settings.split() for word in ("--conf", f"plugins/{setting}")]
     start: list[str | Path] = ["darktable-cli", source, target, "--icc-type", "SRGB", "--core"]
     return [*start, "--library", ":memory:", "--configdir", home / "darktable", *core]
@@ -52,7 +51,7 @@ def rendered(
     # where nobody reads it.
     assert read_dng(shot).metadata.make or scene.suffix == ".crw"
     for kind in ("png", "dng"):
-        run("render", shot, "-o", folder / kind, "-f", kind, "--preset", "paper", code=0)
+        run("render", shot, "-o", folder / kind, f"-f {kind} --preset paper", code=0)
     ours = imagecodecs.png_decode((folder / "png" / f"{scene.stem}.png").read_bytes())
     return folder / "dng" / shot.name, ours.astype(np.float32)
 
@@ -69,12 +68,8 @@ def test_a_raw_developer_shows_our_colours(
     command = developer(source, tmp_path / "theirs.tif", tmp_path)
     if shutil.which(command[0]) is None:
         pytest.skip(f"{command[0]} is not installed")
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        check=False,
-        env={"HOME": str(tmp_path), "PATH": "/usr/bin:/bin"},
-    )
+    environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
+    done = subprocess.run(command, capture_output=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     theirs = tifffile.imread(tmp_path / "theirs.tif")[..., :3] / 257
     assert theirs.shape == ours.shape

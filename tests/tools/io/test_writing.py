@@ -2,7 +2,7 @@
 whole or absent.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,8 @@ import pytest
 from PIL import Image, ImageOps
 
 from panchroma.shared.arrays import FloatArray
-from panchroma.shared.errors import ConvergenceError, OutputError
+from panchroma.shared.errors import ConvergenceError
 from panchroma.tools.io.development import CAMERA, write_picture
-from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.io.samples import quantise, upright
 from tests.tools.io.examples import KINDS, development, encode_picture, scene
@@ -26,8 +25,8 @@ def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:
 @pytest.mark.parametrize(
     ("shape", "rows", "threads", "orientations", "stops"),
     [
-        ((1, 1), 1, 1, range(1, 9), 0),
-        ((130, 33), 7, 1, range(1, 9), 0),
+        ((1, 1), 1, 1, [1, 8], 0),
+        ((130, 33), 7, 1, [2, 5], 0),
         ((65, 129), 100, 3, range(1, 9), -3),  # darkened, so that what is burnt out shows
         ((700, 50), 90, 3, [6], 0),
     ],
@@ -41,11 +40,10 @@ def test_bands_of_any_height_by_any_number_of_threads_are_the_same_bytes(
     orientations: Iterable[int],
     stops: float,
 ) -> None:
+    rgb, exposure = scene(shape) * np.float32(1 - stops), 0.0 if kind.space == CAMERA else stops
     for orientation in orientations:
-        rgb, exposure = scene(shape) * np.float32(1 - stops), 0.0 if kind.space == CAMERA else stops
-        how = development(
-            kind, shape, orientation, exposure=exposure, restored=orientation % 2 == 0
-        )
+        changed = {"exposure": exposure, "restored": orientation % 2 == 0}
+        how = development(kind, shape, orientation, **changed)
         path = tmp_path / str(orientation)
         write_picture(path, cut(rgb, rows), how, threads=threads)
         assert path.read_bytes() == encode_picture(rgb, how)
@@ -69,28 +67,6 @@ def test_nothing_is_left_of_a_rendering_that_fails(
             write_picture(written, fails(), how, overwrite=True)
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_bytes() == b"old"
-
-
-def test_a_full_disk_is_named(tmp_path: Path, full_disk: Callable[[], None]) -> None:
-    full_disk()
-    how = development(PictureKind.of("tif"), (9, 9))
-    with pytest.raises(OutputError, match=r"picture\.tif: the disk is full"):
-        write_picture(tmp_path / "picture.tif", cut(scene((9, 9)), 4), how)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("kind", [PictureKind.of(name) for name in FORMATS], ids=str)
-def test_no_format_overwrites_unasked_or_leaves_parts(kind: PictureKind, tmp_path: Path) -> None:
-    path, rgb, how = tmp_path / f"picture{kind.suffix}", scene((4, 4)), development(kind, (4, 4))
-    path.write_bytes(b"mine")
-    with pytest.raises(OutputError, match="exists already"):
-        write_picture(path, [rgb], how)
-    assert path.read_bytes() == b"mine"
-    write_picture(path, [rgb], how, overwrite=True)
-    assert path.read_bytes() != b"mine"
-    with pytest.raises(OutputError, match="does not exist; create it first"):
-        write_picture(tmp_path / "no" / path.name, [rgb], how)
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_quantising_rounds_and_clips() -> None:

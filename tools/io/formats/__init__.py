@@ -10,13 +10,11 @@ from .png import Png
 from .tif import Tiff
 from .uhdr import UltraHdr
 
-FORMATS: dict[str, Format] = {
-    each.name: each
-    for each in (Tiff(), Png(), Jpeg(), JpegXl(), UltraHdr(), LinearDng(), OpenExr(), NumPy())
-}
+_ALL = Tiff(), Png(), Jpeg(), JpegXl(), UltraHdr(), LinearDng(), OpenExr(), NumPy()
+FORMATS: dict[str, Format] = {written.name: written for written in _ALL}
 """Every format, by its name. A new one is a module with a `Format`, and its place here."""
 
-OTHER_NAMES = {name: each.name for each in FORMATS.values() for name in each.aliases}
+OTHER_NAMES = {alias: written.name for written in _ALL for alias in written.aliases}
 """Other names of formats: name -> key of `FORMATS`."""
 
 __all__ = ["FORMATS", "OTHER_NAMES", "Format"]

@@ -11,7 +11,7 @@ from typing import BinaryIO, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ....shared.arrays import ByteArray, FloatArray
+from ....shared.arrays import ByteArray, CodeArray, FloatArray
 from ....shared.dng.colour_tags import colour_fields
 from ....shared.dng.container import (
     DIGEST_TILE,
@@ -30,7 +30,7 @@ from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development
 from ..display import checked_picture
-from ..samples import display_codes, joined, regrouped
+from ..samples import display_codes, joined, quantise, regrouped
 from .format import Bands, Format
 
 PART = DIGEST_TILE
@@ -122,19 +122,14 @@ def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
     check_sides(shape)
     if not np.isfinite(rgb).all():
         raise InputError("the picture has values that are not finite (NaN or infinite)")
-    scaled = rgb * np.float32(_WHITE_CODE)
-    codes = (
-        np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16, order="C")
-    )
-    tall, wide = _tile(shape)
-    pieces = [codes[:, left : left + wide] for left in range(0, shape[1], wide)]
+    codes = quantise(rgb, _BITS).astype(np.uint16, copy=False)
+    height, width = _tile(shape)
     # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so
     # takes a bit per sample.
-    pieces[-1] = np.pad(pieces[-1], ((0, 0), (0, wide - pieces[-1].shape[1]), (0, 0)), mode="edge")
-    tiles = [
-        encode_lossless(np.pad(piece, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS)
-        for piece in pieces
-    ]
+    padded: CodeArray = np.pad(codes, ((0, 0), (0, -shape[1] % width), (0, 0)), mode="edge")
+    padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
+    lefts = range(0, shape[1], width)
+    tiles = [encode_lossless(padded[:, left : left + width], _BITS) for left in lefts]
     return EncodedPart(tiles, tile_digests(codes))
 
 
@@ -184,11 +179,9 @@ def linear_dng(
     if len(parts) > 1:
         # Tiles: of several strips LibRaw reads only the first.
         del fields[TAG["RowsPerStrip"]]
-        tall, wide = _tile(shape[:2])
-        fields |= {
-            TAG["TileWidth"]: (FieldType.LONG, [wide]),
-            TAG["TileLength"]: (FieldType.LONG, [tall]),
-        }
+        height, width = _tile(shape[:2])
+        fields[TAG["TileWidth"]] = FieldType.LONG, [width]
+        fields[TAG["TileLength"]] = FieldType.LONG, [height]
     raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
     digest = joined_digest(b"".join(part.digests for part in parts))
     main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)

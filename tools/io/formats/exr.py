@@ -1,15 +1,14 @@
 """OpenEXR, with the capture data as standard optional attributes."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from ....shared import CaptureMetadata
-from ....shared.arrays import FloatArray
 from ....shared.colorimetry import D65_XY
 from ....shared.errors import OutputError
 from ..development import CAMERA, Development
@@ -37,50 +36,28 @@ class OpenExr(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        (pixels,) = bands
-        kind, channels = development.kind, development.channels
-        file.write(
-            encode_exr(pixels, channels, kind.bits, _attributes(development.noted, kind.space))
-        )
+        import OpenEXR
 
-
-def encode_exr(
-    pixels: FloatArray, channels: Sequence[str], bits: int, attributes: Mapping[str, object]
-) -> bytes:
-    """Return an OpenEXR file.
-
-    Parameters
-    ----------
-    pixels : FloatArray
-        float32 (H, W, C).
-    channels : Sequence[str]
-        Their names, such as letters.
-    bits : int
-        32, or 16 for half floats (clipped to +-65504).
-    attributes : Mapping[str, object]
-        Further header fields, with OpenEXR's names.
-    """
-    import OpenEXR
-
-    stored: NDArray[np.floating[Any]] = pixels
-    compression = OpenEXR.NO_COMPRESSION
-    if bits == 16:
-        largest = float(np.finfo(np.float16).max)
-        stored = pixels.clip(-largest, largest).astype(np.float16)
-        # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for
-        # which it takes too long.
-        compression = OpenEXR.ZIP_COMPRESSION
-    header = {"compression": compression, "type": OpenEXR.scanlineimage, **attributes}
-    planes = {name: np.ascontiguousarray(stored[..., index]) for index, name in enumerate(channels)}
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "picture.exr"  # OpenEXR before 3.5 writes to no stream
-            OpenEXR.File(header, planes).write(str(path))
-            return path.read_bytes()
-    except (OSError, RuntimeError) as error:
-        raise OutputError(
-            f"no temporary file for OpenEXR ({error}); set TMPDIR to a folder with free space"
-        ) from error
+        (pixels,), kind, compression = bands, development.kind, OpenEXR.NO_COMPRESSION
+        if kind.bits == 16:
+            largest = float(np.finfo(np.float16).max)
+            pixels = pixels.clip(-largest, largest).astype(np.float16)
+            # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for
+            # which it takes too long.
+            compression = OpenEXR.ZIP_COMPRESSION
+        attributes = _attributes(development.noted, kind.space)
+        header = {"compression": compression, "type": OpenEXR.scanlineimage, **attributes}
+        planes = np.ascontiguousarray(np.moveaxis(pixels, -1, 0))
+        channels = dict(zip(development.channels, planes, strict=True))
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "picture.exr"  # OpenEXR before 3.5 writes to no stream
+                OpenEXR.File(header, channels).write(str(path))
+                data = path.read_bytes()
+        except (OSError, RuntimeError) as error:
+            remedy = "set TMPDIR to a folder with free space"
+            raise OutputError(f"no temporary file for OpenEXR ({error}); {remedy}") from error
+        file.write(data)
 
 
 def _attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
@@ -98,16 +75,14 @@ def _attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
         "isoSpeed": metadata.iso and float(metadata.iso),
         "nominalFocalLength": metadata.focal_length,
     }
-    known = {name: value for name, value in attributes.items() if value}
-    if where := metadata.place:
-        known |= {"latitude": where[0], "longitude": where[1]}
+    attributes = {name: value for name, value in attributes.items() if value}
+    if metadata.place:
+        attributes["latitude"], attributes["longitude"] = metadata.place
     if metadata.altitude is not None:
-        known["altitude"] = metadata.altitude
-    known["software"] = software()
+        attributes["altitude"] = metadata.altitude
+    attributes["software"] = software()
     if space in SPACES:
-        known["chromaticities"] = tuple(
-            value for point in (*SPACES[space].primaries, D65_XY) for value in point
-        )
-    else:
-        known["Orientation"] = metadata.orientation  # not a standard name, but OpenImageIO reads it
-    return known
+        attributes["chromaticities"] = tuple(chain(*SPACES[space].primaries, D65_XY))
+    else:  # not a standard name, but OpenImageIO reads it
+        attributes["Orientation"] = metadata.orientation
+    return attributes

@@ -92,9 +92,8 @@ class Format(ABC):
         pixels = shape[0] * shape[1]
         if self.in_bands:
             return self.memory_per_pixel * pixels + rendering
-        return 4 * channels * pixels + max(
-            rendering, round(self.memory_per_pixel * pixels * max(channels / 3, 1))
-        )
+        encoding = round(self.memory_per_pixel * pixels * max(channels / 3, 1))
+        return 4 * channels * pixels + max(rendering, encoding)
 
     def dtype(self, bits: int) -> DTypeLike:
         """Type of the samples that `encode` gets."""
@@ -132,22 +131,16 @@ class Format(ABC):
         folder : Path
             For a temporary file without a name, in which a picture in bands is turned.
         """
-        samples = ahead(
-            partial(self.samples, development=development), bands, -(-threads // _RENDERING)
-        )
+        turn, convert = development.turn, partial(self.samples, development=development)
+        samples = ahead(convert, bands, -(-threads // _RENDERING))
         if self.in_bands:
-            self.encode(
-                file,
-                turned(samples, development.shape, development.turn, folder),
-                development,
-                threads,
-            )
+            samples = turned(samples, development.shape, turn, folder)
+            self.encode(file, samples, development, threads)
         else:
-            whole, turn = joined(samples, development.shape[0]), development.turn
+            whole = joined(samples, development.shape[0])
             # A copy, even of one pixel: codecs look at the strides.
-            self.encode(
-                file, [whole if turn == 1 else upright(whole, turn).copy()], development, threads
-            )
+            whole = whole if turn == 1 else upright(whole, turn).copy()
+            self.encode(file, [whole], development, threads)
 
     @abstractmethod
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:

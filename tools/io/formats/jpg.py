@@ -34,10 +34,8 @@ class Jpeg(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        codes, quality = (
-            joined(bands, development.written_shape[0]),
-            check_quality(development.kind.quality),
-        )
+        quality = check_quality(development.kind.quality)
+        codes = joined(bands, development.written_shape[0])
         file.write(baseline_jpeg(codes, quality, development_segments(development)))
 
 
@@ -107,18 +105,13 @@ def jpeg_segments(
     """
     (height, width), exif = shape, encode_tiff(jpeg_directory(metadata, shape, srgb=srgb))
     if max(height, width) > LONGEST_SIDE:
-        raise InputError(
-            f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png "
-            "or tif"
-        )
+        most = f"a side of a JPEG holds at most {LONGEST_SIDE}"
+        raise InputError(f"{width} x {height} pixels: {most}; use png or tif")
     if len(exif) > _LONGEST_EXIF:
-        raise InputError(
-            f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use "
-            "png or tif"
-        )
-    return segment(0xE1, b"Exif\0\0" + exif) + (
-        segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b""
-    )
+        most = f"a JPEG holds at most {_LONGEST_EXIF}"
+        raise InputError(f"the capture data fill {len(exif)} bytes, {most}; use png or tif")
+    profile = segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b""
+    return segment(0xE1, b"Exif\0\0" + exif) + profile
 
 
 def segment(marker: int, data: bytes) -> bytes:

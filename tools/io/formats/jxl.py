@@ -45,17 +45,14 @@ class JpegXl(Format):
         (samples,), quality = bands, development.kind.quality
         samples = np.ascontiguousarray(samples)
         if quality in (None, LOSSLESS):
-            how: dict[str, Any] = {
-                "lossless": True,
-                "effort": _FLOAT_EFFORT if samples.dtype.kind == "f" else _INTEGER_EFFORT,
-            }
+            effort = _FLOAT_EFFORT if samples.dtype.kind == "f" else _INTEGER_EFFORT
+            how: dict[str, Any] = {"lossless": True, "effort": effort}
         else:
             how = {"distance": _distance(quality), "effort": _LOSSY_EFFORT}
         picture = imagecodecs.jpegxl_encode(samples, usecontainer=True, **how)
         start, exif = picture.index(_STREAM) - 4, bytes(4) + encode_tiff(development.directory)
-        file.write(
-            picture[:start] + struct.pack(">I4s", 8 + len(exif), b"Exif") + exif + picture[start:]
-        )
+        box = struct.pack(">I4s", 8 + len(exif), b"Exif") + exif
+        file.write(picture[:start] + box + picture[start:])
 
 
 def _distance(quality: int) -> float:

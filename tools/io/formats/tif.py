@@ -4,7 +4,6 @@
 that, and TIFF 6.0 has nothing better; Deflate came later.
 """
 
-from dataclasses import replace
 from typing import Any, BinaryIO, ClassVar
 
 import imagecodecs
@@ -42,26 +41,20 @@ class Tiff(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        bits = development.kind.bits
+        bits, channels = development.kind.bits, development.channels
+        shape = *development.written_shape, len(channels)
         directory = development.directory
-        fields = _fields(
-            (*development.written_shape, len(development.channels)),
-            bits,
-            rgb=development.channels == "RGB",
-        )
+        directory.fields.update(_fields(shape, bits, rgb=channels == "RGB"))
         if development.icc:
-            fields[_ICC] = FieldType.UNDEFINED, development.icc
+            directory.fields[_ICC] = FieldType.UNDEFINED, development.icc
         rows = regrouped(bands, _STRIP_ROWS)
         strips = ahead(_lzw_strip, rows, threads) if bits == 8 else map(_plain_strip, rows)
-        write_tiff(file, replace(directory, fields={**directory.fields, **fields}), strips)
+        write_tiff(file, directory, strips)
 
 
 def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
-    channels = shape[2]
-    compression, photometric = (
-        _LZW if bits == 8 else Compression.NONE,
-        _RGB if rgb else _BLACK_IS_ZERO,
-    )
+    channels, photometric = shape[2], _RGB if rgb else _BLACK_IS_ZERO
+    compression = _LZW if bits == 8 else Compression.NONE
     fields = picture_fields(shape, bits, compression, photometric) | {
         TAG["RowsPerStrip"]: (FieldType.LONG, [_STRIP_ROWS]),
         _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),

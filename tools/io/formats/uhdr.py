@@ -108,27 +108,24 @@ class GainMap:
             part = rgb[rows]
             # Channel by channel: NumPy takes three times as long for `any` along so short an axis.
             beyond = [part[..., channel] > limit for channel, limit in enumerate(white)]
-            clipped = np.logical_or.reduce(
-                beyond + [picture[rows, :, channel] == _TOP for channel in range(3)]
-            )
+            beyond += [picture[rows, :, channel] == _TOP for channel in range(3)]
+            clipped = np.logical_or.reduce(beyond)
             if not clipped.any():
                 continue
-            light, most = part[clipped][None], white * np.float32(self.headroom)
-            shown = np.empty((*light.shape[:2], 3), np.float32)
-            for _, channel, plane in self.shown.planes(light, self.exposure, encoded=False):
+            bright, most = part[clipped][None], white * np.float32(self.headroom)
+            shown = np.empty((*bright.shape[:2], 3), np.float32)
+            for _, channel, plane in self.shown.planes(bright, self.exposure, encoded=False):
                 shown[..., channel] = plane
-            of_picture = self._luminance(shown[0].clip(0, 1))
-            of_light = self._luminance(
-                linear.apply(light.clip(-white, most), self.exposure)[0].clip(0, None)
-            )
-            gains = np.log2((of_light + np.float32(OFFSET)) / (of_picture + np.float32(OFFSET)))
+            unclipped = linear.apply(bright.clip(-white, most), self.exposure)
+            sdr, hdr = self._luminance(shown[0].clip(0, 1)), self._luminance(unclipped[0].clip(0))
+            gains = np.log2((hdr + np.float32(OFFSET)) / (sdr + np.float32(OFFSET)))
             result[rows][clipped] = np.rint(gains * np.float32(_TOP / self.highest)).clip(0, _TOP)
         return result
 
-    def _luminance(self, light: FloatArray) -> FloatArray:
+    def _luminance(self, rgb: FloatArray) -> FloatArray:
         red, green, blue = self.shown.space.to_xyz[1].astype(np.float32)
         # No product of matrices: its last bits depend on the shape.
-        return np.asarray(light[:, 0] * red + light[:, 1] * green + light[:, 2] * blue)
+        return np.asarray(rgb[:, 0] * red + rgb[:, 1] * green + rgb[:, 2] * blue)
 
 
 class UltraHdr(Format):
@@ -152,32 +149,29 @@ class UltraHdr(Format):
     def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
         """Implement `Format`."""
         codes = super().samples(rgb, development)
-        return np.dstack(
-            [codes, GainMap(development.shown, development.exposure).codes(rgb, codes)]
-        )
+        gains = GainMap(development.shown, development.exposure)
+        return np.dstack([codes, gains.codes(rgb, codes)])
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        quality, segments = (
-            check_quality(development.kind.quality),
-            development_segments(development),
-        )
+        quality = check_quality(development.kind.quality)
+        segments = development_segments(development)
         gains = GainMap(development.shown, development.exposure)
         # Copies, even of one pixel: the codec looks at the strides.
         samples = joined(bands, development.written_shape[0])
         capacity = gains.capacity(int(samples[..., 3].max()))
-        described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(
-            _APP2, _ISO + _iso(gains, capacity)
-        )
+        described = _described(_xmp(gains, capacity), _iso(gains, capacity))
         gain_map = baseline_jpeg(samples[..., 3].copy(), _GAIN_QUALITY, described)
         base = baseline_jpeg(samples[..., :3].copy(), quality, segments)
         packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
-        inserted, place = (
-            segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)),
-            JFIF_ENDS + len(segments),
-        )
+        inserted, place = _described(packet.encode(), bytes(4)), JFIF_ENDS + len(segments)
         sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
         file.write(b"".join((base[:place], inserted, sizes, base[place:], gain_map)))
+
+
+def _described(xmp: bytes, iso: bytes) -> bytes:
+    """The segments of a picture with metadata in XMP and by ISO 21496-1."""
+    return segment(_APP1, _XMP + xmp) + segment(_APP2, _ISO + iso)
 
 
 def _xmp(gains: GainMap, capacity: float) -> bytes:

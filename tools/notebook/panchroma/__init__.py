@@ -53,19 +53,14 @@ if TYPE_CHECKING:
 
 # A camera imports panchroma.shared and panchroma.device: names load when they are first used, with
 # what they need.
-_MODULES = {
-    "Evaluation": "quality",
-    "Image": "pictures",
-    "PanchromaError": "shared.errors",
-    "Picture": "pictures",
-    "Shot": "shots",
-    "evaluate": "quality",
-    "open": "shots",
-    "preview": "shots",
-    "render": "shots",
-    "simulate": "simulation",
-    "to_srgb": "pictures",
+_NAMES = {
+    "pictures": ("Image", "Picture", "to_srgb"),
+    "quality": ("Evaluation", "evaluate"),
+    "shared.errors": ("PanchromaError",),
+    "shots": ("Shot", "open", "preview", "render"),
+    "simulation": ("simulate",),
 }
+_MODULES = {name: module for module, names in _NAMES.items() for name in names}
 __all__ = [
     "Evaluation",
     "Image",

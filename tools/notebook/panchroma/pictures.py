@@ -76,24 +76,18 @@ class Image:
         from .tools.io.formats.png import encode_png
         from .tools.io.icc import icc_profile
 
-        match Path(path).suffix.lower():
-            case ".png" if quality is None:
-                data = encode_png(
-                    self.pixels,
-                    "srgb",
-                    encode_tiff(picture_directory(CaptureMetadata(), srgb=True)),
-                )
-            case ".jpg" | ".jpeg":
-                data = encode_jpeg(
-                    self.pixels, CaptureMetadata(), icc=icc_profile("srgb"), quality=quality
-                )
-            case suffix:
-                wrong = (
-                    f"`quality` is {quality}, which only a JPEG has"
-                    if quality is not None
-                    else f"ends in {suffix!r}"
-                )
-                raise InputError(f"{path}: {wrong}; an image is saved as .png or .jpg")
+        metadata, suffix = CaptureMetadata(), Path(path).suffix.lower()
+        if suffix in (".jpg", ".jpeg"):
+            icc = icc_profile("srgb")
+            data = encode_jpeg(self.pixels, metadata, icc=icc, quality=quality)
+        elif quality is not None:
+            wrong = f"`quality` is {quality}, which only a JPEG has"
+            raise InputError(f"{path}: {wrong}; an image is saved as .png or .jpg")
+        elif suffix == ".png":
+            exif = encode_tiff(picture_directory(metadata, srgb=True))
+            data = encode_png(self.pixels, "srgb", exif)
+        else:
+            raise InputError(f"{path}: ends in {suffix!r}; an image is saved as .png or .jpg")
         write_durably(path, data, overwrite=overwrite)
 
     def __repr__(self) -> str:
@@ -171,8 +165,7 @@ class Picture:
         if self.lost is not None and (self.lost.shape != self.shape or self.lost.dtype != np.uint8):
             raise InputError(
                 f"`lost` is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as "
-                "the picture; "
-                "cut it as the picture, or leave it out (lost=None)"
+                "the picture; cut it as the picture, or leave it out (lost=None)"
             )
 
     @property
@@ -225,21 +218,16 @@ class Picture:
             raise InputError(
                 f"{path}: the end of its name has to say what to write, such as .tif, .jpg or .jxl"
             )
-        ending, wanted = (
-            OTHER_NAMES.get(name, name) for name in (ending, (format or ending).lower())
-        )
-        kind = PictureKind.of(wanted, bits, space, quality)
-        if kind.suffix != f".{ending}":
-            raise InputError(
-                f"{path}: a picture in the format {kind.format!r} ends in {kind.suffix}"
-            )
-        development = Development(
-            kind, self.shape, self.calibration, self.metadata, exposure, self.restored
-        )
+        name = (format or ending).lower()
+        kind = PictureKind.of(OTHER_NAMES.get(name, name), bits, space, quality)
+        if kind.suffix != f".{OTHER_NAMES.get(ending, ending)}":
+            what = f"a picture in the format {kind.format!r}"
+            raise InputError(f"{path}: {what} ends in {kind.suffix}")
+        sensor = self.calibration, self.metadata
+        development = Development(kind, self.shape, *sensor, exposure, self.restored)
         development.check()
-        write_picture(
-            path, [development.whitened(self.rgb, self.lost)], development, overwrite=overwrite
-        )
+        rgb = development.whitened(self.rgb, self.lost)
+        write_picture(path, [rgb], development, overwrite=overwrite)
 
     def __repr__(self) -> str:
         return f"<Picture {self.shape[1]} x {self.shape[0]}, linear {', '.join(self.channels)}>"
@@ -255,11 +243,10 @@ class Picture:
         try:
             return to_srgb(self)
         except InputError:
-            known = self.calibration
-            light = encode_srgb(
-                self.rgb @ np.array(known.gamma, np.float32) / np.float32(known.full_scale)
-            )
-            return Image(np.rint(255 * light[..., None].repeat(3, axis=2)).astype(np.uint8))
+            full_scale = np.float32(self.calibration.full_scale)
+            luminance = self.rgb @ np.array(self.calibration.gamma, np.float32) / full_scale
+            grey = np.rint(255 * encode_srgb(luminance)).astype(np.uint8)
+            return Image(grey[..., None].repeat(3, axis=2))
 
     def _repr_png_(self) -> bytes:
         lost = None if self.lost is None else _reduced(self.lost[..., None])[..., 0]
@@ -308,11 +295,9 @@ def light_of(picture: Picture | NDArray[np.floating]) -> NDArray[Any]:
         For anything else.
     """
     if not isinstance(picture, Picture | np.ndarray):
-        wanted = (
-            "a picture, such as panchroma.render makes, or an array (rows, columns, "
-            "channels) of linear light"
-        )
-        raise InputError(f"expected {wanted}, and not {type(picture).__name__}")
+        array = "an array (rows, columns, channels) of linear light"
+        expected = f"a picture, such as panchroma.render makes, or {array}"
+        raise InputError(f"expected {expected}, and not {type(picture).__name__}")
     return np.asarray(picture)
 
 
@@ -326,7 +311,6 @@ def _reduced(pixels: NDArray[Any]) -> NDArray[Any]:
     # a strip narrower than a square stays as it is
     if size == 1 or whole.shape[:2] != (rows * size, columns * size):
         return pixels
-    means: NDArray[Any] = whole.reshape(rows, size, columns, size, pixels.shape[2]).mean(
-        axis=(1, 3), dtype=np.float32
-    )
+    squares = whole.reshape(rows, size, columns, size, pixels.shape[2])
+    means: NDArray[Any] = squares.mean(axis=(1, 3), dtype=np.float32)
     return means.astype(pixels.dtype)

@@ -34,10 +34,10 @@ class Evaluation:
     >>> import numpy as np
     >>> import panchroma
     >>> grey = np.full((60, 60, 3), 0.5, np.float32)
-    >>> found = panchroma.evaluate(grey + 0.01, grey)
-    >>> found
+    >>> figures = panchroma.evaluate(grey + 0.01, grey)
+    >>> figures
     <Evaluation: median PSNR 40.0 dB, luminance 40.0, chrominance 200.0; wrong hue 0.0 %>
-    >>> round(found.median[0], 2)  # dB: the figure to quote
+    >>> round(figures.median[0], 2)  # dB: the figure to quote
     40.0
     """
 
@@ -53,32 +53,22 @@ class Evaluation:
         return self.rgb[2], self.luminance[2], self.chrominance[2]
 
     def __repr__(self) -> str:
-        hue = (
-            "" if self.wrong_hue is None else f"; wrong hue {self.wrong_hue:.1%}".replace("%", " %")
-        )
+        hue = "" if self.wrong_hue is None else f"; wrong hue {100 * self.wrong_hue:.1f} %"
         rgb, luminance, chrominance = self.median
         medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
         return f"<Evaluation: median PSNR {medians}{hue}>"
 
     def _repr_html_(self) -> str:
-        rows = [
-            f"<tr><th>{name}</th>"
-            + "".join(f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole))
-            + "</tr>"
-            for name, quantiles, whole in zip(
-                PLANES, (self.rgb, self.luminance, self.chrominance), self.psnr, strict=True
-            )
-        ]
-        hue = (
-            ""
-            if self.wrong_hue is None
-            else f"Wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
-        )
-        head = (
-            "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th><th>whole "
-            "picture</th></tr>"
-        )
-        return f"<table>{head}{''.join(rows)}</table>{hue}"
+        table = "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th>"
+        table += "<th>whole picture</th></tr>"
+        planes = self.rgb, self.luminance, self.chrominance
+        for name, quantiles, whole in zip(PLANES, planes, self.psnr, strict=True):
+            values = (f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole))
+            table += f"<tr><th>{name}</th>{''.join(values)}</tr>"
+        hue = ""
+        if self.wrong_hue is not None:
+            hue = f"Wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
+        return f"<table>{table}</table>{hue}"
 
 
 def evaluate(
@@ -119,21 +109,17 @@ def evaluate(
     truth = truth.truth if isinstance(truth, Shot) else truth
     if truth is None:
         raise InputError("`truth` is None: only a simulated shot knows what it saw")
-    made, seen = light_of(picture), light_of(truth)
-    count = seen.shape[-1] if seen.ndim == 3 else len("RGB")
-    channels = next(
-        (each.channels for each in (truth, picture) if isinstance(each, Picture)),
-        "RGB" if count == len("RGB") else "",
-    )
+    rgb, true_rgb = light_of(picture), light_of(truth)
+    count = true_rgb.shape[-1] if true_rgb.ndim == 3 else len("RGB")
+    source = next((image for image in (truth, picture) if isinstance(image, Picture)), None)
     if white is None:
-        white = next((each.white for each in (truth, picture) if isinstance(each, Picture)), 1.0)
+        white = source.white if source else 1.0
     elif not 0 < white < np.inf:
-        raise InputError(
-            f"`white` is {white}, expected a positive number: what the white of the scene reads "
-            "in both pictures"
-        )
-    made, seen = (checked_picture(each, count) for each in (made, seen))
-    if made.shape == seen.shape and white != 1:
-        made, seen = made / np.float32(white), seen / np.float32(white)
-    found = Measures.of(made, seen, channels)
-    return Evaluation(*found.quality, found.psnr, found.wrong_hue)
+        meaning = "what the white of the scene reads in both pictures"
+        raise InputError(f"`white` is {white}, expected a positive number: {meaning}")
+    rgb, true_rgb = checked_picture(rgb, count), checked_picture(true_rgb, count)
+    if rgb.shape == true_rgb.shape and white != 1:
+        rgb, true_rgb = rgb / np.float32(white), true_rgb / np.float32(white)
+    plain = "RGB" if count == len("RGB") else ""
+    measures = Measures.of(rgb, true_rgb, source.channels if source else plain)
+    return Evaluation(*measures.quality, measures.psnr, measures.wrong_hue)

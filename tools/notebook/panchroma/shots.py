@@ -10,8 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from .pictures import Image, Picture
 from .shared import (
     CaptureMetadata,
@@ -98,11 +96,9 @@ class Shot:
 
     def __repr__(self) -> str:
         (rows, columns), pattern = self.shape, self.pattern
-        filters = (
-            f"{', '.join(pattern.channels)} in {len(pattern.sites)} of {pattern.period} x "
-            f"{pattern.period} pixels"
-        )
-        return f"<Shot{' ' * bool(self.name)}{self.name}: {columns} x {rows}, {filters}>"
+        sites, period = f"{len(pattern.sites)} of {pattern.period}", pattern.period
+        filters = f"{', '.join(pattern.channels)} in {sites} x {period} pixels"
+        return f"<{' '.join(filter(None, ('Shot', self.name)))}: {columns} x {rows}, {filters}>"
 
     def _repr_png_(self) -> bytes:
         return preview(self)._repr_png_()
@@ -138,13 +134,8 @@ def open(  # noqa: A001
     mosaic = read_dng(path, max_pixels=max_pixels)
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
-    return with_notes_shown(
-        Shot(
-            mosaic,
-            name=Path(path).stem,
-            notes=mosaic.calibration.remarks(mosaic.metadata.focal_length),
-        )
-    )
+    notes = mosaic.calibration.remarks(mosaic.metadata.focal_length)
+    return with_notes_shown(Shot(mosaic, name=Path(path).stem, notes=notes))
 
 
 def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
@@ -170,9 +161,7 @@ def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     <Image 40 x 30, 8-bit sRGB>
     """
     mosaic = as_shot(shot).mosaic
-    return Image(
-        np.ascontiguousarray(upright(_previews(scale)(mosaic), mosaic.metadata.orientation))
-    )
+    return Image(upright(_previews(scale)(mosaic), mosaic.metadata.orientation))
 
 
 def render(
@@ -254,6 +243,4 @@ def as_shot(shot: Shot | str | Path) -> Shot:
     )
 
 
-@cache  # graphs are built once
-def _previews(scale: int = 1) -> Previews:
-    return Previews(scale)
+_previews = cache(Previews)  # graphs are built once

@@ -102,19 +102,18 @@ def simulate(
     protocol = kind(kind.default if level is None else level)
     if seed < 0:
         raise InputError(f"`seed` is {seed}, expected 0 or more")
-    known = None if camera is None else read_camera(camera)
+    measured = None if camera is None else read_camera(camera)
     lens = Lens.of(shading)
-    tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
-    if known:
-        known.check_pattern(tile)
-        lens.check(known.calibration, camera)
-    seen = _scene(scene, tile.channels, channels, linear, max_pixels)
-    exposed = SimulatedCamera.of(tile, known, protocol, bits=bits, lens=lens).shoot(
-        seen, np.random.default_rng(seed)
-    )
+    tile = _pattern(measured.pattern if measured and pattern is None else pattern)
+    if measured:
+        measured.check_pattern(tile)
+        lens.check(measured.calibration, camera)
+    photographed = _scene(scene, tile.channels, channels, linear, max_pixels)
+    simulated = SimulatedCamera.of(tile, measured, protocol, bits=bits, lens=lens)
+    exposed = simulated.shoot(photographed, np.random.default_rng(seed))
     white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
-    truth = Picture(exposed.truth, exposed.mosaic.calibration, seen.metadata, white)
-    return with_notes_shown(Shot(exposed.mosaic, truth, seen.name, exposed.notes))
+    truth = Picture(exposed.truth, exposed.mosaic.calibration, photographed.metadata, white)
+    return with_notes_shown(Shot(exposed.mosaic, truth, photographed.name, exposed.notes))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
@@ -130,8 +129,8 @@ def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
     raise InputError(f"`pattern` is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
 
 
-def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
-    """The scene before a pattern with the channels `wanted`."""
+def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
+    """The scene before a pattern with the channels `requested`."""
     if channels is not None and isinstance(source, Picture | str | Path):
         raise InputError(
             f"`channels` is {channels!r}, but it names those of an array; a picture or a file "
@@ -140,7 +139,7 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
     if isinstance(source, Picture):
         return scene_of_light(source.rgb, source.calibration, source.metadata)
     if isinstance(source, str | Path):
-        return scene_in_file(str(source), wanted, linear=linear, max_pixels=max_pixels)
+        return scene_in_file(str(source), requested, linear=linear, max_pixels=max_pixels)
     try:
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
@@ -160,4 +159,4 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
         raise InputError(
             f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}"
         )
-    return scene_in_array(array, wanted, channels, linear=linear)
+    return scene_in_array(array, requested, channels, linear=linear)
