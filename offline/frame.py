@@ -85,10 +85,8 @@ class Sites:
     def pixels(self) -> tuple[IndexArray, IndexArray]:
         """Row and column of every site in the frame, (*B, S) each."""
         sites = np.array(self.pattern.sites)
-        down, across = (
-            self.grid.whole_rows[:, None, None] + sites[:, 0],
-            self.grid.whole_columns[None, :, None] + sites[:, 1],
-        )
+        down = self.grid.whole_rows[:, None, None] + sites[:, 0]
+        across = self.grid.whole_columns[None, :, None] + sites[:, 1]
         rows, columns = np.broadcast_arrays(down, across)
         return rows, columns
 
@@ -153,11 +151,9 @@ class Sites:
         """
         # (S, R)
         near = 1 / np.square(self.ring - np.array(self.pattern.sites)[:, None, :2]).sum(axis=2)
-        light, lowest, highest = (
-            np.empty((*self.shape, len(near))),
-            np.empty(self.shape),
-            np.empty(self.shape),
-        )
+        light = np.empty((*self.shape, len(near)))
+        lowest = np.empty(self.shape)
+        highest = np.empty(self.shape)
 
         def work(rows: slice) -> None:
             values = np.stack(list(self.beside(signal, rows, self.ring.tolist())))

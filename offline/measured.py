@@ -174,10 +174,8 @@ class Measured:
         sites, nothing = Sites.in_frame(mosaic), np.zeros((), np.float32)
         luminance = np.broadcast_to(nothing, mosaic.shape)
         blocks = np.broadcast_to(nothing, (*sites.grid.shape, len(mosaic.pattern.channels)))
-        values, constant = (
-            np.broadcast_to(nothing, (*sites.shape, len(mosaic.pattern.sites))),
-            np.broadcast_to(nothing, sites.shape),
-        )
+        values = np.broadcast_to(nothing, (*sites.shape, len(mosaic.pattern.sites)))
+        constant = np.broadcast_to(nothing, sites.shape)
         lines = ColourLines(values[..., 0], values[..., 0], constant)
         samples = BlockSamples(
             sites, values, None, np.broadcast_to(np.True_, sites.shape), constant, lines=lines

@@ -174,10 +174,8 @@ def render(
     """
     log = SolverLog(progress)
     measured = measure(mosaic, settings, log)
-    luminance, chromaticity = (
-        np.empty(mosaic.shape, np.float32),
-        np.empty((*mosaic.shape, len(measured.gamma)), np.float32),
-    )
+    luminance = np.empty(mosaic.shape, np.float32)
+    chromaticity = np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
     rgb = np.empty_like(chromaticity)
     for part, band in _render_rgb(measured, settings, log, stages):
         rows = slice(part.first, part.end)

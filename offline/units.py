@@ -34,10 +34,8 @@ def check_frames(mosaics: Sequence[Mosaic]) -> None:
                 f"a frame of {width} x {height} pixels without a panchromatic one does not "
                 "measure luminance; use a larger one"
             )
-    white, step = (
-        mosaics[0].calibration.full_scale,
-        0.5 * float(mosaics[0].calibration.scale().min()),
-    )
+    white = mosaics[0].calibration.full_scale
+    step = 0.5 * float(mosaics[0].calibration.scale().min())
     brightest = (
         max(float(np.abs((mosaic.samples.min(), mosaic.samples.max())).max()) for mosaic in mosaics)
         / white
@@ -47,9 +45,8 @@ def check_frames(mosaics: Sequence[Mosaic]) -> None:
     if brightest and not codes and not least <= brightest <= _FARTHEST:
         raise InputError(
             f"the brightest sample is {brightest:.2g} times white, expected {least:.2g} to "
-            f"{_FARTHEST:g}: it is not in scene "
-            "units, whose white is about 1; multiply the samples, and their noise, by "
-            f"{2.0 ** -frexp(brightest)[1]:.3g}"
+            f"{_FARTHEST:g}: it is not in scene units, whose white is about 1; multiply the "
+            f"samples, and their noise, by {2.0 ** -frexp(brightest)[1]:.3g}"
         )
 
 

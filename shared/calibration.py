@@ -222,8 +222,7 @@ class SensorCalibration:
         if not _LETTERS.fullmatch(letters) or len(set(letters)) != count or PANCHROMATIC in letters:
             raise InputError(
                 f"calibration: channels is {letters!r}, expected two or more different letters A "
-                f"to Z; {PANCHROMATIC} stands for "
-                "panchromatic"
+                f"to Z; {PANCHROMATIC} stands for panchromatic"
             )
         self._set("gamma", count, _GAMMA, default=1.0)
         self._set("black_level", planes, default=4096.0)
@@ -232,8 +231,7 @@ class SensorCalibration:
         if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:
             raise InputError(
                 f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= "
-                f"black, at least {_LEAST_RANGE} "
-                "codes below white, which is 65535 at most"
+                f"black, at least {_LEAST_RANGE} codes below white, which is 65535 at most"
             )
         held = {
             "noise": self.noise.shot if self.noise else None,

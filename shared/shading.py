@@ -75,9 +75,8 @@ class Shading:
             or np.abs(points).max() > _LARGEST
         ):
             raise InputError(
-                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows "
-                "and columns of control points "
-                f"of -{_LARGEST:g} to {_LARGEST:g}"
+                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and "
+                f"columns of control points of -{_LARGEST:g} to {_LARGEST:g}"
             )
         object.__setattr__(
             self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist())
@@ -92,8 +91,7 @@ class Shading:
         if not _GAINS[0] <= least <= most <= _GAINS[1] or np.abs(middle - 1).max() > _MIDDLE:
             raise InputError(
                 f"shading: the gains are {least:.3g} to {most:.3g}, and {middle.tolist()} in the "
-                "middle of the frame, expected "
-                f"{_GAINS[0]:g} to {_GAINS[1]:g}, and 1"
+                f"middle of the frame, expected {_GAINS[0]:g} to {_GAINS[1]:g}, and 1"
             )
 
     def check(self, shape: tuple[int, int]) -> None:
@@ -106,9 +104,8 @@ class Shading:
         ):
             raise InputError(
                 f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, "
-                "and the frame has "
-                f"{shape[1]} x {shape[0]}: another part of the sensor; measure it on such "
-                "frames, into a camera file of its own"
+                f"and the frame has {shape[1]} x {shape[0]}: another part of the sensor; measure "
+                "it on such frames, into a camera file of its own"
             )
 
     def zoomed(self, focal_length: float | None) -> str:

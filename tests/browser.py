@@ -18,8 +18,7 @@ _CHROMIUM = (
 )
 _OPTIONS = (
     "--headless=new --no-sandbox --disable-gpu --disable-dev-shm-usage --disable-extensions "
-    "--disable-background-networking "
-    "--hide-scrollbars --no-first-run --remote-debugging-pipe"
+    "--disable-background-networking --hide-scrollbars --no-first-run --remote-debugging-pipe"
 )
 _PATIENCE = 60.0  # seconds
 _KEYS = {"ArrowRight": 39}

@@ -99,10 +99,8 @@ def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Flo
         sites.pattern.panchromatic_mask(shape),
         Motions.of([one.motion for one in kept], shape),
     )
-    luminance, shares = (
-        np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32),
-        np.empty(shape, np.float32),
-    )
+    luminance = np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32)
+    shares = np.empty(shape, np.float32)
     merge(frames, luminance, shares)
     return luminance, shares
 
@@ -188,12 +186,10 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
                 if agrees == 0:
                     continue
                 to_y, to_x = frame_place(frames.motions, frame, float(y), float(x))
-                top, bottom, left, right = (
-                    min(top, to_y),
-                    max(bottom, to_y),
-                    min(left, to_x),
-                    max(right, to_x),
-                )
+                top = min(top, to_y)
+                bottom = max(bottom, to_y)
+                left = min(left, to_x)
+                right = max(right, to_x)
                 if not (-0.5 <= to_y < height - 0.5 and -0.5 <= to_x < width - 0.5):
                     continue
                 precision = _precision(frames.noise, frame, frames.planes[0, y, x])
@@ -224,10 +220,8 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
 @kernel
 def _measured(panchromatic: Bools2, y: float, x: float) -> float:
     """Share of the light interpolated at a place of a frame that is measured there, 0 to 1."""
-    y, x = (
-        min(max(y, 0.0), panchromatic.shape[0] - 1.001),
-        min(max(x, 0.0), panchromatic.shape[1] - 1.001),
-    )
+    y = min(max(y, 0.0), panchromatic.shape[0] - 1.001)
+    x = min(max(x, 0.0), panchromatic.shape[1] - 1.001)
     top, left = int(y), int(x)
     down, across = y - top, x - left
     upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, left + 1]
@@ -294,12 +288,10 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
     """Add what the grid misses of the samples to the places around them, in several rounds."""
     rows, columns = fine.shape
     error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
-    near, wide, missed_near, missed_wide = (
-        zeros(rows, columns),
-        zeros(rows, columns),
-        zeros(rows, columns),
-        zeros(rows, columns),
-    )
+    near = zeros(rows, columns)
+    wide = zeros(rows, columns)
+    missed_near = zeros(rows, columns)
+    missed_wide = zeros(rows, columns)
     for sample in range(len(samples)):
         _splat(count, samples[sample, 0], samples[sample, 1], samples[sample, 3])
     smooth_rows(count, _NARROW, 0, rows, near)

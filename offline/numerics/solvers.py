@@ -92,6 +92,5 @@ def report(
     if not worst <= tolerance:
         raise ConvergenceError(
             f"{solver}: conjugate gradients stopped at a relative residual of {worst:.1e} after "
-            f"{used.max()} iterations, "
-            f"short of {tolerance:.1e}"
+            f"{used.max()} iterations, short of {tolerance:.1e}"
         )

@@ -197,10 +197,8 @@ def solve_affinities(
 
 def derivative_filters(scales: tuple[float, ...]) -> Filters:
     """Gaussian filters at these scales, standard deviations in pixels."""
-    distance, deviation = (
-        np.arange(int(TRUNCATE * max(scales) + 0.5) + 1),
-        np.array(scales)[:, None],
-    )
+    distance = np.arange(int(TRUNCATE * max(scales) + 0.5) + 1)
+    deviation = np.array(scales)[:, None]
     smooth = np.exp(-(distance**2) / (2 * deviation**2)) * (
         distance <= (TRUNCATE * deviation + 0.5).astype(int)
     )
@@ -257,10 +255,8 @@ def solve_regions(
     across = (regions.across + regions.along - 1) // regions.along
     for region in range(pieces[0], pieces[1]):
         top, left = regions.first + region // across * regions.down, region % across * regions.along
-        bottom, right = (
-            min(top + regions.down, regions.end),
-            min(left + regions.along, regions.across),
-        )
+        bottom = min(top + regions.down, regions.end)
+        right = min(left + regions.along, regions.across)
         above, before = max(top - HALO, 0), max(left - HALO, 0)
         size = (
             (min(bottom + HALO, height) - above) * period,
@@ -316,12 +312,10 @@ def _weigh(through: Floats3, links: Floats3) -> None:
     """
     (_, rows, width), one = through.shape, np.uintp(1)
     h, v, below = through[0].reshape(-1), through[1].reshape(-1), np.uintp(width)
-    right, down, down_right, down_left = (
-        links[0].reshape(-1),
-        links[1].reshape(-1),
-        links[2].reshape(-1),
-        links[3].reshape(-1),
-    )
+    right = links[0].reshape(-1)
+    down = links[1].reshape(-1)
+    down_right = links[2].reshape(-1)
+    down_left = links[3].reshape(-1)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
             here = np.uintp(row * width) + np.uintp(column)
@@ -371,31 +365,25 @@ def _add_energy(
     Slopes are sums of differences of symmetric pairs, so that flat input gives exactly 0.
     """
     reach, count = len(smooth) - 1, energy.shape[1]
-    smoothed, sloped, across, down = (
-        zeros(count + 2 * reach),
-        zeros(count + 2 * reach),
-        zeros(count),
-        zeros(count),
-    )
+    smoothed = zeros(count + 2 * reach)
+    sloped = zeros(count + 2 * reach)
+    across = zeros(count)
+    down = zeros(count)
     for step in range(reach + 1):
-        above, below, weight, rise = (
-            light[(reach - step) * width :],
-            light[(reach + step) * width :],
-            smooth[step],
-            slope[step],
-        )
+        above = light[(reach - step) * width :]
+        below = light[(reach + step) * width :]
+        weight = smooth[step]
+        rise = slope[step]
         if weight == _ZERO:  # beyond the end of a smaller scale
             break
         for index in range(count):
             smoothed[index] += weight * (above[index] + below[index])
             sloped[index] += rise * (below[index] - above[index])
     for step in range(reach + 1):
-        left, right, weight, rise = (
-            smoothed[reach - step :],
-            smoothed[reach + step :],
-            smooth[step],
-            slope[step],
-        )
+        left = smoothed[reach - step :]
+        right = smoothed[reach + step :]
+        weight = smooth[step]
+        rise = slope[step]
         if weight == _ZERO:  # beyond the end of a smaller scale
             break
         before, after = sloped[reach - step :], sloped[reach + step :]
@@ -479,12 +467,10 @@ def _right_side(
 def _scale(links: Floats3, scale: Floats2) -> None:
     """Scale the links."""
     (rows, width), one, below = scale.shape, np.uintp(1), np.uintp(scale.shape[1])
-    right, down, down_right, down_left = (
-        links[0].reshape(-1),
-        links[1].reshape(-1),
-        links[2].reshape(-1),
-        links[3].reshape(-1),
-    )
+    right = links[0].reshape(-1)
+    down = links[1].reshape(-1)
+    down_right = links[2].reshape(-1)
+    down_left = links[3].reshape(-1)
     roots = scale.reshape(-1)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
@@ -513,16 +499,12 @@ def _finish(
     inner, place: row and first column in the region, and in `fields`.
     """
     row, left = inner
-    sums, pinned, roots = (
-        zeros(columns),
-        _given(pins, _SOLVED, row, left + columns)[left:],
-        scale[BORDER + row][left:],
-    )
+    sums = zeros(columns)
+    pinned = _given(pins, _SOLVED, row, left + columns)[left:]
+    roots = scale[BORDER + row][left:]
     for field in range(_SOLVED):
-        source, pin = (
-            solution[field, BORDER + row][left:],
-            _given(pins, field, row, left + columns)[left:],
-        )
+        source = solution[field, BORDER + row][left:]
+        pin = _given(pins, field, row, left + columns)[left:]
         out = fields[field, place[0]][place[1] :]
         for column in range(columns):
             start = pin[column] + _QUARTER * (_ONE - pinned[column])

@@ -141,11 +141,9 @@ def fit_colour_lines(
     """
     if not settings.used or frame.mosaic.pattern.derived is not None:
         return None
-    sites, gamma, dark = (
-        frame.sites,
-        frame.gamma.astype(np.float32)[:, None, None],
-        np.float32(_LEAST_LIGHT * frame.level),
-    )
+    sites = frame.sites
+    gamma = frame.gamma.astype(np.float32)[:, None, None]
+    dark = np.float32(_LEAST_LIGHT * frame.level)
     light, samples = (_means(sites, plane) for plane in (luminance, frame.signal))
     samples *= gamma
     mean = np.maximum(light.mean(axis=0), dark)
@@ -287,10 +285,8 @@ def _likelihood(lines: ColourLines, near: _Blocks) -> FloatArray:
     """Return the logarithm of the likelihood of the samples of blocks, (rows, columns), but for a
     constant.
     """
-    of_light, own = (
-        near.strokes * np.float32(len(near.light) ** 2),
-        (near.noise + near.surface) / near.weight,
-    )
+    of_light = near.strokes * np.float32(len(near.light) ** 2)
+    own = (near.noise + near.surface) / near.weight
     variance = lines.slope**2 * of_light + own
     return (
         -(np.log(variance) + np.square(near.samples - lines.at(near.light)) / variance).sum(axis=0)

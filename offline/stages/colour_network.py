@@ -242,10 +242,8 @@ class Contrast(NamedTuple):
         """Return what the network sees, float32 (3 K^2 + S + SURROUNDINGS, h, w)."""
         pixels, sites = self.departures.shape[0] * self.departures.shape[1], len(self.error)
         inputs = np.empty((pixels + sites + SURROUNDINGS, *self.bound.shape), np.float32)
-        scale, positive = (
-            np.reciprocal(self.activity),
-            np.maximum(self.light, np.float32(_LEAST_LIGHT)),
-        )
+        scale = np.reciprocal(self.activity)
+        positive = np.maximum(self.light, np.float32(_LEAST_LIGHT))
         np.multiply(self.departures, scale, out=inputs[:pixels].reshape(self.departures.shape))
         np.multiply(self.error, scale, out=inputs[pixels : pixels + sites])
         inputs[-5:-3] = self.colour
@@ -340,12 +338,10 @@ class Cells:
     @classmethod
     def of(cls, sites: Sites) -> "Cells":
         """Return the cells of a frame with channels R, G and B."""
-        pattern, grid, period, steps = (
-            sites.pattern,
-            sites.grid,
-            sites.grid.period,
-            Block.of(sites.pattern).steps,
-        )
+        pattern = sites.pattern
+        grid = sites.grid
+        period = sites.grid.period
+        steps = Block.of(sites.pattern).steps
         axes = list[tuple[int, int, int]]()
         for axis, whole in enumerate((grid.whole_rows, grid.whole_columns)):
             # pixels of a cell before its block
@@ -507,10 +503,8 @@ class Residuals:
 
     def __init__(self, cells: Cells, part: Part, samples: BlockSamples, gamma: FloatArray) -> None:
         rows = samples.within(part)
-        error, noise = (
-            samples.residual(part, rows)[..., cells.sites],
-            samples.scaled_variance(gamma, rows),
-        )
+        error = samples.residual(part, rows)[..., cells.sites]
+        noise = samples.scaled_variance(gamma, rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
         variance = np.where(samples.unclipped[rows], variance, np.float32(UNKNOWN))
         # In photographs the network also corrects what a colour line explains, in print lines are

@@ -173,10 +173,8 @@ def _block_residuals(
             np.moveaxis(plane[:, rows][sites.channels], 0, 2)
             for plane in (lines.offset, lines.slope)
         )
-        apart, least = (
-            offset + slope * light - picture,
-            np.square(np.float32(EVEN) * light).mean(axis=2),
-        )
+        apart = offset + slope * light - picture
+        least = np.square(np.float32(EVEN) * light).mean(axis=2)
         far = np.maximum(np.square(apart).mean(axis=2), np.maximum(least, np.float32(_LEAST_POWER)))
         share = (lines.share[rows] * (1 - least / far))[..., None]
         picture += share * apart
@@ -274,10 +272,8 @@ def posterior_means(
     covariance, solution = np.empty((count, count)), np.empty(count)
     for row in range(pieces[0], pieces[1]):
         for column in range(columns):
-            of_light, of_colour = (
-                np.float64(given.light[row, column]),
-                np.float64(given.colour[row, column]),
-            )
+            of_light = np.float64(given.light[row, column])
+            of_colour = np.float64(given.colour[row, column])
             weight, uncertain = given.weight[row, column], of_light + of_colour
             for s in range(count):
                 solution[s] = given.error[row, column, s]

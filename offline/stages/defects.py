@@ -96,10 +96,8 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
     places = np.nonzero(bad)
     panchromatic = _panchromatic(frame, *places)
     if panchromatic.any():
-        signal, places = (
-            copy_array(frame.signal),
-            (places[0][panchromatic], places[1][panchromatic]),
-        )
+        signal = copy_array(frame.signal)
+        places = (places[0][panchromatic], places[1][panchromatic])
         signal[places] = predicted(frame, bad, places)
         frame = frame.with_samples(signal)
     progress.advance()
@@ -159,18 +157,14 @@ class _Strip:
     def of(cls, frame: Cleaned, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
         """Rows of a frame. bad: bool (H, W)."""
         (height, width), halo = bad.shape, max(frame.mosaic.pattern.period, 2) + 1
-        first, within = (
-            rows.start - halo,
-            slice(max(rows.start - halo, 0), min(rows.stop + halo, height)),
-        )
+        first = rows.start - halo
+        within = slice(max(rows.start - halo, 0), min(rows.stop + halo, height))
         filters = frame.mosaic.pattern.filter_map(
             (rows.stop + halo - first, width + 2 * halo), (first, -halo)
         )
         place = np.s_[within.start - first : within.stop - first, halo : halo + width]
-        luminance, gains = (
-            np.full(filters.shape, np.nan, np.float32),
-            np.append(frame.gamma, 1).astype(np.float32),
-        )
+        luminance = np.full(filters.shape, np.nan, np.float32)
+        gains = np.append(frame.gamma, 1).astype(np.float32)
         np.multiply(
             frame.signal[within], gains[filters[place]], out=luminance[place], where=~bad[within]
         )
@@ -204,29 +198,23 @@ class _Strip:
         """Tell for each of N panchromatic samples whether the sample is an outlier by the
         definition above.
         """
-        value, floor = (
-            self.luminance[row, column],
-            np.float32(self.settings.floor * self.frame.level),
-        )
+        value = self.luminance[row, column]
+        floor = np.float32(self.settings.floor * self.frame.level)
         near, wide = (
             _sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured))
             for reach in (1, 2)
         )
-        low, high, count = (
-            near[:, 0],
-            np.fmax.reduce(near, axis=1),
-            np.count_nonzero(~np.isnan(near), axis=1),
-        )
+        low = near[:, 0]
+        high = np.fmax.reduce(near, axis=1)
+        count = np.count_nonzero(~np.isnan(near), axis=1)
         second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
         allowed = self.settings.contrast * (second - wide[:, 1]) + self.noise(high) + floor
         outlier = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
-        row, column, value, low, high = (
-            row[outlier],
-            column[outlier],
-            value[outlier],
-            low[outlier],
-            high[outlier],
-        )
+        row = row[outlier]
+        column = column[outlier]
+        value = value[outlier]
+        low = low[outlier]
+        high = high[outlier]
         # The usual brightness of the colour sites beside a sample is their mean in the tiles above,
         # below, left and right.
         period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)

@@ -213,11 +213,9 @@ def denoise(
     memory = Memory(samples, pilot, sums, weights, halves, block)
     for window in range(pieces[0], pieces[1]):
         above, below, left, right = tile_at(window, (rows[1] - rows[0], width), _WINDOW)
-        top, down, across = (
-            rows[0] + above - halo,
-            below - above + 2 * halo,
-            right - left + 2 * halo,
-        )
+        top = rows[0] + above - halo
+        down = below - above + 2 * halo
+        across = right - left + 2 * halo
         # Where each row and column of the window lies in the frame, and each column in memory.
         sources = np.array([mirrored(top + row, height) for row in range(down)])
         columns = np.array([mirrored(left - halo + column, width) for column in range(across)])
@@ -256,12 +254,10 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
     first: the frame's row at row 0 of the window; the frame's column at column 0 is even.
     """
     block, half = memory.block, memory.sums.shape[1] // _STEP
-    forward, expected, backward, light = (
-        memory.halves[0],
-        memory.halves[1],
-        memory.halves[2],
-        memory.halves[3, 0],
-    )
+    forward = memory.halves[0]
+    expected = memory.halves[1]
+    backward = memory.halves[2]
+    light = memory.halves[3, 0]
     memory.sums[:] = _ZERO
     memory.weights[:] = _ZERO
     for kind in range(len(shrinkage.sizes)):
@@ -402,10 +398,8 @@ def _back(
             for j in range(0, size, 2):
                 even, odd, place = transform[j, i], transform[j + 1, i], k * size + j
                 a, b = a + even * load(block, (place, 0)), b + odd * load(block, (place + 1, 0))
-                c, d = (
-                    c + even * load(block, (place + size, 0)),
-                    d + odd * load(block, (place + size + 1, 0)),
-                )
+                c = c + even * load(block, (place + size, 0))
+                d = d + odd * load(block, (place + size + 1, 0))
             store(out, (k, left), load(out, (k, left)) + weight * (a + b))
             store(out, (k, right), load(out, (k, right)) + weight * (a - b))
             store(out, (k + 1, left), load(out, (k + 1, left)) + weight * (c + d))

@@ -98,11 +98,9 @@ def restore_highlights(
     if not settings.used or not signal.max() >= clipping:
         return frame
     progress.stage("highlights", 1)
-    neutral, samples, gamma = (
-        frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma),
-        frame.samples,
-        frame.gamma,
-    )
+    neutral = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma)
+    samples = frame.samples
+    gamma = frame.gamma
     result, total, gone = copy_array(signal), np.empty(sites.shape), np.empty(sites.shape)
 
     def restore(rows: slice) -> None:
@@ -127,11 +125,9 @@ def restore_highlights(
         if not nearby.max() >= clipping:
             return
         clear = pattern.panchromatic_mask(nearby.shape, (top, 0))
-        first, plane, over = (
-            (sites.middle[0] - top, sites.middle[1]),
-            np.empty_like(nearby),
-            clear & (nearby >= clipping),
-        )
+        first = (sites.middle[0] - top, sites.middle[1])
+        plane = np.empty_like(nearby)
+        over = clear & (nearby >= clipping)
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
         interpolate(light, first, pattern.period, plane)

@@ -518,10 +518,8 @@ def _shrink_blocks(squares: Floats4, threshold: Scalar, removed: Floats2) -> Non
 @kernel
 def _energy(squares: Floats4, band: int, row: int, column: int) -> Lanes:
     """Sum of three vertically adjacent squares."""
-    above, below = (
-        load(squares, (band, row - 1, column, 0)),
-        load(squares, (band, row + 1, column, 0)),
-    )
+    above = load(squares, (band, row - 1, column, 0))
+    below = load(squares, (band, row + 1, column, 0))
     return above + load(squares, (band, row, column, 0)) + below
 
 
@@ -543,10 +541,8 @@ def _remove(removed: Floats2, response: Floats3, values: Floats2) -> None:
 @kernel
 def _chunk(values: Floats2, chunk: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     i = CHUNK * chunk
-    a, b, c, d = (
-        load(values, (i, 0)),
-        load(values, (i + 1, 0)),
-        load(values, (i + 2, 0)),
-        load(values, (i + 3, 0)),
-    )
+    a = load(values, (i, 0))
+    b = load(values, (i + 1, 0))
+    c = load(values, (i + 2, 0))
+    d = load(values, (i + 3, 0))
     return a, b, c, d

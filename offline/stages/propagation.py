@@ -173,12 +173,10 @@ def mix(
     """
     (_, _, width), (_, count, channels) = fields.shape, blocks.shape
     period = width // (count - 1)
-    kappa, total, here, mixed = (
-        unset(CLASSES, width),
-        unset(width),
-        unset(width),
-        unset(channels, width),
-    )
+    kappa = unset(CLASSES, width)
+    total = unset(width)
+    here = unset(width)
+    mixed = unset(channels, width)
     for patch in range(pieces[0], pieces[1]):
         # A class is at the same corner in every second patch only, so its light and chromaticity
         # are stored for every column.
@@ -212,11 +210,9 @@ def _expand(
     chromaticity of the four corners.
     """
     count, channels = blocks.shape[1] - 1, blocks.shape[2]
-    lit, colour, mean = (
-        unset(CLASSES, count * period),
-        unset(channels, CLASSES, count * period),
-        unset(channels, count * period),
-    )
+    lit = unset(CLASSES, count * period)
+    colour = unset(channels, CLASSES, count * period)
+    mean = unset(channels, count * period)
     for kind in range(CLASSES):
         down = (kind // 2 - patch) % 2  # the corner of a patch that the class is at
         source = light.luminance[light.rows[patch * period + down * (period - 1)]]
@@ -231,13 +227,11 @@ def _expand(
                 for column in range(across * period, (across + 1) * period):
                     colour[channel, kind, column] = value
     for channel in range(channels):
-        a, b, c, d, line = (
-            colour[channel, 0],
-            colour[channel, 1],
-            colour[channel, 2],
-            colour[channel, 3],
-            mean[channel],
-        )
+        a = colour[channel, 0]
+        b = colour[channel, 1]
+        c = colour[channel, 2]
+        d = colour[channel, 3]
+        line = mean[channel]
         for column in range(len(line)):
             line[column] = _QUARTER * (a[column] + b[column] + c[column] + d[column])
     return lit, colour, mean
@@ -256,11 +250,9 @@ def _weigh(
     softness, likeness = weighting.softness, weighting.likeness
     if likeness > _ZERO:
         for column in range(len(alpha)):
-            part, apart, both = (
-                softness + abs(alpha[column]),
-                here[column] - lit[column],
-                here[column] + lit[column],
-            )
+            part = softness + abs(alpha[column])
+            apart = here[column] - lit[column]
+            both = here[column] + lit[column]
             alike = both * both / (both * both + likeness * (apart * apart) + _SMALLEST_FLOAT)
             kappa[column] = part * part * lit[column] * alike
             total[column] += kappa[column]

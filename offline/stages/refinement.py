@@ -215,10 +215,8 @@ def average(
         top, bottom, left, right = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
         below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
-            source, tints = (
-                luminance[places.rows[top + row]],
-                initial[places.initial_rows[top + row]],
-            )
+            source = luminance[places.rows[top + row]]
+            tints = initial[places.initial_rows[top + row]]
             across = places.columns[left : left + after + margin]
             _gather(source, tints, across, light[row, lead:], colour[:, row, lead:])
         columns = begin, lead + after + margin - radius - reach

@@ -197,8 +197,7 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
         took = np.array([seconds for ok, seconds in saved if ok])
         print(
             f"  {len(took) / lasted:.2f} DNGs a second ({np.mean(sizes) / 1e6:.1f} MB), "
-            f"{np.median(took):.2f} s each, "
-            f"{len(saved) - len(took)} not saved"
+            f"{np.median(took):.2f} s each, {len(saved) - len(took)} not saved"
         )
 
 

@@ -161,10 +161,8 @@ def calibrated(frames: Frames, kind: str) -> Result | None:
     """Calibrate from a subset: chart, charts, dark, flat, or flat1, one flat frame; None = no frame
     can be used.
     """
-    parts, session = (
-        set(kind.split("+")),
-        Session(Console(json=True, quiet=True), REFERENCE, read=frames.mosaics.__getitem__),
-    )
+    parts = set(kind.split("+"))
+    session = Session(Console(json=True, quiet=True), REFERENCE, read=frames.mosaics.__getitem__)
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:

@@ -186,9 +186,8 @@ def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
     grown, leaked = (_memory("VmHWM") - before) / 2**20, (_memory("VmRSS") - held) / 2**20
     return (
         f"preview 1 : {scale}, {mosaic.samples.size / 1e6:.1f} MP: median {1e3 * middle:.0f} ms, "
-        f"99 % {1e3 * slowest:.0f} ms, "
-        f"import {1e3 * imported:.0f} ms, first {1e3 * first:.0f} ms, memory +{grown:.0f} MB, "
-        f"{leaked:+.1f} MB after all"
+        f"99 % {1e3 * slowest:.0f} ms, import {1e3 * imported:.0f} ms, first {1e3 * first:.0f} ms, "
+        f"memory +{grown:.0f} MB, {leaked:+.1f} MB after all"
     )
 
 

@@ -219,10 +219,8 @@ def _pngs() -> dict[str, bytes]:
 
 
 def _jpegs() -> dict[str, bytes]:
-    jpeg, scans = (
-        picture("JPEG"),
-        picture("JPEG", np.zeros((2000, 2000, 3), np.uint8), progressive=True),
-    )
+    jpeg = picture("JPEG")
+    scans = picture("JPEG", np.zeros((2000, 2000, 3), np.uint8), progressive=True)
     # 1,000 fields of an Exif block that all are the same 50 kB.
     table = b"".join(struct.pack("<HHII", tag, 3, 25_000, 8) for tag in range(1000, 2000))
     block = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1000) + table + bytes(50_000)
@@ -253,10 +251,8 @@ def _exrs() -> dict[str, bytes]:
     tiles.xSize = tiles.ySize = 32
     # of display: all parts have the same
     window = np.array([0, 0], np.int32), np.array([8999, 8999], np.int32)
-    lines, grey = (
-        {"type": OpenEXR.scanlineimage},
-        {side: np.zeros((side, side), np.float32) for side in (8, SIDE, 9000)},
-    )
+    lines = {"type": OpenEXR.scanlineimage}
+    grey = {side: np.zeros((side, side), np.float32) for side in (8, SIDE, 9000)}
     tiled = {"type": OpenEXR.tiledimage, "tiles": tiles, "compression": OpenEXR.ZIP_COMPRESSION}
     parts = [
         OpenEXR.Part({**lines, "displayWindow": window}, {"Y": grey[side]}, f"p{side}")

@@ -71,19 +71,15 @@ def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = No
             try:
                 (outcome, why), seconds, size = reading.result()
             except TimeoutError:
-                outcome, why, seconds, size = (
-                    FAULT,
-                    f"did not end within {LIMIT_SECONDS:g} s",
-                    LIMIT_SECONDS,
-                    0,
-                )
+                outcome = FAULT
+                why = f"did not end within {LIMIT_SECONDS:g} s"
+                seconds = LIMIT_SECONDS
+                size = 0
             except ProcessExpired as error:
-                outcome, why, seconds, size = (
-                    FAULT,
-                    f"the process that read it ended with {error.exitcode}",
-                    0.0,
-                    0,
-                )
+                outcome = FAULT
+                why = f"the process that read it ended with {error.exitcode}"
+                seconds = 0.0
+                size = 0
             if size > LIMIT_BYTES:
                 outcome, why = FAULT, f"took {size >> 20} MB"
             campaign.counts[sample.kind, outcome] += 1

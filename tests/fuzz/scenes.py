@@ -206,10 +206,8 @@ def photographed(case: Case, factor: float = 1.0, frame: int = 0) -> Mosaic:
     """The shot of a case. factor: times its light. frame: of a burst; each is displaced, and has
     noise of its own.
     """
-    random, scene = (
-        np.random.default_rng((case.seed, frame)),
-        np.roll(case.scene, frame, (0, 1)) * np.float32(factor),
-    )
+    random = np.random.default_rng((case.seed, frame))
+    scene = np.roll(case.scene, frame, (0, 1)) * np.float32(factor)
     if case.take == "codes":
         return simulate_sensor(scene, case.pattern, case.calibration, 1.0, random)
     sigma = 0.02 * case.light if case.take == "noisy" else 0.0

@@ -37,11 +37,9 @@ def strokes(shape: tuple[int, int], seed: int = 0) -> DoubleArray:
     random, (rows, columns) = np.random.default_rng(seed), np.indices(shape)
     ink = np.zeros(shape)
     for _ in range(shape[0] * shape[1] // 60):
-        y, x, angle = (
-            random.uniform(0, shape[0]),
-            random.uniform(0, shape[1]),
-            random.uniform(0, np.pi),
-        )
+        y = random.uniform(0, shape[0])
+        x = random.uniform(0, shape[1])
+        angle = random.uniform(0, np.pi)
         along = (rows - y) * np.sin(angle) + (columns - x) * np.cos(angle)
         aside = np.abs((columns - x) * np.sin(angle) - (rows - y) * np.cos(angle))
         ink = np.maximum(ink, np.clip(1.5 - aside, 0, 1) * (np.abs(along) < random.uniform(2, 6)))
@@ -68,10 +66,8 @@ def without_mean(rgb: FloatArray | DoubleArray) -> FloatArray | DoubleArray:
 
 def lines_of(scene: DoubleArray, mosaic: Mosaic, clipping: float = np.inf) -> ColourLines:
     """The lines of a scene whose luminance is known."""
-    frame, light = (
-        cleaned(mosaic, clipping),
-        luminance_of(scene, mosaic.calibration.gamma).astype(np.float32),
-    )
+    frame = cleaned(mosaic, clipping)
+    light = luminance_of(scene, mosaic.calibration.gamma).astype(np.float32)
     blocks = extend(
         block_sums(frame, light).solved(1e-6, frame.gamma), mosaic.pattern, mosaic.shape
     )
@@ -96,11 +92,9 @@ def test_strips_of_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_pixel_in_the_middle_of_a_block_gets_the_colour_of_its_line_as_far_as_that_is_believed() -> (
     None
 ):
-    pattern, shape, random = (
-        CfaPattern.with_block(("RGB",), 5, (4, 3)),
-        (37, 42),
-        np.random.default_rng(0),
-    )
+    pattern = CfaPattern.with_block(("RGB",), 5, (4, 3))
+    shape = (37, 42)
+    random = np.random.default_rng(0)
     gamma, mosaic = np.array(gamma_of(pattern), np.float32), shot(pattern, shape)
     light = random.uniform(0.5, 1, shape).astype(np.float32)
     sites = sampled(mosaic, light).sites

@@ -157,10 +157,8 @@ def every_stage(letters: str | None) -> Mosaic:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_stage_in_rows_can_be_left_out_and_matters(preset: str, letters: str | None) -> None:
     settings, mosaic = PRESETS[preset], every_stage(letters)
-    whole, names = (
-        render(mosaic, settings).rgb,
-        [stage.name for stage in row_stages(measure(mosaic, settings), settings)],
-    )
+    whole = render(mosaic, settings).rgb
+    names = [stage.name for stage in row_stages(measure(mosaic, settings), settings)]
     for number, name in enumerate(names):
 
         def others(*given: Any, left_out: int = number) -> list[RowStage]:

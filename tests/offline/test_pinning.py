@@ -85,10 +85,8 @@ def test_colour_that_changes_within_a_tile_is_seen() -> None:
         light[..., None] * (np.array([1.0, 1.0, 1.0]) + stripe * np.array([0.5, -0.1, -0.4]))
     ).astype(np.float32)
     mosaic = simulate_additive(scene, KODAK, SensorCalibration(), 0.0, np.random.default_rng(0))
-    pinned, plain = (
-        render(mosaic).rgb,
-        render(mosaic, BEST.switched(False)).rgb,
-    )
+    pinned = render(mosaic).rgb
+    plain = render(mosaic, BEST.switched(False)).rgb
     inside = slice(8, -8)
     assert (
         np.square(pinned - scene)[inside, inside].mean()

@@ -49,11 +49,9 @@ def expected(
     softness: float = 0.0,
 ) -> DoubleArray:
     """What softness adds to every affinity."""
-    c, alpha, luminance = (
-        blocks.astype(np.float64),
-        affinity.astype(np.float64),
-        light.astype(np.float64),
-    )
+    c = blocks.astype(np.float64)
+    alpha = affinity.astype(np.float64)
+    luminance = light.astype(np.float64)
     return reference.propagate(c, abs(alpha) + softness, luminance, pattern)
 
 

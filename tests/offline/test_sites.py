@@ -23,10 +23,8 @@ BAYER = CfaPattern.bayer(6, origin=(1, 2))
 
 def corrected(part: Part, mosaic: Mosaic, clipping: float = np.inf) -> Part:
     """The picture corrected by the samples of a mosaic."""
-    samples, gamma = (
-        sampled(mosaic, part.luminance, clipping),
-        np.array(mosaic.calibration.gamma, np.float32),
-    )
+    samples = sampled(mosaic, part.luminance, clipping)
+    gamma = np.array(mosaic.calibration.gamma, np.float32)
     rows = part.first, part.end
     return Correction(samples, gamma)(SiteResidual(samples, gamma)(part, rows), rows)
 
@@ -86,12 +84,10 @@ def test_a_block_is_unclipped_with_all_that_is_next_to_it(
 
 def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> None:
     mosaic = shot(BAYER, (90, 96), None)
-    light, true, scene, grid = (
-        wrong_light(mosaic),
-        true_light(mosaic),
-        materials(mosaic.shape, 3),
-        BAYER.grid(mosaic.shape),
-    )
+    light = wrong_light(mosaic)
+    true = true_light(mosaic)
+    scene = materials(mosaic.shape, 3)
+    grid = BAYER.grid(mosaic.shape)
     places = np.ix_(grid.rows.clip(0, 89), grid.columns.clip(0, 95))
     blocks = (scene / true[..., None])[places].astype(np.float32)
     gamma, samples = np.array(mosaic.calibration.gamma, np.float32), sampled(mosaic, light)

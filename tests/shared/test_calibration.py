@@ -34,10 +34,8 @@ def test_defaults_are_the_papers_sensor() -> None:
 
 @pytest.mark.parametrize("bits", BITS)
 def test_levels_of_bits_leave_room_at_both_ends(bits: int) -> None:
-    calibration, clipping = (
-        SensorCalibration.of_bits(bits),
-        SensorCalibration.of_bits(bits, headroom=False),
-    )
+    calibration = SensorCalibration.of_bits(bits)
+    clipping = SensorCalibration.of_bits(bits, headroom=False)
     assert (
         calibration.black_level
         == ((1 << bits) - 1 - calibration.white_level,) * 4
@@ -135,10 +133,8 @@ def test_values_of_any_type_are_taken_as_what_they_hold() -> None:
         "neutral": np.array([0.5, 1.0, 0.75], np.float32),
         "camera_to_xyz": np.eye(3),
     }
-    ours, plain = (
-        SensorCalibration(**fields),
-        SensorCalibration(**{name: value.tolist() for name, value in fields.items()}),
-    )
+    ours = SensorCalibration(**fields)
+    plain = SensorCalibration(**{name: value.tolist() for name, value in fields.items()})
     assert (ours, ours.id, ours.bits) == (plain, plain.id, 12)
     assert SensorCalibration(defects=((5, 1), (2, 3), (5, 1))).defects == ((2, 3), (5, 1))
 

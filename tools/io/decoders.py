@@ -85,10 +85,8 @@ _MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes: twice its samples; profil
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # The chunks that make up the picture (PNG, third edition, 11.2 and 11.3), and those beside it, one
 # of each.
-_PICTURE, _BESIDE = (
-    (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"),
-    (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf"),
-)
+_PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+_BESIDE = (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf")
 _UNUSED = {
     b"mDCV": "the mastering display",
     b"cLLI": "light levels",

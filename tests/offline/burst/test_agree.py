@@ -65,10 +65,8 @@ def test_strips_leave_no_trace() -> None:
     first, second, weight = (
         np.random.default_rng(1).uniform(0.5, 1.5, (3, 600, 40)).astype(np.float32)
     )
-    whole, lower = (
-        agreement_of_luminance(View(first), View(second), weight),
-        agreement_of_luminance(View(first[256:]), View(second[256:]), weight[256:]),
-    )
+    whole = agreement_of_luminance(View(first), View(second), weight)
+    lower = agreement_of_luminance(View(first[256:]), View(second[256:]), weight[256:])
     assert np.array_equal(lower[40:], whole[296:])
 
 

@@ -53,10 +53,8 @@ def shots(
     pattern: CfaPattern = CfaPattern.bayer(6),  # noqa: B008 - frozen
     shape: tuple[int, int] = SHAPE,
 ) -> list[Mosaic]:
-    calibration, light = (
-        SensorCalibration(pattern.channels),
-        [scene(motion, len(pattern.channels), shape) for motion in motions],
-    )
+    calibration = SensorCalibration(pattern.channels)
+    light = [scene(motion, len(pattern.channels), shape) for motion in motions]
     return [
         simulate_additive(each, pattern, calibration, sigma, np.random.default_rng(n))
         for n, each in enumerate(light)

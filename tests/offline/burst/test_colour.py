@@ -39,11 +39,9 @@ def samples_of(
     """Samples of a picture at pixels of it."""
     random = np.random.default_rng(0)
     height, width, channels = truth.shape
-    y, x, of = (
-        random.integers(height, size=count),
-        random.integers(width, size=count),
-        random.integers(channels, size=count),
-    )
+    y = random.integers(height, size=count)
+    x = random.integers(width, size=count)
+    of = random.integers(channels, size=count)
     light = luminance[y, x]
     values = truth[y, x, of] * light + random.normal(0, variance**0.5, count).astype(np.float32)
     places = np.stack([y, x], axis=1).astype(np.float32)
@@ -88,11 +86,9 @@ def spread(
 @pytest.mark.parametrize("channels", [2, 3, 5])
 def test_both_sides_of_an_edge_take_the_colours_that_samples_show(channels: int) -> None:
     shape = (40, 60)
-    truth, luminance, before = (
-        tinted(shape, 0.06, -0.04, channels),
-        edge(shape),
-        tinted(shape, 0, 0, channels),
-    )
+    truth = tinted(shape, 0.06, -0.04, channels)
+    luminance = edge(shape)
+    before = tinted(shape, 0, 0, channels)
     missed = np.abs(spread(samples_of(truth, luminance, 3000), luminance, before) - truth)
     for side in (np.s_[:, :30], np.s_[:, 32:]):
         assert missed[side].mean() < 0.1 * np.abs(before - truth)[side].mean()
@@ -100,11 +96,9 @@ def test_both_sides_of_an_edge_take_the_colours_that_samples_show(channels: int)
 
 def test_without_samples_near_a_pixel_its_correction_fades() -> None:
     shape = (100, 60)
-    luminance, before, truth = (
-        np.ones(shape, np.float32),
-        tinted(shape, 0, 0),
-        tinted(shape, 0.05, 0.05),
-    )
+    luminance = np.ones(shape, np.float32)
+    before = tinted(shape, 0, 0)
+    truth = tinted(shape, 0.05, 0.05)
     samples = samples_of(truth, luminance, 4000)
     upper = replace(samples, weight=(samples.places[:, 0] < 20).astype(np.float32))
     change = np.abs(spread(upper, luminance, before) - before).max(axis=(1, 2))
@@ -133,12 +127,10 @@ def test_parts_leave_no_trace() -> None:
 @pytest.mark.parametrize("sigma", [0.03, 0.1])
 @pytest.mark.parametrize("shape", [(40, 44), (2 * TILE, 2 * TILE)])
 def test_samples_in_noise_spread_far(sigma: float, shape: tuple[int, int]) -> None:
-    luminance, before, truth, log = (
-        edge(shape),
-        tinted(shape, 0, 0),
-        tinted(shape, 0.08, 0.08),
-        SolverLog(),
-    )
+    luminance = edge(shape)
+    before = tinted(shape, 0, 0)
+    truth = tinted(shape, 0.08, 0.08)
+    log = SolverLog()
     result = spread(
         samples_of(truth, luminance, shape[0] * shape[1] // 6, sigma**2), luminance, before, log=log
     )

@@ -57,10 +57,8 @@ def arguments(
 def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
     """Luminance at every half pixel, and shares."""
     _, height, width = frames.planes.shape
-    fine, shares = (
-        np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32),
-        np.full((height, width), np.nan, np.float32),
-    )
+    fine = np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32)
+    shares = np.full((height, width), np.nan, np.float32)
     merge(frames, fine, shares)
     return fine, shares
 

@@ -164,11 +164,9 @@ def bracketed(
     the light of a scene.
     """
     y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
-    calibration, shots, truth = (
-        replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4)),
-        [],
-        [],
-    )
+    calibration = replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4))
+    shots = []
+    truth = []
     for number, exposure in enumerate(exposures):
         down, across = _SHIFTS[number]
         spot = np.exp(-((y - down - 60.5) ** 2 + (x - across - 69.5) ** 2) / width)

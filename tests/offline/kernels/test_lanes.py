@@ -46,10 +46,8 @@ def calculate(a: FloatArray, b: FloatArray, scalar: float, out: FloatArray) -> N
 
 def test_lanes_calculate_like_numpy() -> None:
     random = np.random.default_rng(1)
-    a, b = (
-        random.normal(size=WIDTH + 1).astype(np.float32),
-        random.normal(size=(1, WIDTH + 2)).astype(np.float32),
-    )
+    a = random.normal(size=WIDTH + 1).astype(np.float32)
+    b = random.normal(size=(1, WIDTH + 2)).astype(np.float32)
     out = np.zeros((11, WIDTH), np.float32)
     calculate(a, b, 0.25, out)
     x, y, s = a[1:], b[0, 2:], np.float32(0.25)

@@ -140,10 +140,8 @@ def test_a_jpeg_that_declares_more_than_it_holds_is_refused() -> None:
 
 def test_strips_must_lie_in_the_file_and_side_by_side() -> None:
     original = mosaic(CfaPattern.bayer(9))
-    many, strips = (
-        long(RowsPerStrip=1, Compression=1, BitsPerSample=16),
-        [row.tobytes() for row in original.codes],
-    )
+    many = long(RowsPerStrip=1, Compression=1, BitsPerSample=16)
+    strips = [row.tobytes() for row in original.codes]
     data = tampered(many, strips)
     assert same(decode_dng(data), original)
     sizes = struct.pack("<37I", *[53 * 2] * 37)

@@ -23,11 +23,9 @@ from tests.tools.capture.fake_camera import ALONE, LIBRARY, FakeCamera
 from tests.tools.command import Outcome, ended, run, shots, spawn, start
 
 # PFNC's name and code, ours, bits.
-MONO8, MONO12, MONO12P = (
-    ("Mono8", 0x01080001, "u8", 8),
-    ("Mono12", 0x01100005, "u16", 12),
-    ("Mono12p", 0x010C0047, "mono12p", 12),
-)
+MONO8 = ("Mono8", 0x01080001, "u8", 8)
+MONO12 = ("Mono12", 0x01100005, "u16", 12)
+MONO12P = ("Mono12p", 0x010C0047, "mono12p", 12)
 SCF1WGWR12P = ("SCF1WGWR12p", 0x010C0079, "mono12p", 12)
 SOURCE = "genicam:127.0.0.1"
 TILE = ["--pattern", "K=6", "--origin", "2,1"]

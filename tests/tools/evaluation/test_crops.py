@@ -48,10 +48,8 @@ def test_a_square_is_cut_out_of_the_whole_rendering(
 ) -> None:
     study = large(tmp_path, methods=names, levels=(level,))
     scene = study.scenes[0]
-    light, crop = (
-        study.reading.scene(scene).rgb,
-        Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW),
-    )
+    light = study.reading.scene(scene).rgb
+    crop = Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW)
     whole = replace(crop, row=0, column=0, height=scene.rows, width=scene.columns)
     for part, picture in zip(
         render_crop(study, crop, light), render_crop(study, whole, light), strict=True

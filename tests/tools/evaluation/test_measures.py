@@ -23,10 +23,8 @@ def literal(rendered: FloatArray, truth: FloatArray, patch: int, border: int) ->
                 picture[top : top + patch, left : left + patch].astype(float)
                 for picture in (rendered, truth)
             )
-            a_luminance, b_luminance = (
-                a.sum(axis=2, keepdims=True) / 3,
-                b.sum(axis=2, keepdims=True) / 3,
-            )
+            a_luminance = a.sum(axis=2, keepdims=True) / 3
+            b_luminance = b.sum(axis=2, keepdims=True) / 3
             pairs = ((a, b), (a_luminance, b_luminance), (a - a_luminance, b - b_luminance))
             found.append([10 * np.log10(1 / np.mean((x - y) ** 2)) for x, y in pairs])
     shape = (height - 2 * border - patch + 1, width - 2 * border - patch + 1, 3)

@@ -230,10 +230,8 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     if plan.exchanged:
         picture, error, variance = (each.flip(1, 2, 3) for each in (picture, error, variance))
     with torch.no_grad():
-        alone, turned = (
-            network(inputs),
-            network(features(*cells_of(picture, period), error, variance)[0]),
-        )
+        alone = network(inputs)
+        turned = network(features(*cells_of(picture, period), error, variance)[0])
     planes = torch.nn.functional.pixel_shuffle(turned, period)
     if plan.exchanged:
         planes = torch.einsum("nchw,ck->nkhw", planes.flip(2, 3), exchange)

@@ -56,11 +56,9 @@ def green_of(mosaic: FloatArray, row: int, column: int) -> float:
 
     # green minus the other colour of the line
     def difference(n: int, step: tuple[int, int]) -> float:
-        middle, near, far = (
-            value(n, step),
-            value(n - 1, step) + value(n + 1, step),
-            value(n - 2, step) + value(n + 2, step),
-        )
+        middle = value(n, step)
+        near = value(n - 1, step) + value(n + 1, step)
+        far = value(n - 2, step) + value(n + 2, step)
         other = near / 2 + (2 * middle - far) / 4
         return middle - other if green(row + n * step[0], column + n * step[1]) else other - middle
 

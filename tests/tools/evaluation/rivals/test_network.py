@@ -64,10 +64,8 @@ def test_sparse_planes_of_any_order_are_those_of_bilinear_interpolation(
     tmp_path: Path, order: str, shape: tuple[int, int]
 ) -> None:
     weights = np.zeros((3, 3, 3, 3))
-    cross, ring = (
-        np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4,
-        np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4,
-    )
+    cross = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
+    ring = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
     for channel in range(3):
         weights[channel, channel] = cross if channel == 1 else ring
     path = network(tmp_path, weights, 1, order=order, inputs={"x": {"form": "sparse"}})
