@@ -14,6 +14,7 @@ greens of a Bayer block show its diagonal, and scattered sites where their tile 
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 
@@ -42,13 +43,11 @@ _SLIPPED = (
 # frames that confirm the description; the second shows that the first has as many rows as described
 _ENOUGH = 2
 _SIDE, _PERIODS = 32, 4  # pixels along a tile, and periods in it, at least
-# tiles of a first frame; strips of a later frame, of which the last one is its end
-_TILES, _STRIPS = 64, 4
+# of a first frame, at most; of a later one at least, all but twice as many in its last rows
+_TILES, _LAST_TILES = 64, 24
 # tiles: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
 _FEW_TILES = 8
-# tiles at least, beside or below each other, of which each group is judged
-_GROUP, _MOST_GROUPS = 12, 4
 
 _CERTAIN = 6.0  # standard errors of a contrast
 # the best place explains this many times the variance that the next one does; in photographs 2.7
@@ -69,18 +68,10 @@ _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its
 _CLIPPED = 1 / 16
 # of the black level and of the range of codes: no tile is darker than black by more
 _MARGIN, _LEAST_MARGIN = 1 / 8, 1 / 1024
-_NARROW, _DEFECTS = (
-    1 / 16,
-    1,
-    # of the range of codes: samples of a dark frame differ by less, but for this percentage at
-    # either end
-)
+# of the range of codes: samples of a dark frame differ by less, but for this percentage at either
+# end
+_NARROW, _DEFECTS = 1 / 16, 1
 _OVEREXPOSED = 0.1  # of the samples: so many clipped ones may hide the filters
-# Samples that vary by so much of the range of codes, but are less correlated with all their
-# neighbours, are misread. Of 120 random scenes of two levels, dots of 2 to 9 pixels, all are above;
-# wrong packings are at 0 to 0.6.
-_WIDE_SPREAD, _RESEMBLE, _PAIRS = 0.1, 0.15, 200
-_PILE = 8  # samples at the highest code that show that light was clipped there
 _STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
 # times the energy of all other differences; in photographs 7 times and more where there is light
@@ -144,7 +135,8 @@ class _Check:
     """Frames so far, and what they have confirmed. For the arguments see `checked`."""
 
     def __init__(self, sensor: Sensor) -> None:
-        self._sensor = sensor
+        self._sensor, size = sensor, (sensor.layout.width, sensor.layout.height)
+        self._side = min(max(_SIDE, _PERIODS * sensor.pattern.period), *size)  # of a tile, pixels
         self._confirmed = 0
         self._has_colours = False
 
@@ -164,82 +156,49 @@ class _Check:
 
     def _first(self, frame: RawFrame) -> tuple[bool, list[str]]:
         """Return whether all of a frame shows the pattern, and what it leaves open."""
-        layout, pattern, calibration = (
-            self._sensor.layout,
-            self._sensor.pattern,
-            self._sensor.calibration,
-        )
+        layout, pattern = self._sensor.layout, self._sensor.pattern
+        calibration = self._sensor.calibration
         codes = layout.unpack(frame.data)
         tiles = Tiles.of(codes, self._side, _TILES)
-        self._refuse(
-            frame,
+        shown = shows_filters(tiles, pattern)
+        reason = (
             impossible_level(codes, tiles, calibration)
             or padding(codes, calibration)
-            or self._unused_bits(frame),
+            or self._unused_bits(frame)
         )
-        if is_misread(tiles, pattern, FORMATS[layout.format].pixels, calibration.bits):
-            self._refuse(frame, f"the bits of its samples are not in the order of {layout.format}")
-        shown = shows_filters(tiles, pattern)
-        if shown is False and self._confirmed:
+        if not reason and shown is False and self._confirmed:
             rows = f"frames have another number of rows than {layout.height}"
-            self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
-        if shown is False or (shown and has_longer_period(tiles, pattern)):
+            reason = f"it does not begin where the frame before it ended: {rows}"
+        elif not reason and (shown is False or (shown and has_longer_period(tiles, pattern))):
             rows = "or rows do not begin where `stride` and `width` say"
-            self._refuse(
-                frame,
-                f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}",
-            )
+            reason = f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}"
+        if reason:
+            self._refuse(frame, reason)
         if shown is None:
             if not is_even(codes, calibration) and lacks_filters(tiles, pattern, calibration):
-                self._refuse(
-                    frame,
-                    "the samples at the places of the colour filters are as bright as their "
-                    "neighbours",
-                )
+                colours = "the samples at the places of the colour filters"
+                self._refuse(frame, f"{colours} are as bright as their neighbours")
             return False, [_UNPROVEN.format(reason=hindrance(codes, calibration))]
         return True, [*self._colours(frame, tiles), *open_bits(codes, calibration)]
 
     def _later(self, frame: RawFrame) -> tuple[bool, list[str]]:
-        """Return the same of the end of a frame and some rows from all over it. Raises SlippedError
-        where they show anything else.
-
-        Whatever slipped before them has moved the last rows. Filters are where they belong although
-        the picture is cut in two where whole periods of rows are missing and the height is a
-        multiple of the period.
+        """Return the same of the last rows of a frame, which move when anything before them slips.
+        Raises SlippedError where they show anything else.
         """
-        layout, pattern, calibration, side = (
-            self._sensor.layout,
-            self._sensor.pattern,
-            self._sensor.calibration,
-            self._side,
-        )
-        last = min(side * -(-2 * _GROUP // max(layout.width // side, 1)), layout.height)
-        tops = np.linspace(0, layout.height - side, _STRIPS).astype(int)[:-1].tolist()
-        strips = []
-        for top, rows, count in (
-            *((top, side, _FEW_TILES) for top in tops),
-            (layout.height - last, last, 2 * _GROUP),
-        ):
-            codes = replace(layout, height=rows).unpack(
-                memoryview(frame.data)[top * layout.stride :][: rows * layout.stride]
-            )
-            if codes.max() >> calibration.bits:
-                raise SlippedError(_SLIPPED)
-            strips.append(Tiles.of(codes, side, count, top))
-        end = strips[-1]
-        parts, places = (
-            np.concatenate(arrays)
-            for arrays in zip(*((strip.parts, strip.places) for strip in strips), strict=True)
-        )
-        shown = shows_filters(Tiles(parts, places), pattern)
-        # Samples from the wrong bytes may show the filters at the right place.
-        if shown is False or is_misread(
-            end, pattern, FORMATS[layout.format].pixels, calibration.bits
+        layout, pattern = self._sensor.layout, self._sensor.pattern
+        calibration = self._sensor.calibration
+        across = max(layout.width // self._side, 1)
+        rows = min(self._side * -(-_LAST_TILES // across), layout.height)
+        top = layout.height - rows
+        last = memoryview(frame.data)[top * layout.stride :]
+        codes = replace(layout, height=rows).unpack(last)
+        tiles = Tiles.of(codes, self._side, 2 * _LAST_TILES, top)
+        shown = shows_filters(tiles, pattern)
+        if codes.max() >> calibration.bits or not (
+            shown or (shown is None and not lacks_filters(tiles, pattern, calibration))
         ):
             raise SlippedError(_SLIPPED)
-        if shown is None and lacks_filters(end, pattern, calibration):
-            raise SlippedError(_SLIPPED)
-        return shown is True, self._colours(frame, end) if shown else []
+        return shown is True, self._colours(frame, tiles) if shown else []
 
     def _colours(self, frame: RawFrame, tiles: Tiles) -> list[str]:
         """Return what the tiles of a frame that shows its filters leave open of their colours."""
@@ -258,25 +217,17 @@ class _Check:
         self._has_colours |= coloured is True
         return [] if self._has_colours else [_COLOURS if pattern.is_scattered else _GREENS]
 
-    def _refuse(self, frame: RawFrame, reason: str) -> None:
-        """Raise InputError with the reason, if there is one."""
-        if reason:
-            layout, source = self._sensor.layout, frame.source or "FRAME"
-            described = (
-                f"--size {layout.width}x{layout.height} --pixel-format {layout.format} "
-                f"--stride {layout.stride}"
-            )
-            raise InputError(
-                f"the frame is not as described: {reason}; run `panchroma identify {source} "
-                f"{described}`. "
-                "If the description is right, add `unchecked`"
-            )
-
-    @property
-    def _side(self) -> int:
-        """Pixels along a tile."""
-        layout, period = self._sensor.layout, self._sensor.pattern.period
-        return min(max(_SIDE, _PERIODS * period), layout.width, layout.height)
+    def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
+        """Raise InputError with the reason."""
+        layout, source = self._sensor.layout, frame.source or "FRAME"
+        described = (
+            f"--size {layout.width}x{layout.height} --pixel-format {layout.format} "
+            f"--stride {layout.stride}"
+        )
+        raise InputError(
+            f"the frame is not as described: {reason}; run `panchroma identify {source} "
+            f"{described}`. If the description is right, add `unchecked`"
+        )
 
     def _unused_bits(self, frame: RawFrame) -> str:
         """Return what is wrong with bits of packed groups that hold no sample: 0 is right, as in
@@ -307,27 +258,15 @@ def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibrat
     tiles : Tiles
         Of the frame.
     """
-    declared, highest, black = (
-        calibration.bits,
-        int(codes.max()),
-        float(np.mean(calibration.black_level)),
-    )
-    if highest >> declared:
-        return f"a sample is {highest}, more than {declared} bits hold"
+    highest, black = int(codes.max()), float(np.mean(calibration.black_level))
+    if highest >> calibration.bits:
+        return f"a sample is {highest}, more than {calibration.bits} bits hold"
     if (darkest := float(tiles.parts.mean(axis=(1, 2)).min())) < black - _margin(calibration):
         remedy = "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
         return (
             f"a part of it has a mean of {darkest:.0f}, darker than black, which is "
             f"{black:.0f} {remedy}"
         )
-    if highest + 1 in (1 << 10, 1 << 12, 1 << 14) and highest.bit_length() < declared:
-        clipped, below = (int((codes == code).sum()) for code in (highest, highest - 1))
-        if clipped > 4 * below + _PILE:
-            bits = highest.bit_length()
-            return (
-                f"its light is clipped at {highest}, the highest code of {bits} bits, not at "
-                f"{calibration.white_level}"
-            )
     return ""
 
 
@@ -378,62 +317,28 @@ def open_bits(codes: CodeArray, calibration: SensorCalibration) -> list[str]:
     ]
 
 
-def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> bool:
-    """Return whether samples vary widely and resemble none of their neighbours: bits of low value
-    are read as bits of high value.
-
-    Parameters
-    ----------
-    pixels : int
-        Samples of a packed group, of which each may be wrong.
-    bits : int
-        Of a sample.
-    """
-    clear, position = (
-        tiles.panchromatic(pattern),
-        (tiles.places[:, 1, None] + np.arange(tiles.parts.shape[2])) % pixels,
-    )
-    for number in range(pixels):
-        ours, alike = clear & (position == number)[:, None], []
-        if not ours.any() or np.std(tiles.parts, where=ours) < _WIDE_SPREAD * (1 << bits):
-            continue
-        # stripes of one width do not hide that neighbours are alike
-        for step in ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)):
-            first, second = (
-                (slice(None), *(slice(max(by, 0), min(by, 0) or None) for by in way))
-                for way in (np.negative(step), step)
-            )
-            masks = ours[first] & clear[second], clear[first] & ours[second]
-            pairs = (
-                (tiles.parts[first][mask], tiles.parts[second][mask])
-                for mask in masks
-                if mask.sum() >= _PAIRS
-            )
-            alike += [float(np.corrcoef(*pair)[0, 1]) for pair in pairs]
-        if alike and max(alike) < _RESEMBLE:
-            return True
-    return False
-
-
 def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
     """Return whether colour sites are where `pattern` has them; False: at another place, None: the
     tiles do not show it.
-
-    Groups of tiles beside each other and below each other are judged, too: after a loss of pixels
-    only a part is elsewhere.
     """
     flat = tiles.flattened()
     folded = flat.folded(pattern.period)
-    groups = [np.arange(len(folded))]
-    count = min(len(folded) // _GROUP, _MOST_GROUPS)
-    if count > 1:
-        for axis in (0, 1):
-            groups += np.array_split(np.argsort(tiles.places[:, axis], kind="stable"), count)
-    power = np.square(flat.parts).mean(axis=(1, 2))
-    answers = [
-        _are_in_place(folded[group], float(power[group].mean()), pattern) for group in groups
-    ]
-    return False if False in answers else True if True in answers else None
+    explained, certainties = _explained(folded, _block(pattern, pattern.period))
+    best = np.unravel_index(int(explained.argmax()), explained.shape)
+    most, ours = float(explained[best]), np.zeros(explained.shape, np.bool_)
+    ours[tuple(np.transpose(_places_alike(pattern, pattern.block_origin)))] = True
+    here, elsewhere = explained[ours].max(), explained[~ours].max(initial=0.0)
+    if here == most > _BETTER * elsewhere and certainties[best] > _CERTAIN:
+        return True
+    if certainties[best] < _CERTAIN * (1 + _FEW_TILES / len(folded)):
+        return None
+    # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
+    # repeats.
+    there = explained > most / _BETTER
+    if here < most / _FAR:
+        there[tuple(np.transpose(_places_alike(pattern, (int(best[0]), int(best[1])))))] = False
+        return None if there.any() or most < _PLAIN * np.square(flat.parts).mean() else False
+    return False if (there & ~ours).any() and (there | (explained < most / _FAR)).all() else None
 
 
 def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
@@ -453,34 +358,6 @@ def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
     return not pattern.is_scattered and bool(
         first > max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean()))
     )
-
-
-def _are_in_place(folded: DoubleArray, power: float, pattern: CfaPattern) -> bool | None:
-    """Test one group of tiles for `shows_filters`. folded, power: means of some tiles at each
-    place, (N, K, K), and the mean square of their samples.
-    """
-    if len(folded) < 4:
-        return None
-    explained, certainties = _explained(folded, _block(pattern, pattern.period))
-    best = np.unravel_index(int(explained.argmax()), explained.shape)
-    most, ours = float(explained[best]), np.zeros(explained.shape, np.bool_)
-    ours[tuple(np.transpose(_places_alike(pattern, pattern.block_origin)))] = True
-    here = float(explained[ours].max())
-    if (
-        here == most
-        and certainties[best] > _CERTAIN
-        and most > _BETTER * float(explained[~ours].max(initial=0.0))
-    ):
-        return True
-    if certainties[best] < _CERTAIN * (1 + _FEW_TILES / len(folded)):
-        return None
-    # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
-    # repeats.
-    there = explained > most / _BETTER
-    if here < most / _FAR:
-        there[tuple(np.transpose(_places_alike(pattern, (int(best[0]), int(best[1])))))] = False
-        return None if there.any() or most < _PLAIN * power else False
-    return False if (there & ~ours).any() and (there | (explained < most / _FAR)).all() else None
 
 
 def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibration) -> bool:

@@ -252,15 +252,11 @@ def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatAr
         return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
 
     channels, light, rough, noise = reference.colours
-    shares, deviations = (
-        channels / np.maximum(light, TINY),
-        np.sqrt(noise) / np.maximum(light, TINY),
-    )
+    shares = channels / np.maximum(light, TINY)
+    deviations = np.sqrt(noise) / np.maximum(light, TINY)
     low, high = minimum_filter(shares, (1, 3, 3)), maximum_filter(shares, (1, 3, 3))
-    middle, half = (
-        there((low + high) / 2),
-        np.maximum(there((high - low) / 2 - _RANGE * deviations), 0),
-    )
+    middle = there((low + high) / 2)
+    half = np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
     noise, rough = there(noise), there(rough[None])
     own = _block_colours(frame, mosaic)
     beyond = own.channels - np.clip(

@@ -175,15 +175,6 @@ class _Aligned(NamedTuple):
     same: BoolArray
 
 
-class _Fit(NamedTuple):
-    """A motion in pixels of the copies, and what `Alignment` says of it."""
-
-    motion: Motion
-    gain: float
-    error: float
-    agreement: float
-
-
 def _gain(reference: View, frame: View) -> float:
     """Exposure ratio of the frame, from a quantile of the luminance that is clipped in neither
     frame.
@@ -254,9 +245,9 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     return _Aligned(light, gain, inside, inside & (differs < usual))
 
 
-def _refined(copy: _Copy, motion: Motion) -> _Fit:
-    """The shift and rotation by which the copies correlate most; those given if OpenCV finds no
-    better ones.
+def _refined(copy: _Copy, motion: Motion) -> Alignment:
+    """The shift and rotation, pixels of the copies, by which these correlate most; those given if
+    OpenCV finds no better ones.
     """
     for _ in range(_ROUNDS):
         same = _aligned(copy, motion).same.astype(np.uint8)
@@ -284,8 +275,8 @@ def _motion(matrix: Any, shape: tuple[int, ...]) -> Motion:
     return Motion((float(down), float(across)), float(np.arctan2(matrix[0, 1], matrix[0, 0])))
 
 
-def _fit(copy: _Copy, motion: Motion) -> _Fit:
-    """Measure how well a motion fits."""
+def _fit(copy: _Copy, motion: Motion) -> Alignment:
+    """Measure how well a motion, in pixels of the copies, fits."""
     aligned = _aligned(copy, motion)
     rest, count = _texture(aligned.light - copy.reference), max(int(aligned.same.sum()), 1)
     gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, aligned.same]
@@ -304,7 +295,7 @@ def _fit(copy: _Copy, motion: Motion) -> _Fit:
     ]
     texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
-    return _Fit(motion, aligned.gain, error, max(1 - differs / texture, 0))
+    return Alignment(motion, aligned.gain, error, max(1 - differs / texture, 0))
 
 
 def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:

@@ -105,16 +105,12 @@ class ColourSamples:
         sites : Sites
             Of the reference.
         """
-        spline, last = (
-            spline_filter(fine, mode="mirror", output=np.float32),
-            np.array(sites.grid.frame)[:, None, None, None] - 1,
-        )
+        spline = spline_filter(fine, mode="mirror", output=np.float32)
+        last = np.array(sites.grid.frame)[:, None, None, None] - 1
         parts = list[tuple[FloatArray, ...]]()
         for one in kept:
-            places, noise = (
-                in_reference(one.motion, *sites.pixels, sites.grid.frame),
-                one.frame.noise,
-            )
+            places = in_reference(one.motion, *sites.pixels, sites.grid.frame)
+            noise = one.frame.noise
             near = np.rint(places).astype(np.intp).clip(0, last)
             agrees = one.agreement[*near] * ((places >= 0) & (places <= last)).all(axis=0)
             used = agrees > 0
@@ -286,11 +282,8 @@ class Spreading(RowStage):
         ConvergenceError
             When conjugate gradients do not reach their tolerance.
         """
-        gamma, shown, (order, down, precision) = (
-            self.measured.gamma,
-            part.rows(*rows),
-            self._in_rows,
-        )
+        gamma, shown = self.measured.gamma, part.rows(*rows)
+        order, down, precision = self._in_rows
         near = order[
             np.searchsorted(down, part.first) : np.searchsorted(down, part.end - 1, "right")
         ]
@@ -326,10 +319,8 @@ def samples_of(
     shares = np.stack(
         [(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1
     )
-    pixels, channels = (
-        corner[:, None] + (0, 1, columns, columns + 1),
-        samples.channels[near].astype(np.intp),
-    )
+    pixels = corner[:, None] + (0, 1, columns, columns + 1)
+    channels = samples.channels[near].astype(np.intp)
     colour = (
         part.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares
     ).sum(axis=1)

@@ -99,10 +99,8 @@ def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Flo
         sites.pattern.panchromatic_mask(shape),
         Motions.of([one.motion for one in kept], shape),
     )
-    luminance, shares = (
-        np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32),
-        np.empty(shape, np.float32),
-    )
+    luminance = np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32)
+    shares = np.empty(shape, np.float32)
     merge(frames, luminance, shares)
     return luminance, shares
 
@@ -188,12 +186,8 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
                 if agrees == 0:
                     continue
                 to_y, to_x = frame_place(frames.motions, frame, float(y), float(x))
-                top, bottom, left, right = (
-                    min(top, to_y),
-                    max(bottom, to_y),
-                    min(left, to_x),
-                    max(right, to_x),
-                )
+                top, bottom = min(top, to_y), max(bottom, to_y)
+                left, right = min(left, to_x), max(right, to_x)
                 if not (-0.5 <= to_y < height - 0.5 and -0.5 <= to_x < width - 0.5):
                     continue
                 precision = _precision(frames.noise, frame, frames.planes[0, y, x])
@@ -224,10 +218,8 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
 @kernel
 def _measured(panchromatic: Bools2, y: float, x: float) -> float:
     """Share of the light interpolated at a place of a frame that is measured there, 0 to 1."""
-    y, x = (
-        min(max(y, 0.0), panchromatic.shape[0] - 1.001),
-        min(max(x, 0.0), panchromatic.shape[1] - 1.001),
-    )
+    y = min(max(y, 0.0), panchromatic.shape[0] - 1.001)
+    x = min(max(x, 0.0), panchromatic.shape[1] - 1.001)
     top, left = int(y), int(x)
     down, across = y - top, x - left
     upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, left + 1]
@@ -278,11 +270,9 @@ def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
                 if agrees == 0:
                     continue
                 value = frames.planes[frame, row, column]
-                samples[number, 0], samples[number, 1], samples[number, 2] = (
-                    2 * (y - area[0]),
-                    2 * (x - area[2]),
-                    value,
-                )
+                samples[number, 0] = 2 * (y - area[0])
+                samples[number, 1] = 2 * (x - area[2])
+                samples[number, 2] = value
                 samples[number, 3] = agrees / 255.0 * _precision(frames.noise, frame, value)
                 samples[number, 4] = _variance(frames.noise, frame, value)
                 number += 1
@@ -294,12 +284,8 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
     """Add what the grid misses of the samples to the places around them, in several rounds."""
     rows, columns = fine.shape
     error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
-    near, wide, missed_near, missed_wide = (
-        zeros(rows, columns),
-        zeros(rows, columns),
-        zeros(rows, columns),
-        zeros(rows, columns),
-    )
+    near, wide = zeros(rows, columns), zeros(rows, columns)
+    residual_near, power_wide = zeros(rows, columns), zeros(rows, columns)
     for sample in range(len(samples)):
         _splat(count, samples[sample, 0], samples[sample, 1], samples[sample, 3])
     smooth_rows(count, _NARROW, 0, rows, near)
@@ -313,12 +299,14 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
             residual = samples[sample, 2] - interpolated(fine, y, x)
             _splat(error, y, x, weight * residual)
             _splat(power, y, x, weight * residual * residual / samples[sample, 4])
-        smooth_rows(error, _NARROW, 0, rows, missed_near)
-        smooth_rows(power, _WIDE, 0, rows, missed_wide)
+        smooth_rows(error, _NARROW, 0, rows, residual_near)
+        smooth_rows(power, _WIDE, 0, rows, power_wide)
         for row in range(rows):
             for column in range(columns):
-                gain = max(_ZERO, _ONE - wide[row, column] / max(missed_wide[row, column], _LEAST))
-                fine[row, column] += gain * missed_near[row, column] / (near[row, column] + _SPARSE)
+                gain = max(_ZERO, _ONE - wide[row, column] / max(power_wide[row, column], _LEAST))
+                fine[row, column] += (
+                    gain * residual_near[row, column] / (near[row, column] + _SPARSE)
+                )
 
 
 @kernel

@@ -136,14 +136,11 @@ class Motions(NamedTuple):
 @kernel
 def frame_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
     """Place in a frame of the point (y, x) of the reference."""
-    turn, start, local = (
-        motions.turns[frame],
-        motions.starts[frame],
-        _local_shift(motions, frame, y, x),
-    )
-    return turn[0, 0] * y + turn[0, 1] * x + start[0] + local[0], turn[1, 0] * y + turn[
-        1, 1
-    ] * x + start[1] + local[1]
+    turn, start = motions.turns[frame], motions.starts[frame]
+    v, u = _local_shift(motions, frame, y, x)
+    down = turn[0, 0] * y + turn[0, 1] * x + start[0] + v
+    across = turn[1, 0] * y + turn[1, 1] * x + start[1] + u
+    return down, across
 
 
 @kernel
@@ -151,11 +148,8 @@ def reference_place(motions: Motions, frame: int, y: float, x: float) -> tuple[f
     """Place in the reference of the point (y, x) of a frame: turn^T (point - start - local shift),
     iterated.
     """
-    turn, down, across = (
-        motions.turns[frame],
-        y - motions.starts[frame, 0],
-        x - motions.starts[frame, 1],
-    )
+    turn = motions.turns[frame]
+    down, across = y - motions.starts[frame, 0], x - motions.starts[frame, 1]
     place = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
     for _ in range(_ROUNDS if motions.shifts.shape[1] > 1 else 0):
         local = _local_shift(motions, frame, place[0], place[1])
@@ -172,10 +166,8 @@ def _local_shift(motions: Motions, frame: int, y: float, x: float) -> tuple[floa
     rows, columns = motions.shifts.shape[1], motions.shifts.shape[2]
     if rows < 2:
         return 0.0, 0.0
-    y, x = (
-        min(max(y * motions.spacing[0], 0.0), rows - 1.0),
-        min(max(x * motions.spacing[1], 0.0), columns - 1.0),
-    )
+    y = min(max(y * motions.spacing[0], 0.0), rows - 1.0)
+    x = min(max(x * motions.spacing[1], 0.0), columns - 1.0)
     top, left = min(int(y), rows - 2), min(int(x), columns - 2)
     down, across = y - top, x - left
     upper, lower = motions.shifts[frame, top], motions.shifts[frame, top + 1]

@@ -118,17 +118,13 @@ def solve_tiles(
     height, width = luminance.shape
     for number in range(pieces[0], pieces[1]):
         top, bottom, left, end = tile_at(number, (extent.end - extent.first, width), (TILE, TILE))
-        above, below = (
-            max(extent.first + top - extent.halo, 0),
-            min(extent.first + bottom + extent.halo, height),
-        )
+        above = max(extent.first + top - extent.halo, 0)
+        below = min(extent.first + bottom + extent.halo, height)
         before, after = max(left - extent.halo, 0), min(end + extent.halo, width)
         links = zeros(4, below - above, after - before)
         link(luminance[above:below, before:after], prior, links)
-        weights, products = (
-            samples.weights[:, above:below, before:after],
-            samples.products[:, above:below, before:after],
-        )
+        weights = samples.weights[:, above:below, before:after]
+        products = samples.products[:, above:below, before:after]
         fields, residual, used = _solved(
             weights, products, links, np.float32(prior.fading), extent.tolerance
         )
@@ -150,11 +146,8 @@ def link(light: Floats2, prior: Prior, links: Floats3) -> None:
     links : Floats3
         (4, H, W), zeros at first.
     """
-    smoothness, per_edge, rows = (
-        np.float32(prior.smoothness),
-        np.float32(1 / prior.edge**2),
-        len(light),
-    )
+    smoothness, per_edge = np.float32(prior.smoothness), np.float32(1 / prior.edge**2)
+    rows = len(light)
     for row in range(rows):
         _link_row(light[row, :-1], light[row, 1:], smoothness, per_edge, links[0, row])
         if row + 1 < rows:
