@@ -24,20 +24,12 @@ from ...shared.errors import InputError
 from .frames import FORMATS, RawFrame, Sensor
 from .tiles import Tiles
 
-_NEXT = "; the next frames are looked at"
-_UNPROVEN = "the frame does not show whether size, format and pattern are right ({reason})" + _NEXT
-_GREENS = (
-    "the frame does not show whether the greens are on the right diagonal (it has little colour)"
-    + _NEXT
-)
-_COLOURS = (
-    "the frame does not show whether each colour is where `pattern` says (it has little colour)"
-    + _NEXT
-)
+_OPEN = "the frame does not show whether {}; the next frames are looked at"
+_GREENS = "the greens are on the right diagonal (it has little colour)"
+_COLOURS = "each colour is where `pattern` says (it has little colour)"
 _SLIPPED = (
     "the frame does not show the filters where those before it did: the stream has lost or "
-    "gained bytes; start the camera again. "
-    "If it has not, add `unchecked`"
+    "gained bytes; start the camera again. If it has not, add `unchecked`"
 )
 
 # frames that confirm the description; the second shows that the first has as many rows as described
@@ -178,7 +170,8 @@ class _Check:
             if not is_even(codes, calibration) and lacks_filters(tiles, pattern, calibration):
                 colours = "the samples at the places of the colour filters"
                 self._refuse(frame, f"{colours} are as bright as their neighbours")
-            return False, [_UNPROVEN.format(reason=hindrance(codes, calibration))]
+            why = hindrance(codes, calibration)
+            return False, [_OPEN.format(f"size, format and pattern are right ({why})")]
         return True, [*self._colours(frame, tiles), *open_bits(codes, calibration)]
 
     def _later(self, frame: RawFrame) -> tuple[bool, list[str]]:
@@ -210,23 +203,19 @@ class _Check:
             raise SlippedError(_SLIPPED)
         if coloured is False:  # until a frame shows them they may as well be described wrongly
             greens = "the two greens of a block lie on the other diagonal"
-            self._refuse(
-                frame,
-                "its colours are at other sites of the tile" if pattern.is_scattered else greens,
-            )
+            scattered = "its colours are at other sites of the tile"
+            self._refuse(frame, scattered if pattern.is_scattered else greens)
         self._has_colours |= coloured is True
-        return [] if self._has_colours else [_COLOURS if pattern.is_scattered else _GREENS]
+        remark = _OPEN.format(_COLOURS if pattern.is_scattered else _GREENS)
+        return [] if self._has_colours else [remark]
 
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
         """Raise InputError with the reason."""
         layout, source = self._sensor.layout, frame.source or "FRAME"
-        described = (
-            f"--size {layout.width}x{layout.height} --pixel-format {layout.format} "
-            f"--stride {layout.stride}"
-        )
         raise InputError(
-            f"the frame is not as described: {reason}; run `panchroma identify {source} "
-            f"{described}`. If the description is right, add `unchecked`"
+            f"the frame is not as described: {reason}; run `panchroma identify {source} --size "
+            f"{layout.width}x{layout.height} --pixel-format {layout.format} --stride "
+            f"{layout.stride}`. If the description is right, add `unchecked`"
         )
 
     def _unused_bits(self, frame: RawFrame) -> str:
@@ -236,18 +225,12 @@ class _Check:
         layout, packing = self._sensor.layout, FORMATS[self._sensor.layout.format]
         if packing.words:
             return ""
-        used = np.frombuffer(
-            sum(packing.moves.values()).to_bytes(packing.length, "little"), np.uint8
-        )
-        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)[
-            :: max(layout.height // 64, 1)
-        ]
-        groups = lines[:, : layout.line_bytes].reshape(-1, packing.length)
-        return (
-            f"bits that {layout.format} leaves unused hold something"
-            if (groups & ~used).any(axis=1).mean() > _STRAY
-            else ""
-        )
+        used = sum(packing.moves.values()).to_bytes(packing.length, "little")
+        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)
+        lines = lines[:: max(layout.height // 64, 1), : layout.line_bytes]
+        stray = lines.reshape(-1, packing.length) & ~np.frombuffer(used, np.uint8)
+        message = f"bits that {layout.format} leaves unused hold something"
+        return message if stray.any(axis=1).mean() > _STRAY else ""
 
 
 def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibration) -> str:
@@ -262,10 +245,9 @@ def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibrat
     if highest >> calibration.bits:
         return f"a sample is {highest}, more than {calibration.bits} bits hold"
     if (darkest := float(tiles.parts.mean(axis=(1, 2)).min())) < black - _margin(calibration):
-        remedy = "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
         return (
-            f"a part of it has a mean of {darkest:.0f}, darker than black, which is "
-            f"{black:.0f} {remedy}"
+            f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f} "
+            "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
         )
     return ""
 
@@ -283,15 +265,9 @@ def padding(codes: CodeArray, calibration: SensorCalibration) -> str:
     uneven = codes.max(axis=0) > codes.min(axis=0)
     width = len(uneven) - int(uneven[::-1].argmax())
     ends, black = codes[0, width:].astype(int), min(calibration.black_level)
-    if (
-        not uneven[:width].all()
-        or not ((ends < calibration.white_level) & (abs(ends - black) > 1)).any()
-    ):
-        return ""
-    return (
-        f"its rows have {len(ends)} samples at the end that are the same in all of them "
-        f"(`width={width}`?)"
-    )
+    filled = (ends < calibration.white_level) & (abs(ends - black) > 1)
+    same = f"its rows have {len(ends)} samples at the end that are the same in all of them"
+    return f"{same} (`width={width}`?)" if uneven[:width].all() and filled.any() else ""
 
 
 def hindrance(codes: CodeArray, calibration: SensorCalibration) -> str:
@@ -313,7 +289,7 @@ def open_bits(codes: CodeArray, calibration: SensorCalibration) -> list[str]:
     bits = ", ".join(str(bit) for bit in range(missing.bit_length()) if missing >> bit & 1)
     return [
         f"bits {bits} of its samples are always 0: the light is dim, they are packed otherwise, "
-        "or `sensor_bits` is not right" + _NEXT
+        "or `sensor_bits` is not right; the next frames are looked at"
     ]
 
 
@@ -348,16 +324,10 @@ def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
     period = 2 * pattern.period
     flat = tiles.flattened()
     explained, _ = _explained(flat.folded(period), _block(pattern, period))
-    row, column = pattern.block_origin
-    *_, second, first = np.sort(
-        explained[
-            row % pattern.period :: pattern.period, column % pattern.period :: pattern.period
-        ],
-        axis=None,
-    )
-    return not pattern.is_scattered and bool(
-        first > max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean()))
-    )
+    rows, columns = (slice(place, None, pattern.period) for place in pattern.block_origin)
+    *_, second, first = np.sort(explained[rows, columns], axis=None)
+    least = max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean()))
+    return not pattern.is_scattered and bool(first > least)
 
 
 def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibration) -> bool:
@@ -397,12 +367,9 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
             replace(pattern, origin=place) for place in _places_alike(pattern, pattern.block_origin)
         ]
     elif len(pattern.sites) == 4 and pattern.block_shape == (2, 2):
-        rows = [row[:2][::-1] for row in pattern.letters_from(pattern.block_origin)[:2]]
-        candidates.append(
-            CfaPattern.with_block(
-                (rows[0], rows[1]), period, pattern.block_origin, pattern.channels
-            )
-        )
+        block = tuple(row[1::-1] for row in pattern.letters_from(pattern.block_origin)[:2])
+        origin, channels = pattern.block_origin, pattern.channels
+        candidates.append(CfaPattern.with_block(block, period, origin, channels))
     planes = [candidate.filter_map((period, period)) for candidate in candidates]
     sites = planes[0] < len(pattern.channels)
     kinds = {
@@ -412,9 +379,8 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
     if not kinds:
         return True
     levels = tiles.folded(period) + tiles.parts.mean(axis=(1, 2), keepdims=True)
-    levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))] - float(
-        np.mean(calibration.black_level)
-    )
+    levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))]
+    levels = levels - float(np.mean(calibration.black_level))
     if len(levels) < _FEW_TILES:
         return None
     samples = levels[:, sites]
@@ -444,21 +410,18 @@ def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
     """
     # Of each tile at most 1, so that a few strong colours do not hide how certain the many are.
     votes = (ours - others) / (ours + others + _NOTHING)
-    return bool(
-        ours.mean() > _UNLIKE * others.mean()
-        and votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5
-    )
+    are_certain = votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5
+    return bool(are_certain and ours.mean() > _UNLIKE * others.mean())
 
 
 def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> list[tuple[int, int]]:
     """Return `place`, and all others at which the colour sites would be the same."""
     block, period = _block(pattern, pattern.period), pattern.period
-    steps = (
-        step
-        for step in np.ndindex(block.shape)
-        if np.array_equal(np.roll(block, step, (0, 1)), block)
-    )
-    return [((place[0] + down) % period, (place[1] + right) % period) for down, right in steps]
+    return [
+        ((place[0] + down) % period, (place[1] + right) % period)
+        for down, right in np.ndindex(block.shape)
+        if np.array_equal(np.roll(block, (down, right), (0, 1)), block)
+    ]
 
 
 def _block(pattern: CfaPattern, period: int) -> DoubleArray:
@@ -475,23 +438,18 @@ def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, Do
 
     block: 1 at the colour sites, (K, K).
     """
-    period = len(block)
     contrasts, certainties = [], []
     # Once as it is, and once without the means of rows and columns, so that stripes of the same
     # period are not taken for blocks.
     for means, model in ((folded, block - block.mean()), (_centred(folded), _centred(block))):
         if np.square(model).sum() < _NOTHING:
             continue
-        around = np.tile(means, (1, 2, 2))
-        here = [
-            around[:, row : row + period, column : column + period]
-            for row, column in np.argwhere(block)
-        ]
-        contrast = sum(here) / np.square(model).sum()
+        sites = [np.roll(means, -site, (1, 2)) for site in np.argwhere(block)]
+        contrast = sum(sites) / np.square(model).sum()
         contrasts.append(mean := contrast.mean(axis=0))
         certainties.append(mean / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
     if not contrasts:  # all sites are coloured, and none stands out
-        return np.zeros((period, period)), np.zeros((period, period))
+        return np.zeros(block.shape), np.zeros(block.shape)
     darker, filled = np.maximum(-np.max(contrasts, axis=0), 0.0), block.mean()
     return darker**2 * filled * (1 - filled), -np.max(certainties, axis=0)
 
@@ -503,6 +461,5 @@ def _centred(means: DoubleArray) -> DoubleArray:
 
 def _margin(calibration: SensorCalibration) -> float:
     """Codes by which a part of a frame may be darker than black."""
-    return max(
-        _MARGIN * float(np.mean(calibration.black_level)), _LEAST_MARGIN * (1 << calibration.bits)
-    )
+    black = float(np.mean(calibration.black_level))
+    return max(_MARGIN * black, _LEAST_MARGIN * (1 << calibration.bits))

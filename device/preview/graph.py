@@ -63,18 +63,12 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
 def _finished(g: PatternGraph, picture: str) -> bytes:
     """The graph as a file that says what its inputs are and which pattern it is for."""
     channels = g.channels
-    sizes: dict[str, Shape] = {
-        contract.BLACK: [channels + 1],
-        contract.SCALE: [channels + 1],
-        contract.GAMMA: [channels],
-    }
-    sizes[contract.NOISE] = [2]
+    planes = [channels + 1]
+    sizes: dict[str, Shape] = {contract.BLACK: planes, contract.SCALE: planes}
+    sizes |= {contract.GAMMA: [channels], contract.NOISE: [2]}
     if not g.linear:
-        sizes |= {
-            contract.WHITE: [channels],
-            contract.MATRIX: [3, channels],
-            contract.GAIN: ["gain_rows", "gain_columns"],
-        }
+        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
+        sizes[contract.GAIN] = ["gain_rows", "gain_columns"]
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},

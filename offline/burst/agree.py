@@ -269,9 +269,8 @@ def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatAr
     mean = smoothed(np.clip(beyond, -cap, cap), _WIDTH)
     left = float(np.square(gaussian(_WIDTH)).sum()) ** 2
     spread = DEVIATIONS**2 * (left * own.noise + _SHARED * noise)
-    around = np.square(mean) / (
-        np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY
-    )
+    tolerated = np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY
+    around = np.square(mean) / tolerated
     largest = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
     return maximum_filter(largest, _RIM).astype(np.float32)
 
@@ -305,11 +304,8 @@ def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:
     values = sites.means(frame.colours.astype(np.float64))
     channels, noise = gamma * values, np.zeros_like(values)
     if frame.noise:
-        own = (
-            frame.noise.variance(values, np.arange(len(gamma)))
-            * gamma**2
-            / np.bincount(sites.channels)
-        )
+        variance = frame.noise.variance(values, np.arange(len(gamma)))
+        own = variance * gamma**2 / np.bincount(sites.channels)
         filled = np.square(channels / np.maximum(light, TINY)[..., None]) / len(sites.channels)
         noise = own + filled * frame.variance(light)[..., None]
     return _BlockColours(np.moveaxis(channels, 2, 0), light, contrast, np.moveaxis(noise, 2, 0))

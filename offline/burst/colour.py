@@ -118,16 +118,8 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            parts.append(
-                (
-                    places.T,
-                    channels.astype(np.uint8),
-                    values,
-                    light,
-                    variance,
-                    agrees[used] / np.float32(255),
-                )
-            )
+            weight = agrees[used] / np.float32(255)
+            parts.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
         places, channels, values, light, variance, weight = (
             np.concatenate(arrays) for arrays in zip(*parts, strict=True)
         )
@@ -194,13 +186,10 @@ class ColourSamples:
         inside = ((block >= 0) & (block < shape)).all(axis=1)
         far = np.maximum(np.square((at - block) * period).sum(axis=1) - _INSIDE, 0)
         light, variance = self.light[rest].astype(np.float64), self.variance[rest] + self.error
-        share = (
-            inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
-        )
-        full = *shape, len(sites.pattern.channels)
-        place = np.ravel_multi_index(
-            (*block.clip(0, np.array(shape) - 1).T, self.channels[rest]), full
-        )
+        with_distance = variance + np.square(_GRADIENT * light) * far
+        share = inside * self.weight[rest] * variance / with_distance
+        full, within = (*shape, len(sites.pattern.channels)), block.clip(0, np.array(shape) - 1)
+        place = np.ravel_multi_index((*within.T, self.channels[rest]), full)
         sums = (
             np.bincount(place, share * light * factor, minlength=math.prod(full))
             for factor in (light, self.values[rest])
@@ -284,16 +273,14 @@ class Spreading(RowStage):
         """
         gamma, shown = self.measured.gamma, part.rows(*rows)
         order, down, precision = self._in_rows
-        near = order[
-            np.searchsorted(down, part.first) : np.searchsorted(down, part.end - 1, "right")
-        ]
+        first, end = np.searchsorted(down, part.first), np.searchsorted(down, part.end - 1, "right")
+        near = order[first:end]
         samples = samples_of(part, self.samples, near, precision[near], gamma)
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = np.moveaxis(
-            fitted(part.luminance, samples, prior, extent, "samples", self.progress), 0, 2
-        )
+        fields = fitted(part.luminance, samples, prior, extent, "samples", self.progress)
+        fields = np.moveaxis(fields, 0, 2)
         light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)
         return Part(shown.first, shown.luminance, (shown.chromaticity + change).astype(np.float32))

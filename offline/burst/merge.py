@@ -84,18 +84,14 @@ def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Flo
     sites : Sites
         Of the reference.
     """
-    shape = sites.grid.frame
+    shape, noise = sites.grid.frame, np.zeros((len(kept), 2))
+    for figures, one in zip(noise, kept, strict=True):
+        if one.frame.noise:
+            figures[:] = one.frame.noise.shot[-1], one.frame.noise.read[-1] ** 2
     frames = Frames(
         np.stack([one.frame.luminance for one in kept]),
         np.stack([one.agreement for one in kept]),
-        np.array(
-            [
-                (one.frame.noise.shot[-1], one.frame.noise.read[-1] ** 2)
-                if one.frame.noise
-                else (0.0, 0.0)
-                for one in kept
-            ]
-        ),
+        noise,
         sites.pattern.panchromatic_mask(shape),
         Motions.of([one.motion for one in kept], shape),
     )
@@ -128,15 +124,13 @@ def denoised(
     level = -np.log2(shares)
     most = max(float(np.median(level)), 1e-3)
     part = 0.5**most
-    less = NoiseModel(
-        tuple(shot * part for shot in noise.shot), tuple(read * part**0.5 for read in noise.read)
-    )
+    shot, read = np.array(noise.shot) * part, np.array(noise.read) * part**0.5
+    less = NoiseModel(tuple(shot.tolist()), tuple(read.tolist()))
     quieter = replace(samples, calibration=replace(samples.calibration, noise=less.possible()))
     result, alone = denoise_luminance(luminance, quieter, settings.denoising), 1 - level / most
     if alone.max() > _SOME_ALONE:
-        result += alone.clip(0, 1) * (
-            denoise_luminance(luminance, samples, settings.denoising) - result
-        )
+        single = denoise_luminance(luminance, samples, settings.denoising)
+        result += alone.clip(0, 1) * (single - result)
     return result
 
 
@@ -238,10 +232,8 @@ def _variance(noise: Doubles2, frame: int, light: Scalar) -> float:
 @kernel
 def _precision(noise: Doubles2, frame: int, light: Scalar) -> float:
     """Precision of a frame's samples relative to the reference's."""
-    return min(
-        max(_variance(noise, 0, light) / _variance(noise, frame, light), 1 / _MOST_PRECISION),
-        _MOST_PRECISION,
-    )
+    ratio = _variance(noise, 0, light) / _variance(noise, frame, light)
+    return min(max(ratio, 1 / _MOST_PRECISION), _MOST_PRECISION)
 
 
 @kernel
@@ -252,9 +244,8 @@ def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
     count, height, width = frames.planes.shape
     most = number = 0
     for frame in range(count):
-        most += max(extents[frame, 1] - extents[frame, 0], 0) * max(
-            extents[frame, 3] - extents[frame, 2], 0
-        )
+        rows = max(extents[frame, 1] - extents[frame, 0], 0)
+        most += rows * max(extents[frame, 3] - extents[frame, 2], 0)
     samples = np.empty((most, 5), np.float32)
     for frame in range(count):
         for row in range(extents[frame, 0], extents[frame, 1]):

@@ -66,12 +66,8 @@ class Motion:
             )
         if self.local is not None:
             shape = self.local.shape
-            if (
-                len(shape) != 3
-                or min(shape[:2]) < 2
-                or shape[2] != 2
-                or not np.isfinite(self.local).all()
-            ):
+            is_grid = len(shape) == 3 and min(shape[:2]) >= 2 and shape[2] == 2
+            if not is_grid or not np.isfinite(self.local).all():
                 raise InputError(
                     f"local shifts of shape {shape}, expected (2 or more, 2 or more, 2) and "
                     "finite numbers"
@@ -120,9 +116,8 @@ class Motions(NamedTuple):
     def of(cls, motions: Sequence[Motion], shape: tuple[int, ...]) -> "Motions":
         """Motions of frames of this shape, whose local shifts have the same nodes."""
         turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
-        nodes = next(
-            (motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2)
-        )
+        local = [motion.local for motion in motions if motion.local is not None]
+        nodes = local[0].shape if local else (1, 1, 2)
         shifts = np.array(
             [np.zeros(nodes) if motion.local is None else motion.local for motion in motions],
             np.float32,
