@@ -39,10 +39,8 @@ def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(
     assert there.name == "20260309T070501.020Z-000002.dng"
     (tmp_path / "20260309T070501.020Z-000090.dng.txt").touch()  # not a shot
     (tmp_path / "90.dng").touch()
-    assert (
-        save(ShotFolder(tmp_path), datetime(1970, 1, 1, tzinfo=UTC)).name
-        == "19700101T000000.000Z-000003.dng"
-    )
+    early = save(ShotFolder(tmp_path), datetime(1970, 1, 1, tzinfo=UTC))
+    assert early.name == "19700101T000000.000Z-000003.dng"
     (tmp_path / "20260309T070501.020Z-1000000.dng").touch()
     assert save(ShotFolder(tmp_path)).name.endswith("Z-1000001.dng")
 
@@ -156,11 +154,7 @@ def test_the_link_is_right_where_its_folder_is_one_itself(tmp_path: Path) -> Non
     ("method", "error", "words"),
     [
         ("replace", OSError(errno.EIO, "Input/output error"), "cannot be made: Input/output error"),
-        (
-            "symlink_to",
-            PermissionError(errno.EPERM, "Operation not permitted"),
-            "cannot be made: .* has no symbolic links",
-        ),
+        ("symlink_to", OSError(errno.EPERM, ""), "cannot be made: .* has no symbolic links"),
     ],
 )
 def test_an_old_link_stays_until_there_is_a_new_one(
@@ -197,10 +191,9 @@ def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(
     [
         ("file", "exists and is no link"),
         ("folder", "exists and is no link"),
-        *(
-            (name, "the link to the latest shot")
-            for name in ("x" * 300, "x/" * 3000, "missing/link")
-        ),
+        ("x" * 300, "the link to the latest shot"),
+        ("x/" * 3000, "the link to the latest shot"),
+        ("missing/link", "the link to the latest shot"),
     ],
 )
 def test_what_can_be_no_link_is_told_before_the_first_shot(

@@ -42,9 +42,8 @@ def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> 
     lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
     share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
     share[..., 0] += 1.5 * lines
-    return (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(
-        np.float32
-    )
+    share *= channels * brightness[..., None] / share.sum(axis=2, keepdims=True)
+    return share.astype(np.float32)
 
 
 def shots(
@@ -53,14 +52,11 @@ def shots(
     pattern: CfaPattern = CfaPattern.bayer(6),  # noqa: B008 - frozen
     shape: tuple[int, int] = SHAPE,
 ) -> list[Mosaic]:
-    calibration, light = (
-        SensorCalibration(pattern.channels),
-        [scene(motion, len(pattern.channels), shape) for motion in motions],
-    )
-    return [
-        simulate_additive(each, pattern, calibration, sigma, np.random.default_rng(n))
-        for n, each in enumerate(light)
-    ]
+    calibration, taken = SensorCalibration(pattern.channels), []
+    for seed, motion in enumerate(motions):
+        light, random = scene(motion, len(pattern.channels), shape), np.random.default_rng(seed)
+        taken.append(simulate_additive(light, pattern, calibration, sigma, random))
+    return taken
 
 
 def picture(merged: MergedBurst) -> FloatArray:
@@ -94,13 +90,12 @@ def test_shading_does_not_show() -> None:
     lens = Shading([1 + strength * (radius - 1 / 6) for strength in (0.6, 0.5, 0.4, 0.5)], SHAPE)  # type: ignore[arg-type]
     found = []
     for shading in (None, lens):
-        taken = [
+        lit = (
             replace(shot, calibration=replace(shot.calibration, shading=shading))
             for shot in shots(0.0, motions)
-        ]
-        merged = merge_burst(
-            [replace(shot, samples=shot.codes) for shot in taken], reference=0, motions=motions
         )
+        taken = [replace(shot, samples=shot.codes) for shot in lit]
+        merged = merge_burst(taken, reference=0, motions=motions)
         found.append(psnr(picture(merged), scene(motions[0])))
     assert found[1] == pytest.approx(found[0], abs=0.1)
 
@@ -149,15 +144,10 @@ def test_what_makes_no_burst_is_refused() -> None:
         merge_burst([])
     with pytest.raises(InputError, match="2 frames and 1 motions"):
         merge_burst(frames, motions=MOTIONS[:1])
-    with pytest.raises(
-        InputError,
-        match="reference is None, expected the index of the frame that the motions start from",
-    ):
+    with pytest.raises(InputError, match="reference is None, expected the index of the frame"):
         merge_burst(frames, motions=MOTIONS[:2])
     for index in (-1, 2, 0.5):
-        with pytest.raises(
-            InputError, match=f"reference is {index}, expected the index of a frame, 0 to 1"
-        ):
+        with pytest.raises(InputError, match=f"reference is {index}, expected .* a frame, 0 to 1"):
             merge_burst(frames, reference=index)  # type: ignore[arg-type]
 
 
@@ -177,20 +167,16 @@ def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(
 
 def test_a_solver_that_does_not_converge_says_so() -> None:
     merged = merge_burst(shots(0.05, MOTIONS[:3]), reference=0)
-    spoilt = replace(
-        merged, samples=replace(merged.samples, values=np.full_like(merged.samples.values, np.nan))
-    )
+    merged.samples.values[:] = np.nan
     with pytest.raises(ConvergenceError, match="samples: conjugate gradients stopped"):
-        picture(spoilt)
+        picture(merged)
 
 
 def test_memory_grows_with_the_frames() -> None:
     (frame,) = shots(0.0, MOTIONS[:1])
     assert burst_memory(2, frame) < burst_memory(9, frame)
     assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
-    scattered = Mosaic(
-        frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration
-    )
+    scattered = replace(frame, pattern=CfaPattern.of_letters("kodak"))
     assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
 
 
@@ -222,9 +208,8 @@ def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:
     clipped = replace(frame, samples=np.minimum(frame.signal, np.float32(clipping)))
     luminance, first = np.full(frame.shape, 2.0, np.float32), Cleaned(clipped, clipping)
     shape = (*first.sites.shape, 3)
-    seen = relit_sites(
-        first, luminance, BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])
-    ).signal
+    sums = BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])
+    seen = relit_sites(first, luminance, sums).signal
     changed = seen != clipped.signal
     assert changed.any()
     assert np.array_equal(changed[coloured], (clipped.signal >= clipping)[coloured])

@@ -57,10 +57,8 @@ def arguments(
 def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
     """Luminance at every half pixel, and shares."""
     _, height, width = frames.planes.shape
-    fine, shares = (
-        np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32),
-        np.full((height, width), np.nan, np.float32),
-    )
+    fine = np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32)
+    shares = np.full((height, width), np.nan, np.float32)
     merge(frames, fine, shares)
     return fine, shares
 
@@ -87,10 +85,8 @@ def test_the_noise_of_frames_that_agree_is_averaged() -> None:
 def test_shows_more_than_one_frame_can() -> None:
     shape = 130, 180  # several tiles
     random = np.random.default_rng(2)
-    motions = [
-        Motion(),
-        *(Motion((down, across)) for down, across in random.uniform(-2, 2, (7, 2))),
-    ]
+    shifts = [(0.0, 0.0), *random.uniform(-2, 2, (7, 2))]
+    motions = [Motion((down, across)) for down, across in shifts]
     planes, agreement = burst(0.0, shape, motions), np.full((8, *shape), 255, np.uint8)
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
@@ -118,14 +114,7 @@ def test_the_order_of_frames_leaves_no_trace(share: float) -> None:
     shape, nodes = (150, 230), scaled((150, 230), share)
     motions, order = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)], [0, 2, 1]
     planes, noise = burst(0.1, shape, motions), np.array([[0, 0.01]] * 3)
-    results = [
-        merged(
-            arguments(
-                np.ascontiguousarray(planes[these]),
-                noise=noise,
-                motions=[motions[number] for number in these],
-            )
-        )
-        for these in ([0, 1, 2], order)
-    ]
-    assert_close(results[1][0], results[0][0], FLOAT32)
+    first, _ = merged(arguments(planes, noise=noise, motions=motions))
+    turned = [motions[number] for number in order]
+    second, _ = merged(arguments(planes[order], noise=noise, motions=turned))
+    assert_close(second, first, FLOAT32)
