@@ -124,9 +124,8 @@ def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_
     for dark in (random_codes(SIZE, 3) + np.uint16(252), *levels):
         (note,) = look(pack(dark, "u16") * 3, of())
         assert note.startswith(OPEN)
-    assert PLACE in refusal(
-        pack(dark, "u16") * 2 + pack(codes(), "u16"), of(pattern=CfaPattern.bayer(6))
-    )
+    lit = pack(dark, "u16") * 2 + pack(codes(), "u16")
+    assert PLACE in refusal(lit, of(pattern=CfaPattern.bayer(6)))
 
 
 @pytest.mark.parametrize(
@@ -256,9 +255,8 @@ def test_colours_that_a_grey_scene_does_not_show_are_told_and_looked_at_again() 
     assert "other diagonal" in refusal(grey * 3 + lit, of("raw12", wrong))
     assert "other diagonal" in refusal(grey * 7 + lit, of("raw12", wrong))
     grey, lit = pack(taken(GREY, KODAK), "raw12"), pack(codes(KODAK), "raw12")
-    assert "its colours are at other sites" in refusal(
-        grey * 3 + lit, of("raw12", CfaPattern(KODAK.tile, (1, 0)))
-    )
+    other = of("raw12", CfaPattern(KODAK.tile, (1, 0)))
+    assert "its colours are at other sites" in refusal(grey * 3 + lit, other)
 
 
 @pytest.mark.parametrize(
@@ -291,9 +289,8 @@ def test_sensors_of_another_kind() -> None:
         bayer[row::2, column::2] = SCENE[row::2, column::2, channel] * (0.2, 1.0, 0.25)[channel]
     grey = GREY + np.random.default_rng(0).normal(0, 0.01, SIZE)
     for light in (bayer, grey):
-        assert "as bright as their neighbours" in refusal(
-            pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16"), of()
-        )
+        frame = pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16")
+        assert "as bright as their neighbours" in refusal(frame, of())
 
 
 def test_stripes_are_no_proof_against_a_right_description() -> None:
@@ -328,9 +325,8 @@ def test_scattered_patterns_at_another_place() -> None:
         if (row, column) in (KODAK.origin, (3, 0)):
             assert look(frame, described) == []
             continue
-        assert ("its colours are at other sites of the tile" in refusal(frame, described)) == (
-            (row + column) % 2 == 1
-        )
+        reason = refusal(frame, described)
+        assert ("its colours are at other sites of the tile" in reason) == ((row + column) % 2 == 1)
 
 
 def dark_codes(black: float) -> CodeArray:

@@ -66,10 +66,9 @@ def test_bursts_of_two_cameras_have_one_name_and_one_count_each(tmp_path: Path) 
             others.extend(burst(other, 10))
 
     saved = [path.name for path in burst(one, 10, once)]
-    assert [path.name for path in others] == [
-        f"20260309T070501.020Z-000001-{number:02}.dng" for number in range(1, 11)
-    ]
-    assert saved == [f"20260309T070501.020Z-000002-{number:02}.dng" for number in range(1, 11)]
+    for shot, paths in ((1, [path.name for path in others]), (2, saved)):
+        stem = f"20260309T070501.020Z-00000{shot}"
+        assert paths == [f"{stem}-{number:02}.dng" for number in range(1, 11)]
     assert names(tmp_path) == sorted([*saved, *(path.name for path in others)])
     assert save(ShotFolder(tmp_path)).name == "20260309T070501.020Z-000003.dng"
 

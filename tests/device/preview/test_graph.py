@@ -120,11 +120,8 @@ def test_greys_are_grey_from_black_to_white() -> None:
 @pytest.mark.parametrize("name", ["black", "scale", "gamma", "noise", "white", "matrix"])
 def test_every_element_of_every_input_matters(name: str) -> None:
     preview = Preview(Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION).pattern, threads=1)
-    inputs = {
-        **preview._inputs(CALIBRATION),
-        contract.MOSAIC: codes((48, 54)),
-        contract.GAIN: np.ones((1, 1), np.float32),
-    }
+    inputs = preview._inputs(CALIBRATION) | {contract.MOSAIC: codes((48, 54))}
+    inputs[contract.GAIN] = np.ones((1, 1), np.float32)
     before = preview._session.run(None, inputs)[0]
     for place in np.ndindex(inputs[name].shape):
         values = inputs[name].copy()

@@ -17,7 +17,7 @@ from panchroma.offline.burst import (
 )
 from panchroma.offline.burst.colour import relit_sites
 from panchroma.offline.frame import BlockSums, Cleaned
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import ConvergenceError, InputError, RangeError
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -149,20 +149,6 @@ def test_what_makes_no_burst_is_refused() -> None:
     for index in (-1, 2, 0.5):
         with pytest.raises(InputError, match=f"reference is {index}, expected .* a frame, 0 to 1"):
             merge_burst(frames, reference=index)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("noise", [(1e-4, 0.0), (0.0, 0.0), None])
-def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(
-    noise: tuple[float, float] | None,
-) -> None:
-    """Its variance would be 0 in black, and beyond."""
-    motions, model = MOTIONS[:3], noise and NoiseModel((noise[0],) * 4, (noise[1],) * 4)
-    dark = [replace(shot, samples=shot.samples - np.float32(0.8)) for shot in shots(0.02, motions)]
-    dark[1] = replace(dark[1], calibration=replace(dark[1].calibration, noise=model))
-    merged = merge_burst(dark, reference=0, motions=motions)
-    assert all(frame.used for frame in merged.frames)
-    assert np.isfinite(picture(merged)).all()
-    assert np.median(merged.shares) > 0.02
 
 
 def test_a_solver_that_does_not_converge_says_so() -> None:

@@ -66,9 +66,8 @@ def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("noise", [[[0, 0]] * 3, [[1e-3, 4e-4], [2e-3, 1e-4], [0, 9e-4]]])
 def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[list[float]]) -> None:
     planes = np.array([slope(*places(motion)) for motion in MOTIONS], np.float32)
-    agreement = np.random.default_rng(1).choice(
-        np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7]
-    )
+    levels, random = np.array([0, 60, 255], np.uint8), np.random.default_rng(1)
+    agreement = random.choice(levels, planes.shape, p=[0.1, 0.2, 0.7])
     agreement[0] = 255
     fine, shares = merged(arguments(planes, agreement, np.array(noise, np.float64)))
     inside = np.s_[12:-12, 12:-12]
