@@ -10,12 +10,12 @@ from . import contract
 from .nodes import END, FLOAT
 from .pattern_graph import PatternGraph
 
-_MISSED_NOISE = 2.0
-"""Multiple of the noise variance that the mean square of what is missed at the sites of a block
+_RESIDUAL_NOISE = 2.0
+"""Multiple of the noise variance that the mean square of the residual at the sites of a block
 must exceed to count.
 """
 _CONTRAST_ERROR = 0.5
-"""Squared contrast times this is the power of what is missed at which half of it counts as an error
+"""Squared contrast times this is the power of the residual at which half of it counts as an error
 of luminance.
 """
 
@@ -125,7 +125,7 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     return Blocks(filled, luminance, gap, g("Add", change, apart), contrast)
 
 
-def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
+def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
     """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
 
     What chromaticity times luminance misses at the sites of a block is mapped to errors of
@@ -137,16 +137,16 @@ def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
     )
     channels, count = [channel for _, _, channel in g.geometry.sites], len(g.geometry.sites)
     gamma = g("Gather", g.gamma, channels)
-    missed = g("Sub", samples, g("Mul", g("Gather", parts, channels), filled))
-    power = g("Mul", g.total(g("Mul", missed, missed), count, axis=0), 1 / count)
-    weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _MISSED_NOISE / count)
+    residual = g("Sub", samples, g("Mul", g("Gather", parts, channels), filled))
+    power = g("Mul", g.total(g("Mul", residual, residual), count, axis=0), 1 / count)
+    weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _RESIDUAL_NOISE / count)
     mean = g("Div", g.total(samples, count, axis=0), g.total(gamma, count, axis=0))
     noise = g("Mul", g.variance(mean), weight)
     contrast = g("Mul", contrast, _CONTRAST_ERROR)
     above = g("Mul", g("Relu", g("Sub", power, noise)), contrast)
     share = g("Div", above, g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12))
-    columns = g.geometry.settling.T[..., None, None]
-    each_site = zip(g.split(missed, [1] * count, axis=0), columns, strict=True)
+    columns = g.geometry.luminance_errors.T[..., None, None]
+    each_site = zip(g.split(residual, [1] * count, axis=0), columns, strict=True)
     errors = g.sum([g("Mul", *site) for site in each_site])
     return g("Add", filled, g("Mul", errors, share))
 

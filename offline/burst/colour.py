@@ -136,7 +136,7 @@ class ColourSamples:
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
 
-    def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
+    def where_others(self, luminance: FloatArray, noise_ratio: FloatArray) -> "ColourSamples":
         """The samples where the reference is not alone. Where it is, the picture stays that of one
         frame.
 
@@ -147,16 +147,17 @@ class ColourSamples:
         ----------
         luminance : FloatArray
             (H, W).
-        shares : FloatArray
+        noise_ratio : FloatArray
             (H, W), variance of merged luminance relative to the reference's.
         """
         mean, power = (
             smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance))
         )
-        deviation = FILL_ERROR * alone_of(shares) * np.sqrt(np.maximum(power - np.square(mean), 0))
+        contrast = np.sqrt(np.maximum(power - np.square(mean), 0))
+        deviation = FILL_ERROR * single_frame_weight(noise_ratio) * contrast
         there, alone = (
             map_coordinates(plane, self.places.T, order=1, mode="nearest")
-            for plane in (deviation, shares)
+            for plane in (deviation, noise_ratio)
         )
         error = self.error + self.variance
         weight = self.weight * error / (error + np.square(there))
@@ -219,11 +220,11 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
     return frame.with_samples(signal)
 
 
-def alone_of(shares: FloatArray) -> FloatArray:
+def single_frame_weight(noise_ratio: FloatArray) -> FloatArray:
     """Single-frame weight of the reference, 0 to 1, from the noise variance of the merged luminance
     relative to its own.
     """
-    return np.maximum(shares - SHARED, 0) / (1 - SHARED)
+    return np.maximum(noise_ratio - SHARED, 0) / (1 - SHARED)
 
 
 @dataclass(eq=False)

@@ -73,9 +73,9 @@ class Frames(NamedTuple):
 
 def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, FloatArray]:
     """Luminance of the reference from all frames, (2 H - 1, 2 W - 1), every half pixel, and its
-    `shares`.
+    `noise_ratio`.
 
-    shares: (H, W), variance of the noise of luminance, relative to the reference's.
+    noise_ratio: (H, W), variance of the noise of luminance, relative to the reference's.
 
     Parameters
     ----------
@@ -96,12 +96,12 @@ def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Flo
         Motions.of([one.motion for one in kept], shape),
     )
     luminance = np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32)
-    shares = np.empty(shape, np.float32)
-    merge(frames, luminance, shares)
-    return luminance, shares
+    noise_ratio = np.empty(shape, np.float32)
+    merge(frames, luminance, noise_ratio)
+    return luminance, noise_ratio
 
 
-def unseen(kept: Sequence[Kept], sites: Sites) -> FloatArray:
+def uncovered(kept: Sequence[Kept], sites: Sites) -> FloatArray:
     """Degree, 0 to 1, to which no panchromatic sample of a frame that agrees covers each pixel, (H,
     W).
     """
@@ -113,7 +113,7 @@ def unseen(kept: Sequence[Kept], sites: Sites) -> FloatArray:
 
 
 def denoised(
-    luminance: FloatArray, shares: FloatArray, samples: Mosaic, settings: RenderSettings
+    luminance: FloatArray, noise_ratio: FloatArray, samples: Mosaic, settings: RenderSettings
 ) -> FloatArray:
     """Luminance, denoised by the noise that merging has left in most pixels, and by all of it where
     one frame is alone.
@@ -121,7 +121,7 @@ def denoised(
     noise = samples.calibration.noise
     if noise is None or not (noise.shot[-1] or noise.read[-1]) or settings.denoising.strength == 0:
         return luminance
-    level = -np.log2(shares)
+    level = -np.log2(noise_ratio)
     most = max(float(np.median(level)), 1e-3)
     part = 0.5**most
     shot, read = np.array(noise.shot) * part, np.array(noise.read) * part**0.5
@@ -135,12 +135,12 @@ def denoised(
 
 
 @parallel_kernel(pieces=lambda frames, *_: tiles(frames.planes.shape[1:], (_ROWS, _COLUMNS)))
-def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -> None:
+def merge(pieces: Pieces, frames: Frames, luminance: Floats2, noise_ratio: Floats2) -> None:
     """Merge the frames of a burst.
 
     Parameters
     ----------
-    luminance, shares : Floats2
+    luminance, noise_ratio : Floats2
         Written, see `merge_luminance`.
     """
     _, height, width = frames.planes.shape
@@ -153,7 +153,7 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
             min(core[3] + _MARGIN, width),
         )
         extents = np.empty((len(frames.planes), 4), np.intp)
-        fine = _start(frames, area, core, shares, extents)
+        fine = _start(frames, area, core, noise_ratio, extents)
         _sharpen(fine, samples_in(frames, area, extents))
         for y in range(2 * core[0], min(2 * core[1], len(luminance))):
             for x in range(2 * core[2], min(2 * core[3], luminance.shape[1])):
@@ -161,9 +161,9 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
 
 
 @kernel
-def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Ints2) -> Floats2:
-    """The mean of the interpolated frames on the grid of half pixels of an area; write `shares` in
-    its core, and `extents`.
+def _start(frames: Frames, area: Area, core: Area, noise_ratio: Floats2, extents: Ints2) -> Floats2:
+    """The mean of the interpolated frames on the grid of half pixels of an area; write
+    `noise_ratio` in its core, and `extents`.
 
     extents: (F, 4), first and end row, first and end column, of each frame's pixels that may lie
     where it agrees in the area.
@@ -201,7 +201,7 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
             mean[row, column] /= total
             if core[0] <= y < core[1] and core[2] <= x < core[3]:
                 share = spreads[row, column] / (total * total)
-                shares[y, x] = share if share < _ALONE else _ONE
+                noise_ratio[y, x] = share if share < _ALONE else _ONE
     fine = zeros(2 * rows - 1, 2 * columns - 1)
     for row in range(2 * rows - 1):
         for column in range(2 * columns - 1):

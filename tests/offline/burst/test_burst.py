@@ -81,7 +81,7 @@ def test_more_frames_show_more(
     merged = merge_burst(frames, reference=0, motions=motions if known else None)
     assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
     assert psnr(picture(merged), truth) > single + gain
-    assert np.median(merged.shares) < 0.3
+    assert np.median(merged.noise_ratio) < 0.3
 
 
 def test_shading_does_not_show() -> None:
@@ -120,7 +120,7 @@ def test_other_filters(pattern: CfaPattern, sigma: float) -> None:
 def test_one_frame_alone_is_a_single_render() -> None:
     (frame,) = shots(0.01, MOTIONS[:1])
     merged = merge_burst([frame])
-    assert (merged.shares == 1).all()
+    assert (merged.noise_ratio == 1).all()
     for settings, rounding in ((STAGES, ROUNDING), (BEST, ROUNDING_IN_STEPS)):
         found = np.concatenate(list(render_burst_bands(merged, settings)))
         assert np.abs(found - render(frame, settings).rgb).max() < rounding

@@ -39,14 +39,14 @@ def test_a_copy_counts_once(change: Callable[[Mosaic], Mosaic]) -> None:
     assert [frame.reason for frame in merged.frames[1:3]] == [
         f"is a copy of frames[{index}]: its samples are the same" for index in (3, 0)
     ]
-    assert (merged.shares > 0.4).all()
+    assert (merged.noise_ratio > 0.4).all()
 
 
 def test_only_copies_leave_one_frame() -> None:
     merged = merge_burst([shot(1)] * 4)
     assert merged.reference == 0
     assert [frame.used for frame in merged.frames] == [True, False, False, False]
-    assert (merged.shares == 1).all()
+    assert (merged.noise_ratio == 1).all()
 
 
 def test_what_cannot_be_compared_is_no_copy() -> None:

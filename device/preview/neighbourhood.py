@@ -28,8 +28,8 @@ not on the axis, are nearer.
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """The surroundings of the colour sites of a pattern."""
+class Neighbourhood:
+    """The panchromatic neighbourhood of the colour sites of a pattern."""
 
     pattern: CfaPattern
 
