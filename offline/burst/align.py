@@ -140,8 +140,8 @@ def align(reference: View, frame: View) -> Alignment | str:
     if not best.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
     if (local := _local_shifts(copies[-1], best.motion)) is not None:
-        other = _fit(copies[-1], replace(best.motion, local=local))
-        best = other if other.agreement > best.agreement else best
+        shifted = _fit(copies[-1], replace(best.motion, local=local))
+        best = shifted if shifted.agreement > best.agreement else best
     if best.agreement < _LEAST_AGREEMENT:
         return (
             f"another scene, or too little texture: {100 * best.agreement:.0f} % of the picture "

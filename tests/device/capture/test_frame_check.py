@@ -37,9 +37,8 @@ def taken(
     """A scene through a sensor; a grey one may be (H, W)."""
     light = np.broadcast_to(scene[..., None], (*SIZE, 3)) if scene.ndim == 2 else scene
     calibration = SensorCalibration.of_bits(bits, headroom=False)
-    return simulate_additive(
-        light.astype(np.float32), pattern, calibration, sigma, np.random.default_rng(0)
-    ).codes
+    scene, random = light.astype(np.float32), np.random.default_rng(0)
+    return simulate_additive(scene, pattern, calibration, sigma, random).codes
 
 
 @cache
@@ -49,22 +48,11 @@ def codes(
     return taken(np.minimum(SCENE * light, 1.0), pattern, bits, sigma)
 
 
-def of(
-    name: str = "u16",
-    pattern: CfaPattern = PATTERN,
-    *,
-    bits: int = 0,
-    width: int = 256,
-    height: int = 192,
-    stride: int = 0,
-) -> Sensor:
-    """A sensor that is described so."""
+def of(name: str = "u16", pattern: CfaPattern = PATTERN, bits: int = 0, **sides: int) -> Sensor:
+    """A sensor that is described so; sides: width, height, stride."""
     bits = bits or min(FORMATS[name].bits, 12 if FORMATS[name].words else 14)
-    return Sensor(
-        FrameLayout(width, height, name, stride),
-        pattern,
-        SensorCalibration.of_bits(bits, headroom=False),
-    )
+    layout = FrameLayout(**({"width": 256, "height": 192} | sides), format=name)
+    return Sensor(layout, pattern, SensorCalibration.of_bits(bits, headroom=False))
 
 
 def stream(

@@ -90,10 +90,8 @@ def test_shading_does_not_show() -> None:
     lens = Shading([1 + strength * (radius - 1 / 6) for strength in (0.6, 0.5, 0.4, 0.5)], SHAPE)  # type: ignore[arg-type]
     found = []
     for shading in (None, lens):
-        lit = (
-            replace(shot, calibration=replace(shot.calibration, shading=shading))
-            for shot in shots(0.0, motions)
-        )
+        camera = SensorCalibration(shading=shading)
+        lit = (replace(shot, calibration=camera) for shot in shots(0.0, motions))
         taken = [replace(shot, samples=shot.codes) for shot in lit]
         merged = merge_burst(taken, reference=0, motions=motions)
         found.append(psnr(picture(merged), scene(motions[0])))

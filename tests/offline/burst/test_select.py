@@ -68,8 +68,8 @@ def frame(
 ) -> Mosaic:
     """A gradient from black to white, and noise."""
     light = np.linspace(0, 2.5, WIDE[1]) + np.random.default_rng(seed).normal(0, sigma, WIDE)
-    codes, calibration = Mosaic(light, PATTERN, CAMERA).codes, replace(CAMERA, noise=noise)
-    return Mosaic(codes, PATTERN, calibration, CaptureMetadata(iso=iso))
+    codes = Mosaic(light.astype(np.float32), PATTERN, CAMERA).codes
+    return Mosaic(codes, PATTERN, replace(CAMERA, noise=noise), CaptureMetadata(iso=iso))
 
 
 def sigmas(*frames: Mosaic, light: float = 1.0) -> list[float]:
