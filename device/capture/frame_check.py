@@ -39,7 +39,7 @@ _SIDE, _PERIODS = 32, 4  # pixels along a tile, and periods in it, at least
 _TILES, _LAST_TILES = 64, 24
 # tiles: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
-_FEW_TILES = 8
+_FEW_TILES, _FEWEST_TILES = 8, 4  # fewer have no standard error
 
 _CERTAIN = 6.0  # standard errors of a contrast
 # the best place explains this many times the variance that the next one does; in photographs 2.7
@@ -297,6 +297,8 @@ def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
     """Return whether colour sites are where `pattern` has them; False: at another place, None: the
     tiles do not show it.
     """
+    if len(tiles.parts) < _FEWEST_TILES:
+        return None
     flat = tiles.flattened()
     folded = flat.folded(pattern.period)
     explained, certainties = _explained(folded, _block(pattern, pattern.period))

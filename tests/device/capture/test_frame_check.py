@@ -201,6 +201,11 @@ def test_a_clipped_or_black_edge_is_no_padding() -> None:
         look(pack(edge, "u16") * 3, of())  # is not refused
 
 
+def test_a_frame_of_few_tiles_proves_nothing() -> None:
+    (note,) = look(pack(random_codes((20, 30), 12), "u16") * 3, of(width=30, height=20))
+    assert note.startswith(OPEN)
+
+
 def test_the_green_diagonal() -> None:
     frame = pack(codes(), "u16")
     for order in ("GRBG", "GBRG"):
