@@ -54,11 +54,8 @@ class JpegHeader:
 
     def held(self, prefix: bytes) -> list[bytes]:
         """Return the contents of the segments that begin with `prefix`, without it."""
-        return [
-            segment.removeprefix(prefix)
-            for segment in self.applications
-            if segment.startswith(prefix)
-        ]
+        held = (segment for segment in self.applications if segment.startswith(prefix))
+        return [segment.removeprefix(prefix) for segment in held]
 
     @property
     def exif(self) -> bytes:

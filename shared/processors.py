@@ -2,13 +2,12 @@
 to use.
 """
 
-import math
 import os
 import threading
 from contextlib import suppress
 from functools import cache
 
-from .control_groups import control_groups, number_in
+from .control_groups import control_groups
 
 THREADS = "PANCHROMA_THREADS"
 """Environment variable: the number of threads of renders and previews for which the program sets
@@ -32,17 +31,10 @@ def _quota() -> int | None:
     a quota.
     """
     quotas = []
-    for group in control_groups("cpu"):
-        # version 1
-        quota, period = (
-            number_in(group / "cpu.cfs_quota_us"),
-            number_in(group / "cpu.cfs_period_us"),
-        )
-        with suppress(OSError, ValueError):
-            # version 2
+    for group in control_groups():
+        with suppress(OSError, ValueError):  # no such file, or "max"
             quota, period = map(int, (group / "cpu.max").read_text(encoding="ascii").split())
-        if quota and period and min(quota, period) > 0:
-            quotas.append(math.ceil(quota / period))
+            quotas.append(-(-quota // period))
     return min(quotas, default=None)
 
 

@@ -54,11 +54,8 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
             raise InputError("is a pipe or a device, not a file; save it to a file first")
         stream = path.open("rb")
     except FileNotFoundError:
-        what = (
-            "no file matches this name with wildcards"
-            if _WILD.search(str(path))
-            else "there is no such file"
-        )
+        wild, plain = "no file matches this name with wildcards", "there is no such file"
+        what = wild if _WILD.search(str(path)) else plain
         raise InputError(f"{what}; check the name") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise _unreadable(error) from error

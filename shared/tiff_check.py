@@ -11,10 +11,10 @@ from typing import IO, Any
 
 from .errors import InputError
 from .limits import check_count
-from .tiff_reading import BYTES, Structure
+from .tiff_reading import BYTES, EXIF, GPS, INTEROPERABILITY, Structure
 
-_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY = 330, 34665, 34853, 40965
-_TREE = (_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY)
+_SUB_IFDS = 330
+_TREE = (_SUB_IFDS, EXIF, GPS, INTEROPERABILITY)
 _OFFSETS = (4, 13, 16, 18)  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
 
 PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}

@@ -17,7 +17,7 @@ from .tiff import RATIOS, number_format, value_bytes
 BYTES = (1, 2, 6, 7)
 """Field types whose values are bytes: BYTE, ASCII, SBYTE, UNDEFINED."""
 _BIG = 43
-_EXIF, _GPS, _INTEROPERABILITY = 34665, 34853, 40965
+EXIF, GPS, INTEROPERABILITY = 34665, 34853, 40965
 _LONGEST = 1 << 16  # bytes of a field
 
 
@@ -63,11 +63,7 @@ class Structure:
         header = self.read(0, 16)
         self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
         # Makers of cameras put numbers of their own where TIFF has 42.
-        big = (
-            len(header) == 16
-            and bool(self._order)
-            and struct.unpack_from(f"{self._order}H", header, 2)[0] == _BIG
-        )
+        big = len(header) == 16 and header[2:4] == struct.pack(f"{self._order or '<'}H", _BIG)
         layouts = ("Q", "HHQ8s", "Q") if big else ("H", "HHI4s", "I")
         self._count, self._entry, self._offset = (
             struct.Struct(self._order + layout) for layout in layouts
@@ -98,16 +94,10 @@ class Structure:
             raise EOFError
         (count,), start = self._count.unpack(counted), offset + len(counted)
         table = self.read(start, min(count, limit("fields in a directory")) * size)
+        entries = map(Entry._make, self._entry.iter_unpack(table[: len(table) // size * size]))
         after = self.read(start + count * size, self._offset.size)
-        entries = [
-            Entry._make(values)
-            for values in self._entry.iter_unpack(table[: len(table) // size * size])
-        ]
-        return (
-            count,
-            entries,
-            self._offset.unpack(after)[0] if len(after) == self._offset.size else 0,
-        )
+        following = self._offset.unpack(after)[0] if len(after) == self._offset.size else 0
+        return count, list(entries), following
 
     def values(self, entry: Entry, longest: int) -> bytes:
         """Return the bytes of an entry's values, at most `longest`; none unless all of them are in
@@ -116,18 +106,15 @@ class Structure:
         if entry.size <= len(entry.value):
             return entry.value[: entry.size]
         (offset,) = self._offset.unpack(entry.value)
-        return (
-            self.read(offset, min(entry.size, longest)) if offset + entry.size <= self.end else b""
-        )
+        is_whole = offset + entry.size <= self.end
+        return self.read(offset, min(entry.size, longest)) if is_whole else b""
 
     def numbers(self, kind: int, values: bytes) -> tuple[float, ...]:
         """Return the numbers in the bytes of values; rational ones without value (denominator 0)
         are NaN.
         """
-        letter = number_format(kind)
-        numbers = struct.unpack(
-            f"{self._order}{len(values) // struct.calcsize(f'={letter}')}{letter}", values
-        )
+        layout = struct.Struct(self._order + number_format(kind))
+        numbers = tuple(number for (number,) in layout.iter_unpack(values))
         if kind not in RATIOS:
             return numbers
         return tuple(
@@ -181,11 +168,11 @@ def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> Store
         Where in the file the structure begins; its offsets count from there.
     """
     structure = Structure(file, place)
-    main = _directory(structure, structure.first, wanted | {_EXIF, _GPS})
-    exif = _directory(structure, _offset(main, _EXIF), wanted | {_INTEROPERABILITY})
+    main = _directory(structure, structure.first, wanted | {EXIF, GPS})
+    exif = _directory(structure, _offset(main, EXIF), wanted | {INTEROPERABILITY})
     below = (
         _directory(structure, _offset(fields, tag), wanted)
-        for fields, tag in ((main, _GPS), (exif, _INTEROPERABILITY))
+        for fields, tag in ((main, GPS), (exif, INTEROPERABILITY))
     )
     return StoredDirectories(main, exif, *below)
 
@@ -195,17 +182,14 @@ def _directory(structure: Structure, offset: int, wanted: Set[int]) -> StoredFie
     fields: StoredFields = {}
     with suppress(EOFError):
         for entry in structure.directory(offset)[1] if offset else ():
-            values = (
-                structure.values(entry, _LONGEST)
-                if entry.tag in wanted and entry.tag not in fields
-                else b""
-            )
+            if entry.tag not in wanted or entry.tag in fields:
+                continue
+            values = structure.values(entry, _LONGEST)
             if values and entry.kind in BYTES:
                 fields[entry.tag] = StoredField(entry.kind, values)
             elif values and entry.size <= _LONGEST:
-                fields[entry.tag] = StoredField(
-                    entry.kind, numbers=structure.numbers(entry.kind, values)
-                )
+                numbers = structure.numbers(entry.kind, values)
+                fields[entry.tag] = StoredField(entry.kind, numbers=numbers)
     return fields
 
 

@@ -37,13 +37,8 @@ _LONGEST_PART = 100  # bytes; with the suffix a name that every file system acce
 # What fsync of a folder says on file systems that cannot do it: shares of virtual machines, 9p, old
 # CIFS, some of FUSE.
 _CANNOT_SYNC = {
-    errno.EINVAL,
-    errno.ENOTSUP,
-    errno.EOPNOTSUPP,
-    errno.ENOSYS,
-    errno.EBADF,
-    errno.ENOTTY,
-    errno.EISDIR,
+    *(errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS),
+    *(errno.EBADF, errno.ENOTTY, errno.EISDIR),
 }
 
 
@@ -152,8 +147,7 @@ def sync_folder(folder: Path) -> bool:
         if error.errno not in _CANNOT_SYNC:
             warnings.warn(
                 f"{folder}: the folder cannot be synced ({error.strerror or error}): files in it "
-                "are whole, but new ones may be "
-                "gone after a power cut; check the disk",
+                "are whole, but new ones may be gone after a power cut; check the disk",
                 DurabilityWarning,
                 stacklevel=1,
             )
@@ -202,11 +196,8 @@ def _open_regular(path: str, flags: int) -> int:
     try:
         descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     except OSError as error:
-        raise (
-            stranger
-            if error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV)
-            else error
-        ) from None
+        is_strange = error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV)
+        raise (stranger if is_strange else error) from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
         raise stranger
@@ -321,14 +312,11 @@ def dangling_link(path: Path) -> str:
     return f"is a link to {path.readlink()}, which is not there; remove the link"
 
 
+_FULL = "the disk is full; free some space or choose another folder"
+_FORBIDDEN = "no permission to write in {folder}; choose another folder"
 _REASONS = {
-    **dict.fromkeys(
-        (errno.ENOSPC, errno.EDQUOT), "the disk is full; free some space or choose another folder"
-    ),
-    **dict.fromkeys(
-        (errno.EACCES, errno.EPERM, errno.EROFS),
-        "no permission to write in {folder}; choose another folder",
-    ),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), _FULL),
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), _FORBIDDEN),
     errno.EFBIG: "is larger than the file system or a limit of the system allows; choose another "
     "folder",
     errno.ENOENT: "the folder {folder} does not exist; create it first: mkdir -p {quoted}",
@@ -341,11 +329,9 @@ _REASONS = {
 def reason(error: OSError, path: Path) -> str:
     """Say why a file cannot be written, and what to do."""
     if isinstance(error, FileExistsError):
-        missing = path.is_symlink() and not path.exists()
-        return (
-            dangling_link(path) if missing else "exists already; use `overwrite=True` to replace it"
-        )
-    text = _REASONS.get(error.errno or 0, f"cannot be written ({error.strerror or error})")
-    return text.replace("{folder}", str(path.parent)).replace(
-        "{quoted}", shlex.quote(str(path.parent))
-    )
+        if path.is_symlink() and not path.exists():
+            return dangling_link(path)
+        return "exists already; use `overwrite=True` to replace it"
+    if (text := _REASONS.get(error.errno or 0)) is None:
+        return f"cannot be written ({error.strerror or error})"
+    return text.format(folder=path.parent, quoted=shlex.quote(str(path.parent)))

@@ -14,6 +14,7 @@ greens of a Bayer block show its diagonal, and scattered sites where their tile 
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 
@@ -23,32 +24,22 @@ from ...shared.errors import InputError
 from .frames import FORMATS, RawFrame, Sensor
 from .tiles import Tiles
 
-_NEXT = "; the next frames are looked at"
-_UNPROVEN = "the frame does not show whether size, format and pattern are right ({reason})" + _NEXT
-_GREENS = (
-    "the frame does not show whether the greens are on the right diagonal (it has little colour)"
-    + _NEXT
-)
-_COLOURS = (
-    "the frame does not show whether each colour is where `pattern` says (it has little colour)"
-    + _NEXT
-)
+_OPEN = "the frame does not show whether {}; the next frames are looked at"
+_GREENS = "the greens are on the right diagonal (it has little colour)"
+_COLOURS = "each colour is where `pattern` says (it has little colour)"
 _SLIPPED = (
     "the frame does not show the filters where those before it did: the stream has lost or "
-    "gained bytes; start the camera again. "
-    "If it has not, add `unchecked`"
+    "gained bytes; start the camera again. If it has not, add `unchecked`"
 )
 
 # frames that confirm the description; the second shows that the first has as many rows as described
 _ENOUGH = 2
 _SIDE, _PERIODS = 32, 4  # pixels along a tile, and periods in it, at least
-# tiles of a first frame; strips of a later frame, of which the last one is its end
-_TILES, _STRIPS = 64, 4
+# of a first frame, at most; of a later one at least, all but twice as many in its last rows
+_TILES, _LAST_TILES = 64, 24
 # tiles: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
-_FEW_TILES = 8
-# tiles at least, beside or below each other, of which each group is judged
-_GROUP, _MOST_GROUPS = 12, 4
+_FEW_TILES, _FEWEST_TILES = 8, 4  # fewer have no standard error
 
 _CERTAIN = 6.0  # standard errors of a contrast
 # the best place explains this many times the variance that the next one does; in photographs 2.7
@@ -69,18 +60,16 @@ _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its
 _CLIPPED = 1 / 16
 # of the black level and of the range of codes: no tile is darker than black by more
 _MARGIN, _LEAST_MARGIN = 1 / 8, 1 / 1024
-_NARROW, _DEFECTS = (
-    1 / 16,
-    1,
-    # of the range of codes: samples of a dark frame differ by less, but for this percentage at
-    # either end
-)
+# of the range of codes: samples of a dark frame differ by less, but for this percentage at either
+# end
+_NARROW, _DEFECTS = 1 / 16, 1
 _OVEREXPOSED = 0.1  # of the samples: so many clipped ones may hide the filters
 # Samples that vary by so much of the range of codes, but are less correlated with all their
 # neighbours, are misread. Of 120 random scenes of two levels, dots of 2 to 9 pixels, all are above;
 # wrong packings are at 0 to 0.6.
 _WIDE_SPREAD, _RESEMBLE, _PAIRS = 0.1, 0.15, 200
-_PILE = 8  # samples at the highest code that show that light was clipped there
+# stripes of one width do not hide that these are alike
+_NEIGHBOURS = (0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)
 _STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
 # times the energy of all other differences; in photographs 7 times and more where there is light
@@ -144,7 +133,8 @@ class _Check:
     """Frames so far, and what they have confirmed. For the arguments see `checked`."""
 
     def __init__(self, sensor: Sensor) -> None:
-        self._sensor = sensor
+        self._sensor, size = sensor, (sensor.layout.width, sensor.layout.height)
+        self._side = min(max(_SIDE, _PERIODS * sensor.pattern.period), *size)  # of a tile, pixels
         self._confirmed = 0
         self._has_colours = False
 
@@ -164,82 +154,55 @@ class _Check:
 
     def _first(self, frame: RawFrame) -> tuple[bool, list[str]]:
         """Return whether all of a frame shows the pattern, and what it leaves open."""
-        layout, pattern, calibration = (
-            self._sensor.layout,
-            self._sensor.pattern,
-            self._sensor.calibration,
-        )
+        layout, pattern = self._sensor.layout, self._sensor.pattern
+        calibration = self._sensor.calibration
         codes = layout.unpack(frame.data)
         tiles = Tiles.of(codes, self._side, _TILES)
-        self._refuse(
-            frame,
+        shown = shows_filters(tiles, pattern)
+        reason = (
             impossible_level(codes, tiles, calibration)
             or padding(codes, calibration)
-            or self._unused_bits(frame),
+            or self._unused_bits(frame)
         )
-        if is_misread(tiles, pattern, FORMATS[layout.format].pixels, calibration.bits):
-            self._refuse(frame, f"the bits of its samples are not in the order of {layout.format}")
-        shown = shows_filters(tiles, pattern)
-        if shown is False and self._confirmed:
+        pixels = FORMATS[layout.format].pixels
+        if len(tiles.parts) >= _FEWEST_TILES and is_misread(
+            tiles, pattern, pixels, calibration.bits
+        ):
+            reason = reason or f"the bits of its samples are not in the order of {layout.format}"
+        if not reason and shown is False and self._confirmed:
             rows = f"frames have another number of rows than {layout.height}"
-            self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
-        if shown is False or (shown and has_longer_period(tiles, pattern)):
+            reason = f"it does not begin where the frame before it ended: {rows}"
+        elif not reason and (shown is False or (shown and has_longer_period(tiles, pattern))):
             rows = "or rows do not begin where `stride` and `width` say"
-            self._refuse(
-                frame,
-                f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}",
-            )
+            reason = f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}"
+        if reason:
+            self._refuse(frame, reason)
         if shown is None:
             if not is_even(codes, calibration) and lacks_filters(tiles, pattern, calibration):
-                self._refuse(
-                    frame,
-                    "the samples at the places of the colour filters are as bright as their "
-                    "neighbours",
-                )
-            return False, [_UNPROVEN.format(reason=hindrance(codes, calibration))]
+                colours = "the samples at the places of the colour filters"
+                self._refuse(frame, f"{colours} are as bright as their neighbours")
+            why = hindrance(codes, calibration)
+            return False, [_OPEN.format(f"size, format and pattern are right ({why})")]
         return True, [*self._colours(frame, tiles), *open_bits(codes, calibration)]
 
     def _later(self, frame: RawFrame) -> tuple[bool, list[str]]:
-        """Return the same of the end of a frame and some rows from all over it. Raises SlippedError
-        where they show anything else.
-
-        Whatever slipped before them has moved the last rows. Filters are where they belong although
-        the picture is cut in two where whole periods of rows are missing and the height is a
-        multiple of the period.
+        """Return the same of the last rows of a frame, which move when anything before them slips.
+        Raises SlippedError where they show anything else.
         """
-        layout, pattern, calibration, side = (
-            self._sensor.layout,
-            self._sensor.pattern,
-            self._sensor.calibration,
-            self._side,
-        )
-        last = min(side * -(-2 * _GROUP // max(layout.width // side, 1)), layout.height)
-        tops = np.linspace(0, layout.height - side, _STRIPS).astype(int)[:-1].tolist()
-        strips = []
-        for top, rows, count in (
-            *((top, side, _FEW_TILES) for top in tops),
-            (layout.height - last, last, 2 * _GROUP),
-        ):
-            codes = replace(layout, height=rows).unpack(
-                memoryview(frame.data)[top * layout.stride :][: rows * layout.stride]
-            )
-            if codes.max() >> calibration.bits:
-                raise SlippedError(_SLIPPED)
-            strips.append(Tiles.of(codes, side, count, top))
-        end = strips[-1]
-        parts, places = (
-            np.concatenate(arrays)
-            for arrays in zip(*((strip.parts, strip.places) for strip in strips), strict=True)
-        )
-        shown = shows_filters(Tiles(parts, places), pattern)
-        # Samples from the wrong bytes may show the filters at the right place.
-        if shown is False or is_misread(
-            end, pattern, FORMATS[layout.format].pixels, calibration.bits
+        layout, pattern = self._sensor.layout, self._sensor.pattern
+        calibration = self._sensor.calibration
+        across = max(layout.width // self._side, 1)
+        rows = min(self._side * -(-_LAST_TILES // across), layout.height)
+        top = layout.height - rows
+        last = memoryview(frame.data)[top * layout.stride :]
+        codes = replace(layout, height=rows).unpack(last)
+        tiles = Tiles.of(codes, self._side, 2 * _LAST_TILES, top)
+        shown = shows_filters(tiles, pattern)
+        if codes.max() >> calibration.bits or not (
+            shown or (shown is None and not lacks_filters(tiles, pattern, calibration))
         ):
             raise SlippedError(_SLIPPED)
-        if shown is None and lacks_filters(end, pattern, calibration):
-            raise SlippedError(_SLIPPED)
-        return shown is True, self._colours(frame, end) if shown else []
+        return shown is True, self._colours(frame, tiles) if shown else []
 
     def _colours(self, frame: RawFrame, tiles: Tiles) -> list[str]:
         """Return what the tiles of a frame that shows its filters leave open of their colours."""
@@ -251,32 +214,20 @@ class _Check:
             raise SlippedError(_SLIPPED)
         if coloured is False:  # until a frame shows them they may as well be described wrongly
             greens = "the two greens of a block lie on the other diagonal"
-            self._refuse(
-                frame,
-                "its colours are at other sites of the tile" if pattern.is_scattered else greens,
-            )
+            scattered = "its colours are at other sites of the tile"
+            self._refuse(frame, scattered if pattern.is_scattered else greens)
         self._has_colours |= coloured is True
-        return [] if self._has_colours else [_COLOURS if pattern.is_scattered else _GREENS]
+        remark = _OPEN.format(_COLOURS if pattern.is_scattered else _GREENS)
+        return [] if self._has_colours else [remark]
 
-    def _refuse(self, frame: RawFrame, reason: str) -> None:
-        """Raise InputError with the reason, if there is one."""
-        if reason:
-            layout, source = self._sensor.layout, frame.source or "FRAME"
-            described = (
-                f"--size {layout.width}x{layout.height} --pixel-format {layout.format} "
-                f"--stride {layout.stride}"
-            )
-            raise InputError(
-                f"the frame is not as described: {reason}; run `panchroma identify {source} "
-                f"{described}`. "
-                "If the description is right, add `unchecked`"
-            )
-
-    @property
-    def _side(self) -> int:
-        """Pixels along a tile."""
-        layout, period = self._sensor.layout, self._sensor.pattern.period
-        return min(max(_SIDE, _PERIODS * period), layout.width, layout.height)
+    def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
+        """Raise InputError with the reason."""
+        layout, source = self._sensor.layout, frame.source or "FRAME"
+        raise InputError(
+            f"the frame is not as described: {reason}; run `panchroma identify {source} --size "
+            f"{layout.width}x{layout.height} --pixel-format {layout.format} --stride "
+            f"{layout.stride}`. If the description is right, add `unchecked`"
+        )
 
     def _unused_bits(self, frame: RawFrame) -> str:
         """Return what is wrong with bits of packed groups that hold no sample: 0 is right, as in
@@ -285,18 +236,12 @@ class _Check:
         layout, packing = self._sensor.layout, FORMATS[self._sensor.layout.format]
         if packing.words:
             return ""
-        used = np.frombuffer(
-            sum(packing.moves.values()).to_bytes(packing.length, "little"), np.uint8
-        )
-        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)[
-            :: max(layout.height // 64, 1)
-        ]
-        groups = lines[:, : layout.line_bytes].reshape(-1, packing.length)
-        return (
-            f"bits that {layout.format} leaves unused hold something"
-            if (groups & ~used).any(axis=1).mean() > _STRAY
-            else ""
-        )
+        used = sum(packing.moves.values()).to_bytes(packing.length, "little")
+        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)
+        lines = lines[:: max(layout.height // 64, 1), : layout.line_bytes]
+        stray = lines.reshape(-1, packing.length) & ~np.frombuffer(used, np.uint8)
+        message = f"bits that {layout.format} leaves unused hold something"
+        return message if stray.any(axis=1).mean() > _STRAY else ""
 
 
 def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibration) -> str:
@@ -307,27 +252,14 @@ def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibrat
     tiles : Tiles
         Of the frame.
     """
-    declared, highest, black = (
-        calibration.bits,
-        int(codes.max()),
-        float(np.mean(calibration.black_level)),
-    )
-    if highest >> declared:
-        return f"a sample is {highest}, more than {declared} bits hold"
+    highest, black = int(codes.max()), float(np.mean(calibration.black_level))
+    if highest >> calibration.bits:
+        return f"a sample is {highest}, more than {calibration.bits} bits hold"
     if (darkest := float(tiles.parts.mean(axis=(1, 2)).min())) < black - _margin(calibration):
-        remedy = "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
         return (
-            f"a part of it has a mean of {darkest:.0f}, darker than black, which is "
-            f"{black:.0f} {remedy}"
+            f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f} "
+            "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
         )
-    if highest + 1 in (1 << 10, 1 << 12, 1 << 14) and highest.bit_length() < declared:
-        clipped, below = (int((codes == code).sum()) for code in (highest, highest - 1))
-        if clipped > 4 * below + _PILE:
-            bits = highest.bit_length()
-            return (
-                f"its light is clipped at {highest}, the highest code of {bits} bits, not at "
-                f"{calibration.white_level}"
-            )
     return ""
 
 
@@ -344,15 +276,9 @@ def padding(codes: CodeArray, calibration: SensorCalibration) -> str:
     uneven = codes.max(axis=0) > codes.min(axis=0)
     width = len(uneven) - int(uneven[::-1].argmax())
     ends, black = codes[0, width:].astype(int), min(calibration.black_level)
-    if (
-        not uneven[:width].all()
-        or not ((ends < calibration.white_level) & (abs(ends - black) > 1)).any()
-    ):
-        return ""
-    return (
-        f"its rows have {len(ends)} samples at the end that are the same in all of them "
-        f"(`width={width}`?)"
-    )
+    filled = (ends < calibration.white_level) & (abs(ends - black) > 1)
+    same = f"its rows have {len(ends)} samples at the end that are the same in all of them"
+    return f"{same} (`width={width}`?)" if uneven[:width].all() and filled.any() else ""
 
 
 def hindrance(codes: CodeArray, calibration: SensorCalibration) -> str:
@@ -374,7 +300,7 @@ def open_bits(codes: CodeArray, calibration: SensorCalibration) -> list[str]:
     bits = ", ".join(str(bit) for bit in range(missing.bit_length()) if missing >> bit & 1)
     return [
         f"bits {bits} of its samples are always 0: the light is dim, they are packed otherwise, "
-        "or `sensor_bits` is not right" + _NEXT
+        "or `sensor_bits` is not right; the next frames are looked at"
     ]
 
 
@@ -389,27 +315,17 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
     bits : int
         Of a sample.
     """
-    clear, position = (
-        tiles.panchromatic(pattern),
-        (tiles.places[:, 1, None] + np.arange(tiles.parts.shape[2])) % pixels,
-    )
+    clear = tiles.panchromatic(pattern)
+    position = (tiles.places[:, 1, None] + np.arange(tiles.parts.shape[2])) % pixels
     for number in range(pixels):
-        ours, alike = clear & (position == number)[:, None], []
+        ours = clear & (position == number)[:, None]
         if not ours.any() or np.std(tiles.parts, where=ours) < _WIDE_SPREAD * (1 << bits):
             continue
-        # stripes of one width do not hide that neighbours are alike
-        for step in ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)):
-            first, second = (
-                (slice(None), *(slice(max(by, 0), min(by, 0) or None) for by in way))
-                for way in (np.negative(step), step)
-            )
-            masks = ours[first] & clear[second], clear[first] & ours[second]
-            pairs = (
-                (tiles.parts[first][mask], tiles.parts[second][mask])
-                for mask in masks
-                if mask.sum() >= _PAIRS
-            )
-            alike += [float(np.corrcoef(*pair)[0, 1]) for pair in pairs]
+        alike = []
+        for step in (*_NEIGHBOURS, *np.negative(_NEIGHBOURS)):
+            beside, known = (np.roll(plane, step, (1, 2)) for plane in (tiles.parts, clear))
+            if (pair := ours & known).sum() >= _PAIRS:
+                alike.append(np.corrcoef(tiles.parts[pair], beside[pair])[0, 1])
         if alike and max(alike) < _RESEMBLE:
             return True
     return False
@@ -418,22 +334,27 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
 def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
     """Return whether colour sites are where `pattern` has them; False: at another place, None: the
     tiles do not show it.
-
-    Groups of tiles beside each other and below each other are judged, too: after a loss of pixels
-    only a part is elsewhere.
     """
+    if len(tiles.parts) < _FEWEST_TILES:
+        return None
     flat = tiles.flattened()
     folded = flat.folded(pattern.period)
-    groups = [np.arange(len(folded))]
-    count = min(len(folded) // _GROUP, _MOST_GROUPS)
-    if count > 1:
-        for axis in (0, 1):
-            groups += np.array_split(np.argsort(tiles.places[:, axis], kind="stable"), count)
-    power = np.square(flat.parts).mean(axis=(1, 2))
-    answers = [
-        _are_in_place(folded[group], float(power[group].mean()), pattern) for group in groups
-    ]
-    return False if False in answers else True if True in answers else None
+    explained, certainties = _explained(folded, _block(pattern, pattern.period))
+    best = np.unravel_index(int(explained.argmax()), explained.shape)
+    most, ours = float(explained[best]), np.zeros(explained.shape, np.bool_)
+    ours[tuple(np.transpose(_places_alike(pattern, pattern.block_origin)))] = True
+    here, elsewhere = explained[ours].max(), explained[~ours].max(initial=0.0)
+    if here == most > _BETTER * elsewhere and certainties[best] > _CERTAIN:
+        return True
+    if certainties[best] < _CERTAIN * (1 + _FEW_TILES / len(folded)):
+        return None
+    # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
+    # repeats.
+    there = explained > most / _BETTER
+    if here < most / _FAR:
+        there[tuple(np.transpose(_places_alike(pattern, (int(best[0]), int(best[1])))))] = False
+        return None if there.any() or most < _PLAIN * np.square(flat.parts).mean() else False
+    return False if (there & ~ours).any() and (there | (explained < most / _FAR)).all() else None
 
 
 def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
@@ -443,44 +364,10 @@ def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
     period = 2 * pattern.period
     flat = tiles.flattened()
     explained, _ = _explained(flat.folded(period), _block(pattern, period))
-    row, column = pattern.block_origin
-    *_, second, first = np.sort(
-        explained[
-            row % pattern.period :: pattern.period, column % pattern.period :: pattern.period
-        ],
-        axis=None,
-    )
-    return not pattern.is_scattered and bool(
-        first > max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean()))
-    )
-
-
-def _are_in_place(folded: DoubleArray, power: float, pattern: CfaPattern) -> bool | None:
-    """Test one group of tiles for `shows_filters`. folded, power: means of some tiles at each
-    place, (N, K, K), and the mean square of their samples.
-    """
-    if len(folded) < 4:
-        return None
-    explained, certainties = _explained(folded, _block(pattern, pattern.period))
-    best = np.unravel_index(int(explained.argmax()), explained.shape)
-    most, ours = float(explained[best]), np.zeros(explained.shape, np.bool_)
-    ours[tuple(np.transpose(_places_alike(pattern, pattern.block_origin)))] = True
-    here = float(explained[ours].max())
-    if (
-        here == most
-        and certainties[best] > _CERTAIN
-        and most > _BETTER * float(explained[~ours].max(initial=0.0))
-    ):
-        return True
-    if certainties[best] < _CERTAIN * (1 + _FEW_TILES / len(folded)):
-        return None
-    # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
-    # repeats.
-    there = explained > most / _BETTER
-    if here < most / _FAR:
-        there[tuple(np.transpose(_places_alike(pattern, (int(best[0]), int(best[1])))))] = False
-        return None if there.any() or most < _PLAIN * power else False
-    return False if (there & ~ours).any() and (there | (explained < most / _FAR)).all() else None
+    rows, columns = (slice(place, None, pattern.period) for place in pattern.block_origin)
+    *_, second, first = np.sort(explained[rows, columns], axis=None)
+    least = max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean()))
+    return not pattern.is_scattered and bool(first > least)
 
 
 def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibration) -> bool:
@@ -520,12 +407,9 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
             replace(pattern, origin=place) for place in _places_alike(pattern, pattern.block_origin)
         ]
     elif len(pattern.sites) == 4 and pattern.block_shape == (2, 2):
-        rows = [row[:2][::-1] for row in pattern.letters_from(pattern.block_origin)[:2]]
-        candidates.append(
-            CfaPattern.with_block(
-                (rows[0], rows[1]), period, pattern.block_origin, pattern.channels
-            )
-        )
+        block = tuple(row[1::-1] for row in pattern.letters_from(pattern.block_origin)[:2])
+        origin, channels = pattern.block_origin, pattern.channels
+        candidates.append(CfaPattern.with_block(block, period, origin, channels))
     planes = [candidate.filter_map((period, period)) for candidate in candidates]
     sites = planes[0] < len(pattern.channels)
     kinds = {
@@ -535,9 +419,8 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
     if not kinds:
         return True
     levels = tiles.folded(period) + tiles.parts.mean(axis=(1, 2), keepdims=True)
-    levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))] - float(
-        np.mean(calibration.black_level)
-    )
+    levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))]
+    levels = levels - float(np.mean(calibration.black_level))
     if len(levels) < _FEW_TILES:
         return None
     samples = levels[:, sites]
@@ -567,21 +450,18 @@ def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
     """
     # Of each tile at most 1, so that a few strong colours do not hide how certain the many are.
     votes = (ours - others) / (ours + others + _NOTHING)
-    return bool(
-        ours.mean() > _UNLIKE * others.mean()
-        and votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5
-    )
+    are_certain = votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5
+    return bool(are_certain and ours.mean() > _UNLIKE * others.mean())
 
 
 def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> list[tuple[int, int]]:
     """Return `place`, and all others at which the colour sites would be the same."""
     block, period = _block(pattern, pattern.period), pattern.period
-    steps = (
-        step
-        for step in np.ndindex(block.shape)
-        if np.array_equal(np.roll(block, step, (0, 1)), block)
-    )
-    return [((place[0] + down) % period, (place[1] + right) % period) for down, right in steps]
+    return [
+        ((place[0] + down) % period, (place[1] + right) % period)
+        for down, right in np.ndindex(block.shape)
+        if np.array_equal(np.roll(block, (down, right), (0, 1)), block)
+    ]
 
 
 def _block(pattern: CfaPattern, period: int) -> DoubleArray:
@@ -598,23 +478,18 @@ def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, Do
 
     block: 1 at the colour sites, (K, K).
     """
-    period = len(block)
     contrasts, certainties = [], []
     # Once as it is, and once without the means of rows and columns, so that stripes of the same
     # period are not taken for blocks.
     for means, model in ((folded, block - block.mean()), (_centred(folded), _centred(block))):
         if np.square(model).sum() < _NOTHING:
             continue
-        around = np.tile(means, (1, 2, 2))
-        here = [
-            around[:, row : row + period, column : column + period]
-            for row, column in np.argwhere(block)
-        ]
-        contrast = sum(here) / np.square(model).sum()
+        sites = [np.roll(means, -site, (1, 2)) for site in np.argwhere(block)]
+        contrast = sum(sites) / np.square(model).sum()
         contrasts.append(mean := contrast.mean(axis=0))
         certainties.append(mean / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
     if not contrasts:  # all sites are coloured, and none stands out
-        return np.zeros((period, period)), np.zeros((period, period))
+        return np.zeros(block.shape), np.zeros(block.shape)
     darker, filled = np.maximum(-np.max(contrasts, axis=0), 0.0), block.mean()
     return darker**2 * filled * (1 - filled), -np.max(certainties, axis=0)
 
@@ -626,6 +501,5 @@ def _centred(means: DoubleArray) -> DoubleArray:
 
 def _margin(calibration: SensorCalibration) -> float:
     """Codes by which a part of a frame may be darker than black."""
-    return max(
-        _MARGIN * float(np.mean(calibration.black_level)), _LEAST_MARGIN * (1 << calibration.bits)
-    )
+    black = float(np.mean(calibration.black_level))
+    return max(_MARGIN * black, _LEAST_MARGIN * (1 << calibration.bits))

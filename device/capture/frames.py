@@ -39,26 +39,28 @@ _STRIP = 32  # rows unpacked at a time; they fit into the cache
 
 @dataclass(frozen=True)
 class _Packing:
-    """A group of `pixels` samples of `bits` bits in `length` bytes.
+    """A group of `pixels` samples of `bits` bits, in whole bytes.
 
     names: a pattern of the names of the format elsewhere, with the bits if they state them.
     step, low, tail, between: a sample begins `step` bits after the one before. Its `low` lowest
-    bits are not there: those of the
-        first sample begin at bit `tail` of the group, and each other's `between` bits further. Bits
-        count from the lowest one of
-        the first byte.
+    bits are not there: those of the first sample begin at bit `tail` of the group, and each other's
+    `between` bits further. Bits count from the lowest one of the first byte.
     words: how NumPy names samples that are words; then nothing has to be moved.
     """
 
     bits: int
     pixels: int
-    length: int
     names: str
     step: int = 0
     low: int = 0
     tail: int = 0
     between: int = 0
     words: str = ""
+
+    @property
+    def length(self) -> int:
+        """Bytes of a group."""
+        return -(-self.bits * self.pixels // 8)
 
     @property
     def word(self) -> np.dtype[Any]:
@@ -81,58 +83,39 @@ class _Packing:
 
 _ORDERS = "(RGGB|BGGR|GRBG|GBRG)"
 _PFNC = "(Mono|SCF1(WBWG|WGWB|WGWR|WRWG))"
+
+
+def _mipi(bits: int, pixels: int, letter: str) -> _Packing:
+    """A byte with the upper 8 bits of each pixel, then the lower bits of all, the first pixel's
+    lowest.
+    """
+    names = rf"S{_ORDERS}{bits}(P|_CSI2P)|R{bits}_CSI2P|Y{bits}P|p[RgGB]{letter}{letter}"
+    low = bits - 8
+    return _Packing(bits, pixels, names, step=8, low=low, tail=8 * pixels, between=low)
+
+
+def _gige(bits: int) -> _Packing:
+    """The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half
+    a byte.
+    """
+    names = f"{_PFNC}{bits}Packed"
+    return _Packing(bits, 2, names, step=16, low=bits - 8, tail=8, between=4)
+
+
+_WORDS = rf"(S{_ORDERS}|RG|BA|GB|BG|GR|R|Y|{_PFNC})(?P<bits>10|12|14|16)|BYR2|raw16|uint16"
 FORMATS = {
-    # A byte with the upper 8 bits of each pixel, then the lower bits of all, the first pixel's
-    # lowest.
-    "raw10": _Packing(
-        10,
-        4,
-        5,
-        rf"S{_ORDERS}10(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA",
-        step=8,
-        low=2,
-        tail=32,
-        between=2,
-    ),
-    "raw12": _Packing(
-        12,
-        2,
-        3,
-        rf"S{_ORDERS}12(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC",
-        step=8,
-        low=4,
-        tail=16,
-        between=4,
-    ),
-    "raw14": _Packing(
-        14,
-        4,
-        7,
-        rf"S{_ORDERS}14(P|_CSI2P)|R14_CSI2P|Y14P|p[RgGB]EE",
-        step=8,
-        low=6,
-        tail=32,
-        between=6,
-    ),
+    "raw10": _mipi(10, 4, "A"),
+    "raw12": _mipi(12, 2, "C"),
+    "raw14": _mipi(14, 4, "E"),
     # One pixel behind the other, the lowest bits first.
-    "mono10p": _Packing(10, 4, 5, f"{_PFNC}10p", step=10),
-    "mono12p": _Packing(12, 2, 3, f"{_PFNC}12p", step=12),
-    "mono14p": _Packing(14, 4, 7, f"{_PFNC}14p", step=14),
-    # The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half a
-    # byte.
-    "mono10packed": _Packing(10, 2, 3, f"{_PFNC}10Packed", step=16, low=2, tail=8, between=4),
-    "mono12packed": _Packing(12, 2, 3, f"{_PFNC}12Packed", step=16, low=4, tail=8, between=4),
-    "u8": _Packing(
-        8, 1, 1, rf"uint8|raw8|S{_ORDERS}8|BA81|{_ORDERS}|GREY|[RY]8|{_PFNC}8", words="u1"
-    ),
-    "u16": _Packing(
-        16,
-        1,
-        2,
-        rf"(S{_ORDERS}|RG|BA|GB|BG|GR|R|Y|{_PFNC})(?P<bits>10|12|14|16)|BYR2|raw16|uint16",
-        words="<u2",
-    ),
-    "u16be": _Packing(16, 1, 2, r"Y(?P<bits>10|12|14|16)[_-]?BE", words=">u2"),
+    "mono10p": _Packing(10, 4, f"{_PFNC}10p", step=10),
+    "mono12p": _Packing(12, 2, f"{_PFNC}12p", step=12),
+    "mono14p": _Packing(14, 4, f"{_PFNC}14p", step=14),
+    "mono10packed": _gige(10),
+    "mono12packed": _gige(12),
+    "u8": _Packing(8, 1, rf"uint8|raw8|S{_ORDERS}8|BA81|{_ORDERS}|GREY|[RY]8|{_PFNC}8", words="u1"),
+    "u16": _Packing(16, 1, _WORDS, words="<u2"),
+    "u16be": _Packing(16, 1, r"Y(?P<bits>10|12|14|16)[_-]?BE", words=">u2"),
 }
 
 
@@ -284,17 +267,12 @@ class FrameLayout:
     def misfit(self, length: int) -> str:
         """Message that `length` bytes are not a frame, with a likely reason."""
         message = f"{length} bytes are not a frame: {self.size}"
+        count, rest = divmod(length, self.frame_bytes)
+        if count > 1 and not rest:
+            return f"{message}; {count} frames in one are a stream: give it on standard input"
         stride, rest = divmod(length, self.height)
-        if length > self.frame_bytes and length % self.frame_bytes == 0:
-            return (
-                f"{message}; {length // self.frame_bytes} frames in one are a stream: give "
-                "it on standard input"
-            )
-        return (
-            f"{message}; a stride of {stride} would fit"
-            if not rest and stride > self.line_bytes
-            else message
-        )
+        fits = stride > self.line_bytes and not rest
+        return f"{message}; a stride of {stride} would fit" if fits else message
 
     def check_recording(self, length: int, advice: str = "") -> None:
         """Raise InputError if a recording of `length` bytes has whole frames of another stride, and
@@ -398,8 +376,7 @@ class Sensor:
         if bits > self.layout.bits or (not self.layout.has_words and bits != self.layout.bits):
             raise InputError(
                 f"the calibration is for samples of {bits} bits, {self.layout.format} has "
-                f"{self.layout.bits}: "
-                "they belong to different modes of the sensor"
+                f"{self.layout.bits}: they belong to different modes of the sensor"
             )
         self.dark()
 
@@ -467,12 +444,11 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
             "this stream are wrong"
         )
         if likely := layout.likely(count * len(data) + filled):
-            advice = (
-                f"All its bytes are whole frames with {likely}: discard the shots of this stream"
-            )
-        ended = (
-            f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones"
+            discard = "discard the shots of this stream"
+            advice = f"All its bytes are whole frames with {likely}: {discard}"
+        raise InputError(
+            f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones; "
+            f"{layout.size}. {advice}"
         )
-        raise InputError(f"{ended}; {layout.size}. {advice}")
     if not count:
         raise InputError("the stream ended before the first frame: did the camera start?")

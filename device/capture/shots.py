@@ -106,7 +106,9 @@ class ShotFolder:
     ) -> list[Path]:
         """Save frames under one TIME-COUNTER; their names end with `endings`."""
         while True:
-            stem = self._stem(taken)
+            time = taken.astimezone(UTC)
+            stamp = f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z"
+            stem = f"{stamp}-{next(self._counter):06}"
             paths = [self.path / f"{stem}{ending}.dng" for ending in endings]
             try:
                 _write_together(paths, frames())
@@ -118,11 +120,6 @@ class ShotFolder:
         if self._latest is not None:
             _point(self._latest, paths[-1])
         return paths
-
-    def _stem(self, taken: datetime) -> str:
-        """TIME-COUNTER with the next number of the counter."""
-        time = taken.astimezone(UTC)
-        return f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}"
 
 
 def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteArray]]) -> None:
@@ -153,10 +150,8 @@ def _check_link(link: Path) -> None:
         if not link.parent.is_dir():
             raise InputError(f"{link}: there is no such folder for the link to the latest shot")
         if not stat.S_ISLNK(link.lstat().st_mode):
-            raise InputError(
-                f"{link}: exists and is no link; choose another name for the link to the latest "
-                "shot"
-            )
+            choose = "choose another name for the link to the latest shot"
+            raise InputError(f"{link}: exists and is no link; {choose}")
     except FileNotFoundError:
         return
     except (OSError, ValueError) as error:  # ValueError: a null character

@@ -31,12 +31,9 @@ class SteadyWhite:
             return mosaic
         found = estimate_neutral(mosaic)
         if found is not None:
-            seen = np.log(found)
-            self._logarithm = (
-                seen
-                if self._logarithm is None
-                else self._logarithm + _FOLLOWS * (seen - self._logarithm)
-            )
+            observed = np.log(found)
+            before = observed if self._logarithm is None else self._logarithm
+            self._logarithm = before + _FOLLOWS * (observed - before)
         if self._logarithm is None:
             return mosaic
         return mosaic.calibrated(balanced(calibration, np.exp(self._logarithm), estimated=True))

@@ -28,7 +28,7 @@ from ...shared.arrays import DoubleArray, FloatArray, IndexArray
 from ...shared.errors import InputError
 from ...shared.pattern import CfaPattern
 from ...shared.site_errors import error_correlation
-from .surroundings import UNIT, Place, Surroundings, exact
+from .neighbourhood import UNIT, Neighbourhood, Place, exact
 
 REACH = 1, 2
 """(rows, columns) of blocks beyond those at the corners of the patches whose colours are pooled."""
@@ -210,11 +210,11 @@ class Geometry:
         return holes
 
     @property
-    def settling(self) -> DoubleArray:
-        """The linear map from what is missed at the sites of a block to errors of luminance there,
+    def luminance_errors(self) -> DoubleArray:
+        """The linear map from the residual at the sites of a block to errors of luminance there,
         float64 (sites, sites).
 
-        Both in the order of `sites`; what is missed in units of luminance (see
+        Both in the order of `sites`; the residual in units of luminance (see
         `shared.site_errors`).
         """
         every, measured = error_correlation(self.pattern)
@@ -225,8 +225,8 @@ class Geometry:
         return luminance[np.ix_(order, order)]
 
     @cached_property
-    def _around(self) -> Surroundings:
-        return Surroundings(self.pattern)
+    def _around(self) -> Neighbourhood:
+        return Neighbourhood(self.pattern)
 
     @cached_property
     def _probes(self) -> list[list[dict[Place, float]]]:

@@ -15,7 +15,7 @@ place where processors without that instruction round otherwise.
 from ...shared.pattern import CfaPattern
 from . import contract
 from .chromaticity import estimate_parts, pool, propagate
-from .luminance import fill_holes, mean_light, measure_blocks, pixel_light, settle
+from .luminance import correct_luminance, fill_holes, mean_light, measure_blocks, pixel_light
 from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
@@ -52,7 +52,7 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     pooled = pool(g, estimate_parts(g, probes, blocks), blocks)  # Eqs. 8-9
     colour = in_picture_units(g, pooled.parts)
     if scale == 1:
-        pixels, cells = pixel_light(g, settle(g, probes, blocks, pooled.parts))
+        pixels, cells = pixel_light(g, correct_luminance(g, probes, blocks, pooled.parts))
     else:
         pixels, cells = mean_light(g)
     spread = propagate(g, pooled, colour, cells, "" if linear else burnt_out(g, cells))  # Eq. 10
@@ -63,18 +63,12 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
 def _finished(g: PatternGraph, picture: str) -> bytes:
     """The graph as a file that says what its inputs are and which pattern it is for."""
     channels = g.channels
-    sizes: dict[str, Shape] = {
-        contract.BLACK: [channels + 1],
-        contract.SCALE: [channels + 1],
-        contract.GAMMA: [channels],
-    }
-    sizes[contract.NOISE] = [2]
+    planes = [channels + 1]
+    sizes: dict[str, Shape] = {contract.BLACK: planes, contract.SCALE: planes}
+    sizes |= {contract.GAMMA: [channels], contract.NOISE: [2]}
     if not g.linear:
-        sizes |= {
-            contract.WHITE: [channels],
-            contract.MATRIX: [3, channels],
-            contract.GAIN: ["gain_rows", "gain_columns"],
-        }
+        sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
+        sizes[contract.GAIN] = ["gain_rows", "gain_columns"]
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},

@@ -10,12 +10,12 @@ from . import contract
 from .nodes import END, FLOAT
 from .pattern_graph import PatternGraph
 
-_MISSED_NOISE = 2.0
-"""Multiple of the noise variance that the mean square of what is missed at the sites of a block
+_RESIDUAL_NOISE = 2.0
+"""Multiple of the noise variance that the mean square of the residual at the sites of a block
 must exceed to count.
 """
 _CONTRAST_ERROR = 0.5
-"""Squared contrast times this is the power of what is missed at which half of it counts as an error
+"""Squared contrast times this is the power of the residual at which half of it counts as an error
 of luminance.
 """
 
@@ -76,11 +76,8 @@ class Blocks(NamedTuple):
 
 def measure_blocks(g: PatternGraph) -> Probes:
     """The probes of every block."""
-    period, weights, count = (
-        g.geometry.pattern.period,
-        g.geometry.probes.copy(),
-        len(g.geometry.readings),
-    )
+    period, count = g.geometry.pattern.period, len(g.geometry.readings)
+    weights = g.geometry.probes.copy()
     weights[:count] -= weights[count : 2 * count]
     codes = g("Cast", contract.MOSAIC, to=FLOAT) if g.geometry.scale == 1 else contract.MOSAIC
     image = g("Unsqueeze", codes, [0, 1])
@@ -114,11 +111,9 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     change = g("Add", row_change, column_change)
     along_rows = g("Div", column_change, change)
     filled = g("Add", columns, g("Mul", turn, along_rows))
-    contrast = (
-        g("Relu", g("Sub", g("Max", row_change, column_change), least))
-        if g.geometry.scale == 1
-        else ""
-    )
+    contrast = ""
+    if g.geometry.scale == 1:
+        contrast = g("Relu", g("Sub", g("Max", row_change, column_change), least))
     luminance = g.mean(filled, len(g.geometry.readings), axis=0)
     channels = [sites[0][2] for sites in g.geometry.readings]
     shares = np.array([1 / channels.count(channel) for channel in channels])[:, None, None]
@@ -126,16 +121,13 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     gap = g("Sub", g.total(samples, len(channels), axis=0), luminance)
     if g.geometry.pattern.derived is not None:  # Eq. 7 defines that channel, and tells nothing
         gap = g("Mul", gap, 0.0)
-    noise = g(
-        "Mul",
-        variance,
-        g("Mul", g.total(g("Mul", g.gamma, g.gamma), g.channels, axis=0), _GAP_NOISE),
-    )
+    gammas = g.total(g("Mul", g.gamma, g.gamma), g.channels, axis=0)
+    noise = g("Mul", variance, g("Mul", gammas, _GAP_NOISE))
     apart = g("Mul", g("Relu", g("Sub", g("Mul", gap, gap), noise)), _GAP)
     return Blocks(filled, luminance, gap, g("Add", change, apart), contrast)
 
 
-def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
+def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
     """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
 
     What chromaticity times luminance misses at the sites of a block is mapped to errors of
@@ -147,24 +139,17 @@ def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
     )
     channels, count = [channel for _, _, channel in g.geometry.sites], len(g.geometry.sites)
     gamma = g("Gather", g.gamma, channels)
-    missed = g("Sub", samples, g("Mul", g("Gather", parts, channels), filled))
-    power = g("Mul", g.total(g("Mul", missed, missed), count, axis=0), 1 / count)
-    weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _MISSED_NOISE / count)
+    residual = g("Sub", samples, g("Mul", g("Gather", parts, channels), filled))
+    power = g("Mul", g.total(g("Mul", residual, residual), count, axis=0), 1 / count)
+    weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _RESIDUAL_NOISE / count)
     mean = g("Div", g.total(samples, count, axis=0), g.total(gamma, count, axis=0))
     noise = g("Mul", g.variance(mean), weight)
     contrast = g("Mul", contrast, _CONTRAST_ERROR)
-    share = g(
-        "Div",
-        g("Mul", g("Relu", g("Sub", power, noise)), contrast),
-        g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12),
-    )
-    columns = g.geometry.settling.T[..., None, None]
-    errors = g.sum(
-        [
-            g("Mul", *each)
-            for each in zip(g.split(missed, [1] * count, axis=0), columns, strict=True)
-        ]
-    )
+    above = g("Mul", g("Relu", g("Sub", power, noise)), contrast)
+    share = g("Div", above, g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12))
+    columns = g.geometry.luminance_errors.T[..., None, None]
+    each_site = zip(g.split(residual, [1] * count, axis=0), columns, strict=True)
+    errors = g.sum([g("Mul", *site) for site in each_site])
     return g("Add", filled, g("Mul", errors, share))
 
 
@@ -193,22 +178,13 @@ def pixel_light(g: PatternGraph, filled: str) -> tuple[list[str], str]:
         if holes:
             # A patch at (i, j) has its corners at the inner blocks i and i + 1.
             ends = {0: -1, 1: END}
-            values = [
-                g(
-                    "Slice",
-                    filled,
-                    [site, hole.down, hole.right],
-                    [site + 1, ends[hole.down], ends[hole.right]],
-                    [0, 1, 2],
-                )
-                for site, hole in holes
-            ]
-            light = g(
-                "ScatterND",
-                light,
-                np.array([[hole.cell] for _, hole in holes]),
-                g("Concat", *values, axis=0),
-            )
+            values = []
+            for site, hole in holes:
+                first = [site, hole.down, hole.right]
+                stop = [site + 1, ends[hole.down], ends[hole.right]]
+                values.append(g("Slice", filled, first, stop, [0, 1, 2]))
+            places = np.array([[hole.cell] for _, hole in holes])
+            light = g("ScatterND", light, places, g("Concat", *values, axis=0))
         pixels.append(light)
     return [g("Unsqueeze", light, [0, 1]) for light in pixels], g("Mul", g.sum(pixels), 1 / cell**2)
 
@@ -222,14 +198,9 @@ def mean_light(g: PatternGraph) -> tuple[list[str], str]:
     """
     counts = g.geometry.pixels.sum(axis=(1, 2))[:, None, None]
     above, below, left, right = g.geometry.halo
-    image = g(
-        "Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [0, 1]
-    )
-    sums = g(
-        "Squeeze",
-        g("Conv", image, g.geometry.pixels[:, None], strides=[g.geometry.pattern.period] * 2),
-        [0],
-    )
+    inner = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
+    image, strides = g("Unsqueeze", inner, [0, 1]), [g.geometry.pattern.period] * 2
+    sums = g("Squeeze", g("Conv", image, g.geometry.pixels[:, None], strides=strides), [0])
     light = g("Sub", g("Mul", sums, 1 / counts), g.black)
     parts = g.split(light, [g.geometry.across**2] * g.geometry.within**2, axis=0)
     mean = parts[0] if len(parts) == 1 else g("Mul", g.sum(parts), 1 / len(parts))

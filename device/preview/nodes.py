@@ -53,11 +53,9 @@ class Nodes:
 
     def split(self, values: str, sizes: Sequence[int], axis: int) -> list[str]:
         """Pieces of `values`, of these sizes, along an axis."""
-        return (
-            self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis})
-            if len(sizes) > 1
-            else [values]
-        )
+        if len(sizes) == 1:
+            return [values]
+        return self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis})
 
     def total(self, values: str, count: int, axis: int) -> str:
         """The sum over an axis of length `count`, added pairwise in a fixed order; that of
@@ -65,11 +63,9 @@ class Nodes:
         """
         terms = self.split(values, [1] * count, axis)
         while len(terms) > 1:
-            odd, pairs = terms[: len(terms) % 2], terms[len(terms) % 2 :]
-            terms = odd + [
-                self("Add", *pair)
-                for pair in zip(pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :], strict=True)
-            ]
+            odd, half = len(terms) % 2, len(terms) // 2
+            pairs = zip(terms[odd : odd + half], terms[odd + half :], strict=True)
+            terms = terms[:odd] + [self("Add", *pair) for pair in pairs]
         return terms[0]
 
     def mean(self, values: str, count: int, axis: int) -> str:
@@ -78,11 +74,8 @@ class Nodes:
 
     def reshape(self, values: str, shape: Shape) -> str:
         """Reshape to sizes that are numbers or names of one-element tensors."""
-        return self(
-            "Reshape",
-            values,
-            self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0),
-        )
+        sizes = ([size] if isinstance(size, int) else size for size in shape)
+        return self("Reshape", values, self("Concat", *sizes, axis=0))
 
     def to_bytes(
         self,
@@ -136,14 +129,10 @@ class Nodes:
         name = f"{operator.lower()}_{len(self._nodes)}"
         results = [name] if outputs == 1 else [f"{name}_{number}" for number in range(outputs)]
         operands = [each if isinstance(each, str) else self._constant(each) for each in inputs]
-        settings = [
-            _message(
-                {1: key, 3: value, 20: _INTEGER}
-                if isinstance(value, int)
-                else {1: key, 8: value, 20: _INTEGERS}
-            )
-            for key, value in sorted(attributes.items())
-        ]
+        settings = []
+        for key, value in sorted(attributes.items()):
+            number, kind = (3, _INTEGER) if isinstance(value, int) else (8, _INTEGERS)
+            settings.append(_message({1: key, number: value, 20: kind}))
         self._nodes.append(_message({1: operands, 2: results, 3: name, 4: operator, 5: settings}))
         return results
 

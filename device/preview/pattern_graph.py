@@ -54,10 +54,8 @@ class PatternGraph(Nodes):
         self.full_scale = self("Div", self.total(self.gamma, channels, axis=0), self.unit)
         self.floor, self.still = self("Div", _FLOOR, self.unit), self("Div", _STILL, square)
         shot, read_variance = self.split(contract.NOISE, (1, 1), axis=0)
-        self._shot, self._read_variance = (
-            self("Div", shot, self.unit),
-            self("Div", read_variance, square),
-        )
+        self._shot = self("Div", shot, self.unit)
+        self._read_variance = self("Div", read_variance, square)
 
     def variance(self, luminance: str) -> str:
         """Noise variance sigma_z^2 of a panchromatic sample, codes^2."""

@@ -29,11 +29,9 @@ def in_picture_units(g: PatternGraph, parts: str) -> str:
         gamma_j c_j, (C, blocks).
     """
     per_code = g("Div", g.unit, contract.GAMMA)
-    return g(
-        "Mul",
-        parts,
-        g("Unsqueeze", per_code if g.linear else g("Div", per_code, contract.WHITE), [1, 2]),
-    )
+    if not g.linear:
+        per_code = g("Div", per_code, contract.WHITE)
+    return g("Mul", parts, g("Unsqueeze", per_code, [1, 2]))
 
 
 def burnt_out(g: PatternGraph, cells: str) -> str:
@@ -72,11 +70,10 @@ def interleave(g: PatternGraph, planes: list[str]) -> str:
     patches) in one tensor or more.
     """
     within, across, channels = g.geometry.within, g.geometry.across, g.shown
-    values = (
-        planes[0]
-        if len(planes) == 1
-        else g("Concat", *(g("Reshape", plane, [1, channels, -1]) for plane in planes), axis=0)
-    )
+    values = planes[0]
+    if len(planes) > 1:
+        flat = (g("Reshape", plane, [1, channels, -1]) for plane in planes)
+        values = g("Concat", *flat, axis=0)
     values = g.reshape(values, [within, within, channels, across, across, *g.patches])
     # Depth to space in two steps: move whole rows of patches into place, then interleave the
     # columns.

@@ -113,30 +113,22 @@ class Preview:
         codes = without_defects(even, pattern, mosaic.calibration.defects)
         inputs = self._inputs(mosaic.calibration) | levels
         gain = None if linear else _gain(mosaic, rows, columns)
-        picture = np.empty(
-            (rows.size, columns.size, len(pattern.channels) if linear else 3),
-            np.float32 if linear else np.uint8,
-        )
+        channels, kind = (len(pattern.channels), np.float32) if linear else (3, np.uint8)
+        picture = np.empty((rows.size, columns.size, channels), kind)
         width = columns.patches * pattern.period
 
         def develop(patches: range, buffer: NDArray[Any]) -> None:
             cut = buffer[: above + len(patches) * pattern.period + below]
             top = rows.first + patches.start * pattern.period - above
             copy_extended(codes, pattern.period, top, columns.first - left, cut)
-            raised = (
-                {}
-                if gain is None
-                else {contract.GAIN: gain[patches.start : patches.stop] if len(gain) > 1 else gain}
-            )
-            (strip,) = self._session.run(
-                [contract.PICTURE], {contract.MOSAIC: cut, **inputs, **raised}
-            )
+            part = {contract.MOSAIC: cut, **inputs}
+            if gain is not None:
+                part[contract.GAIN] = gain[patches.start : patches.stop] if len(gain) > 1 else gain
+            (strip,) = self._session.run([contract.PICTURE], part)
             begin = patches.start * pattern.period // scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)
-            target[:] = strip[
-                first : first + len(target), columns.skip : columns.skip + columns.size
-            ]
+            target[:] = strip[first : first + len(target), columns.skip :][:, : columns.size]
 
         most = max(1, _STRIP_PIXELS * (1 if scale == 1 else 5) // (width * pattern.period))
         count = -(-rows.patches // most)
@@ -161,15 +153,14 @@ class Preview:
 
     def _check(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the graph was made for this pattern."""
-        ours = self._geometry.pattern
-        tiles = contract.tile_name(ours), contract.tile_name(pattern)
-        for name, expected, found in (
-            ("pattern", *tiles),
-            ("channels", ours.channels, pattern.channels),
-        ):
-            if expected != found:
+        expected, found = (
+            {"pattern": contract.tile_name(each), "channels": each.channels}
+            for each in (self._geometry.pattern, pattern)
+        )
+        for name, text in expected.items():
+            if text != found[name]:
                 raise InputError(
-                    f"the preview is for the {name} {expected}, the mosaic has {found}"
+                    f"the preview is for the {name} {text}, the mosaic has {found[name]}"
                 )
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
@@ -182,9 +173,7 @@ class Preview:
             contract.NOISE: (noise.shot[-1], noise.read[-1] ** 2) if noise else (0, 0),
         }
         if not self._linear:
-            inputs |= dict(
-                zip((contract.WHITE, contract.MATRIX), _balance(calibration), strict=True)
-            )
+            inputs[contract.WHITE], inputs[contract.MATRIX] = _balance(calibration)
         return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
 
 

@@ -28,8 +28,8 @@ from ..render import (
 from ..settings import BEST, RenderSettings
 from ..units import check_frames
 from .align import Alignment, View, align
-from .colour import ColourSamples, Spreading, alone_of, relit_sites
-from .merge import denoised, merge_luminance, unseen
+from .colour import ColourSamples, Spreading, relit_sites, single_frame_weight
+from .merge import denoised, merge_luminance, uncovered
 from .motion import Motion, in_frame, in_reference
 from .select import Comparison, Judged, compare_frames, copies
 
@@ -59,7 +59,7 @@ class MergedBurst:
         Index of the frame that the picture shows.
     frames : tuple[Judged, ...]
         What became of each frame, in the order given.
-    shares : FloatArray
+    noise_ratio : FloatArray
         float32 (H, W), variance of the noise of the merged luminance, relative to the reference's:
         1 where it is alone.
     measured, samples : Measured, ColourSamples
@@ -68,7 +68,7 @@ class MergedBurst:
 
     reference: int
     frames: tuple[Judged, ...]
-    shares: FloatArray
+    noise_ratio: FloatArray
     measured: Measured
     samples: ColourSamples
 
@@ -169,23 +169,22 @@ def render_burst_bands(
 def _merged(
     comparison: Comparison, settings: RenderSettings
 ) -> tuple[FloatArray, Measured, ColourSamples]:
-    """`MergedBurst.shares`, `measured` and `samples`."""
+    """`MergedBurst.noise_ratio`, `measured` and `samples`."""
     cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
-    fine, shares = merge_luminance(kept, sites)
+    fine, noise_ratio = merge_luminance(kept, sites)
     plain = np.ascontiguousarray(fine[::2, ::2])
-    luminance = denoised(plain, shares, cleaned.mosaic, settings)
-    samples = (
-        ColourSamples.of(kept, fine, sites).relit(luminance - plain).where_others(luminance, shares)
-    )
+    luminance = denoised(plain, noise_ratio, cleaned.mosaic, settings)
+    samples = ColourSamples.of(kept, fine, sites).relit(luminance - plain)
+    samples = samples.where_others(luminance, noise_ratio)
     sums = samples.block_sums(sites) if len(kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
     # Where the reference is not alone, others measure luminance under its sites.
-    alone = alone_of(sites.of(shares).min(axis=2))
+    single_frame = single_frame_weight(sites.of(noise_ratio).min(axis=2))
     if sites.pattern.is_scattered:
-        alone = np.maximum(alone, sites.of(unseen(kept, sites)).mean(axis=2))
-    others = BurstEvidence(sums, alone.astype(np.float32))
+        single_frame = np.maximum(single_frame, sites.of(uncovered(kept, sites)).mean(axis=2))
+    others = BurstEvidence(sums, single_frame.astype(np.float32))
     measured = with_updated_luminance(
         estimate_colour(cleaned, luminance, settings, SILENT, others), settings
     )
-    return shares, measured, samples.relit(measured.luminance - luminance)
+    return noise_ratio, measured, samples.relit(measured.luminance - luminance)

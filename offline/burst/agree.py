@@ -167,10 +167,10 @@ def _agreement_of(deviation: FloatArray) -> FloatArray:
 def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     """The squared difference in units of the tolerance, (H, W): the largest of four."""
     r, f = reference.luminance, frame.luminance
-    own, other, apart = reference.variance(r), frame.variance(f), f - r
+    own, other, difference = reference.variance(r), frame.variance(f), f - r
     noise = own + other
-    light, shown, power, power_shown, mean, rest = _means(
-        weight, NEIGHBOURHOOD, r, f, r * r, f * f, apart, apart * apart
+    light, shown, power, power_shown, mean, variance = _means(
+        weight, NEIGHBOURHOOD, r, f, r * r, f * f, difference, difference * difference
     )
     contrast = np.maximum(
         np.minimum(power - light * light - own, power_shown - shown * shown - other), 0
@@ -178,17 +178,17 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     even = np.square(_LIGHT * light)
     tolerated, left = _MEAN**2 * contrast + even, _noise_left(NEIGHBOURHOOD)
     largest = mean * mean / (tolerated + DEVIATIONS**2 * left * noise + TINY)
-    rest = np.maximum(rest - (1 + DEVIATIONS * (2 * left) ** 0.5) * noise, 0)
-    np.maximum(
-        largest, rest / (_TEXTURE**2 * contrast + 4 * even + _POWER * noise + TINY), out=largest
-    )
+    variance = np.maximum(variance - (1 + DEVIATIONS * (2 * left) ** 0.5) * noise, 0)
+    tolerated_variance = _TEXTURE**2 * contrast + 4 * even + _POWER * noise + TINY
+    np.maximum(largest, variance / tolerated_variance, out=largest)
     cap = DEVIATIONS * np.sqrt(noise + tolerated)
-    mean, contrast = _means(weight, _WIDE, np.clip(apart, -cap, cap), contrast)
+    mean, contrast = _means(weight, _WIDE, np.clip(difference, -cap, cap), contrast)
     scatter = DEVIATIONS**2 * _noise_left(_WIDE) * noise
     np.maximum(largest, mean * mean / (_FAR**2 * contrast + even + scatter + TINY), out=largest)
     down, across = (np.asarray(slope, np.float32) for slope in np.gradient((r + f) / 2))
+    products = down * difference, across * difference
     dd, da, aa, d, a = _means(
-        weight, _SHIFTED, down * down, down * across, across * across, down * apart, across * apart
+        weight, _SHIFTED, down * down, down * across, across * across, *products
     )
     least = noise / 4 + TINY  # what noise makes of a gradient
     dd, aa = np.maximum(dd - noise / 4, 0) + least, np.maximum(aa - noise / 4, 0) + least
@@ -269,9 +269,8 @@ def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatAr
     mean = smoothed(np.clip(beyond, -cap, cap), _WIDTH)
     left = float(np.square(gaussian(_WIDTH)).sum()) ** 2
     spread = DEVIATIONS**2 * (left * own.noise + _SHARED * noise)
-    around = np.square(mean) / (
-        np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY
-    )
+    tolerated = np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY
+    around = np.square(mean) / tolerated
     largest = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
     return maximum_filter(largest, _RIM).astype(np.float32)
 
@@ -305,11 +304,8 @@ def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:
     values = sites.means(frame.colours.astype(np.float64))
     channels, noise = gamma * values, np.zeros_like(values)
     if frame.noise:
-        own = (
-            frame.noise.variance(values, np.arange(len(gamma)))
-            * gamma**2
-            / np.maximum(sites.pattern.site_counts, 1)
-        )
+        variance = frame.noise.variance(values, np.arange(len(gamma)))
+        own = variance * gamma**2 / np.maximum(sites.pattern.site_counts, 1)
         filled = np.square(channels / np.maximum(light, TINY)[..., None]) / len(sites.channels)
         noise = own + filled * frame.variance(light)[..., None]
     return _BlockColours(np.moveaxis(channels, 2, 0), light, contrast, np.moveaxis(noise, 2, 0))

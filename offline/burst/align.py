@@ -140,15 +140,13 @@ def align(reference: View, frame: View) -> Alignment | str:
     if not best.error * scale <= _MOST_ERROR:
         return f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene"
     if (local := _local_shifts(copies[-1], best.motion)) is not None:
-        best = max(
-            best, _fit(copies[-1], replace(best.motion, local=local)), key=lambda fit: fit.agreement
-        )
+        shifted = _fit(copies[-1], replace(best.motion, local=local))
+        best = shifted if shifted.agreement > best.agreement else best
     if best.agreement < _LEAST_AGREEMENT:
-        share = (
-            f"{100 * best.agreement:.0f} % of the picture agrees with the reference, at "
-            f"least {100 * _LEAST_AGREEMENT:.0f} %"
+        return (
+            f"another scene, or too little texture: {100 * best.agreement:.0f} % of the picture "
+            f"agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
         )
-        return f"another scene, or too little texture: {share} must"
     return Alignment(best.motion.times(scale), gain * best.gain, best.error * scale, best.agreement)
 
 
@@ -173,15 +171,6 @@ class _Aligned(NamedTuple):
     gain: float
     inside: BoolArray
     same: BoolArray
-
-
-class _Fit(NamedTuple):
-    """A motion in pixels of the copies, and what `Alignment` says of it."""
-
-    motion: Motion
-    gain: float
-    error: float
-    agreement: float
 
 
 def _gain(reference: View, frame: View) -> float:
@@ -210,13 +199,9 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
         height, width = planes[0].shape
         if max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST:
             return
-        even = height // 2 * 2, width // 2 * 2
-        planes = [
-            cv2.resize(
-                plane[: even[0], : even[1]], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA
-            )
-            for plane in planes
-        ]
+        half = width // 2, height // 2
+        even = (plane[: 2 * half[1], : 2 * half[0]] for plane in planes)
+        planes = [cv2.resize(plane, half, interpolation=cv2.INTER_AREA) for plane in even]
         scale *= 2
 
 
@@ -248,15 +233,14 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     light = np.where(inside, light / np.float32(gain), copy.reference)
     # not another light on the scene
     differs = smoothed(np.square(_texture(light - copy.reference)), _TEXTURE_WIDTH)
-    usual = _MOVED * smoothed(
-        np.square(_texture(copy.reference)), _TEXTURE_WIDTH
-    ) + _USUAL * np.median(differs)
+    texture = smoothed(np.square(_texture(copy.reference)), _TEXTURE_WIDTH)
+    usual = _MOVED * texture + _USUAL * np.median(differs)
     return _Aligned(light, gain, inside, inside & (differs < usual))
 
 
-def _refined(copy: _Copy, motion: Motion) -> _Fit:
-    """The shift and rotation by which the copies correlate most; those given if OpenCV finds no
-    better ones.
+def _refined(copy: _Copy, motion: Motion) -> Alignment:
+    """The shift and rotation, pixels of the copies, by which these correlate most; those given if
+    OpenCV finds no better ones.
     """
     for _ in range(_ROUNDS):
         same = _aligned(copy, motion).same.astype(np.uint8)
@@ -284,16 +268,13 @@ def _motion(matrix: Any, shape: tuple[int, ...]) -> Motion:
     return Motion((float(down), float(across)), float(np.arctan2(matrix[0, 1], matrix[0, 0])))
 
 
-def _fit(copy: _Copy, motion: Motion) -> _Fit:
-    """Measure how well a motion fits."""
+def _fit(copy: _Copy, motion: Motion) -> Alignment:
+    """Measure how well a motion, in pixels of the copies, fits."""
     aligned = _aligned(copy, motion)
     rest, count = _texture(aligned.light - copy.reference), max(int(aligned.same.sum()), 1)
     gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, aligned.same]
-    left = (
-        float(np.square(rest[aligned.same]).sum()) / (_KEPT * count)
-        + _ROUNDING * float(np.square(copy.reference).mean())
-        + TINY
-    )
+    left = float(np.square(rest[aligned.same]).sum()) / (_KEPT * count)
+    left = left + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
     # Half of the differences' noise is the reference's, and makes gradients of its own: by chance
     # as much as this.
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
@@ -304,7 +285,7 @@ def _fit(copy: _Copy, motion: Motion) -> _Fit:
     ]
     texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
-    return _Fit(motion, aligned.gain, error, max(1 - differs / texture, 0))
+    return Alignment(motion, aligned.gain, error, max(1 - differs / texture, 0))
 
 
 def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
@@ -331,9 +312,8 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
             for plane in (copy.reference, moved[-1])
         ]
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
-        flow = np.moveaxis(optical.calc(first, second, np.zeros((*shape, 2), np.float32)), 2, 0)[
-            ::-1
-        ]
+        flow = optical.calc(first, second, np.zeros((*shape, 2), np.float32))
+        flow = np.moveaxis(flow, 2, 0)[::-1]
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
         total, *sums = (_around(plane, _TILE)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))

@@ -118,16 +118,8 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
-            parts.append(
-                (
-                    places.T,
-                    channels.astype(np.uint8),
-                    values,
-                    light,
-                    variance,
-                    agrees[used] / np.float32(255),
-                )
-            )
+            weight = agrees[used] / np.float32(255)
+            parts.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
         places, channels, values, light, variance, weight = (
             np.concatenate(arrays) for arrays in zip(*parts, strict=True)
         )
@@ -144,7 +136,7 @@ class ColourSamples:
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
 
-    def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
+    def where_others(self, luminance: FloatArray, noise_ratio: FloatArray) -> "ColourSamples":
         """The samples where the reference is not alone. Where it is, the picture stays that of one
         frame.
 
@@ -155,16 +147,17 @@ class ColourSamples:
         ----------
         luminance : FloatArray
             (H, W).
-        shares : FloatArray
+        noise_ratio : FloatArray
             (H, W), variance of merged luminance relative to the reference's.
         """
         mean, power = (
             smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance))
         )
-        deviation = FILL_ERROR * alone_of(shares) * np.sqrt(np.maximum(power - np.square(mean), 0))
+        contrast = np.sqrt(np.maximum(power - np.square(mean), 0))
+        deviation = FILL_ERROR * single_frame_weight(noise_ratio) * contrast
         there, alone = (
             map_coordinates(plane, self.places.T, order=1, mode="nearest")
-            for plane in (deviation, shares)
+            for plane in (deviation, noise_ratio)
         )
         error = self.error + self.variance
         weight = self.weight * error / (error + np.square(there))
@@ -194,13 +187,10 @@ class ColourSamples:
         inside = ((block >= 0) & (block < shape)).all(axis=1)
         far = np.maximum(np.square((at - block) * period).sum(axis=1) - _INSIDE, 0)
         light, variance = self.light[rest].astype(np.float64), self.variance[rest] + self.error
-        share = (
-            inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
-        )
-        full = *shape, len(sites.pattern.channels)
-        place = np.ravel_multi_index(
-            (*block.clip(0, np.array(shape) - 1).T, self.channels[rest]), full
-        )
+        with_distance = variance + np.square(_GRADIENT * light) * far
+        share = inside * self.weight[rest] * variance / with_distance
+        full, within = (*shape, len(sites.pattern.channels)), block.clip(0, np.array(shape) - 1)
+        place = np.ravel_multi_index((*within.T, self.channels[rest]), full)
         sums = (
             np.bincount(place, share * light * factor, minlength=math.prod(full))
             for factor in (light, self.values[rest])
@@ -230,11 +220,11 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
     return frame.with_samples(signal)
 
 
-def alone_of(shares: FloatArray) -> FloatArray:
+def single_frame_weight(noise_ratio: FloatArray) -> FloatArray:
     """Single-frame weight of the reference, 0 to 1, from the noise variance of the merged luminance
     relative to its own.
     """
-    return np.maximum(shares - SHARED, 0) / (1 - SHARED)
+    return np.maximum(noise_ratio - SHARED, 0) / (1 - SHARED)
 
 
 @dataclass(eq=False)
@@ -282,21 +272,16 @@ class Spreading(RowStage):
         ConvergenceError
             When conjugate gradients do not reach their tolerance.
         """
-        gamma, shown, (order, down, precision) = (
-            self.measured.gamma,
-            part.rows(*rows),
-            self._in_rows,
-        )
-        near = order[
-            np.searchsorted(down, part.first) : np.searchsorted(down, part.end - 1, "right")
-        ]
+        gamma, shown = self.measured.gamma, part.rows(*rows)
+        order, down, precision = self._in_rows
+        first, end = np.searchsorted(down, part.first), np.searchsorted(down, part.end - 1, "right")
+        near = order[first:end]
         samples = samples_of(part, self.samples, near, precision[near], gamma)
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = np.moveaxis(
-            fitted(part.luminance, samples, prior, extent, "samples", self.progress), 0, 2
-        )
+        fields = fitted(part.luminance, samples, prior, extent, "samples", self.progress)
+        fields = np.moveaxis(fields, 0, 2)
         light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)
         return Part(shown.first, shown.luminance, (shown.chromaticity + change).astype(np.float32))

@@ -73,9 +73,9 @@ class Frames(NamedTuple):
 
 def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, FloatArray]:
     """Luminance of the reference from all frames, (2 H - 1, 2 W - 1), every half pixel, and its
-    `shares`.
+    `noise_ratio`.
 
-    shares: (H, W), variance of the noise of luminance, relative to the reference's.
+    noise_ratio: (H, W), variance of the noise of luminance, relative to the reference's.
 
     Parameters
     ----------
@@ -84,28 +84,24 @@ def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Flo
     sites : Sites
         Of the reference.
     """
-    shape = sites.grid.frame
+    shape, noise = sites.grid.frame, np.zeros((len(kept), 2))
+    for figures, one in zip(noise, kept, strict=True):
+        if one.frame.noise:
+            figures[:] = one.frame.noise.shot[-1], one.frame.noise.read[-1] ** 2
     frames = Frames(
         np.stack([one.frame.luminance for one in kept]),
         np.stack([one.agreement for one in kept]),
-        np.array(
-            [
-                (one.frame.noise.shot[-1], one.frame.noise.read[-1] ** 2)
-                if one.frame.noise
-                else (0.0, 0.0)
-                for one in kept
-            ]
-        ),
+        noise,
         sites.pattern.panchromatic_mask(shape),
         Motions.of([one.motion for one in kept], shape),
     )
     luminance = np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32)
-    shares = np.empty(shape, np.float32)
-    merge(frames, luminance, shares)
-    return luminance, shares
+    noise_ratio = np.empty(shape, np.float32)
+    merge(frames, luminance, noise_ratio)
+    return luminance, noise_ratio
 
 
-def unseen(kept: Sequence[Kept], sites: Sites) -> FloatArray:
+def uncovered(kept: Sequence[Kept], sites: Sites) -> FloatArray:
     """Degree, 0 to 1, to which no panchromatic sample of a frame that agrees covers each pixel, (H,
     W).
     """
@@ -117,7 +113,7 @@ def unseen(kept: Sequence[Kept], sites: Sites) -> FloatArray:
 
 
 def denoised(
-    luminance: FloatArray, shares: FloatArray, samples: Mosaic, settings: RenderSettings
+    luminance: FloatArray, noise_ratio: FloatArray, samples: Mosaic, settings: RenderSettings
 ) -> FloatArray:
     """Luminance, denoised by the noise that merging has left in most pixels, and by all of it where
     one frame is alone.
@@ -125,28 +121,26 @@ def denoised(
     noise = samples.calibration.noise
     if noise is None or not (noise.shot[-1] or noise.read[-1]) or settings.denoising.strength == 0:
         return luminance
-    level = -np.log2(shares)
+    level = -np.log2(noise_ratio)
     most = max(float(np.median(level)), 1e-3)
     part = 0.5**most
-    less = NoiseModel(
-        tuple(shot * part for shot in noise.shot), tuple(read * part**0.5 for read in noise.read)
-    )
+    shot, read = np.array(noise.shot) * part, np.array(noise.read) * part**0.5
+    less = NoiseModel(tuple(shot.tolist()), tuple(read.tolist()))
     quieter = replace(samples, calibration=replace(samples.calibration, noise=less.possible()))
     result, alone = denoise_luminance(luminance, quieter, settings.denoising), 1 - level / most
     if alone.max() > _SOME_ALONE:
-        result += alone.clip(0, 1) * (
-            denoise_luminance(luminance, samples, settings.denoising) - result
-        )
+        single = denoise_luminance(luminance, samples, settings.denoising)
+        result += alone.clip(0, 1) * (single - result)
     return result
 
 
 @parallel_kernel(pieces=lambda frames, *_: tiles(frames.planes.shape[1:], (_ROWS, _COLUMNS)))
-def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -> None:
+def merge(pieces: Pieces, frames: Frames, luminance: Floats2, noise_ratio: Floats2) -> None:
     """Merge the frames of a burst.
 
     Parameters
     ----------
-    luminance, shares : Floats2
+    luminance, noise_ratio : Floats2
         Written, see `merge_luminance`.
     """
     _, height, width = frames.planes.shape
@@ -159,7 +153,7 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
             min(core[3] + _MARGIN, width),
         )
         extents = np.empty((len(frames.planes), 4), np.intp)
-        fine = _start(frames, area, core, shares, extents)
+        fine = _start(frames, area, core, noise_ratio, extents)
         _sharpen(fine, samples_in(frames, area, extents))
         for y in range(2 * core[0], min(2 * core[1], len(luminance))):
             for x in range(2 * core[2], min(2 * core[3], luminance.shape[1])):
@@ -167,9 +161,9 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, shares: Floats2) -
 
 
 @kernel
-def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Ints2) -> Floats2:
-    """The mean of the interpolated frames on the grid of half pixels of an area; write `shares` in
-    its core, and `extents`.
+def _start(frames: Frames, area: Area, core: Area, noise_ratio: Floats2, extents: Ints2) -> Floats2:
+    """The mean of the interpolated frames on the grid of half pixels of an area; write
+    `noise_ratio` in its core, and `extents`.
 
     extents: (F, 4), first and end row, first and end column, of each frame's pixels that may lie
     where it agrees in the area.
@@ -186,10 +180,8 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
                 if agrees == 0:
                     continue
                 to_y, to_x = frame_place(frames.motions, frame, float(y), float(x))
-                top = min(top, to_y)
-                bottom = max(bottom, to_y)
-                left = min(left, to_x)
-                right = max(right, to_x)
+                top, bottom = min(top, to_y), max(bottom, to_y)
+                left, right = min(left, to_x), max(right, to_x)
                 if not (-0.5 <= to_y < height - 0.5 and -0.5 <= to_x < width - 0.5):
                     continue
                 precision = _precision(frames.noise, frame, frames.planes[0, y, x])
@@ -209,7 +201,7 @@ def _start(frames: Frames, area: Area, core: Area, shares: Floats2, extents: Int
             mean[row, column] /= total
             if core[0] <= y < core[1] and core[2] <= x < core[3]:
                 share = spreads[row, column] / (total * total)
-                shares[y, x] = share if share < _ALONE else _ONE
+                noise_ratio[y, x] = share if share < _ALONE else _ONE
     fine = zeros(2 * rows - 1, 2 * columns - 1)
     for row in range(2 * rows - 1):
         for column in range(2 * columns - 1):
@@ -240,10 +232,8 @@ def _variance(noise: Doubles2, frame: int, light: Scalar) -> float:
 @kernel
 def _precision(noise: Doubles2, frame: int, light: Scalar) -> float:
     """Precision of a frame's samples relative to the reference's."""
-    return min(
-        max(_variance(noise, 0, light) / _variance(noise, frame, light), 1 / _MOST_PRECISION),
-        _MOST_PRECISION,
-    )
+    ratio = _variance(noise, 0, light) / _variance(noise, frame, light)
+    return min(max(ratio, 1 / _MOST_PRECISION), _MOST_PRECISION)
 
 
 @kernel
@@ -254,9 +244,8 @@ def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
     count, height, width = frames.planes.shape
     most = number = 0
     for frame in range(count):
-        most += max(extents[frame, 1] - extents[frame, 0], 0) * max(
-            extents[frame, 3] - extents[frame, 2], 0
-        )
+        rows = max(extents[frame, 1] - extents[frame, 0], 0)
+        most += rows * max(extents[frame, 3] - extents[frame, 2], 0)
     samples = np.empty((most, 5), np.float32)
     for frame in range(count):
         for row in range(extents[frame, 0], extents[frame, 1]):
@@ -272,11 +261,9 @@ def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
                 if agrees == 0:
                     continue
                 value = frames.planes[frame, row, column]
-                samples[number, 0], samples[number, 1], samples[number, 2] = (
-                    2 * (y - area[0]),
-                    2 * (x - area[2]),
-                    value,
-                )
+                samples[number, 0] = 2 * (y - area[0])
+                samples[number, 1] = 2 * (x - area[2])
+                samples[number, 2] = value
                 samples[number, 3] = agrees / 255.0 * _precision(frames.noise, frame, value)
                 samples[number, 4] = _variance(frames.noise, frame, value)
                 number += 1
@@ -288,10 +275,8 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
     """Add what the grid misses of the samples to the places around them, in several rounds."""
     rows, columns = fine.shape
     error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
-    near = zeros(rows, columns)
-    wide = zeros(rows, columns)
-    missed_near = zeros(rows, columns)
-    missed_wide = zeros(rows, columns)
+    near, wide = zeros(rows, columns), zeros(rows, columns)
+    residual_near, power_wide = zeros(rows, columns), zeros(rows, columns)
     for sample in range(len(samples)):
         _splat(count, samples[sample, 0], samples[sample, 1], samples[sample, 3])
     smooth_rows(count, _NARROW, 0, rows, near)
@@ -305,12 +290,14 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
             residual = samples[sample, 2] - interpolated(fine, y, x)
             _splat(error, y, x, weight * residual)
             _splat(power, y, x, weight * residual * residual / samples[sample, 4])
-        smooth_rows(error, _NARROW, 0, rows, missed_near)
-        smooth_rows(power, _WIDE, 0, rows, missed_wide)
+        smooth_rows(error, _NARROW, 0, rows, residual_near)
+        smooth_rows(power, _WIDE, 0, rows, power_wide)
         for row in range(rows):
             for column in range(columns):
-                gain = max(_ZERO, _ONE - wide[row, column] / max(missed_wide[row, column], _LEAST))
-                fine[row, column] += gain * missed_near[row, column] / (near[row, column] + _SPARSE)
+                gain = max(_ZERO, _ONE - wide[row, column] / max(power_wide[row, column], _LEAST))
+                fine[row, column] += (
+                    gain * residual_near[row, column] / (near[row, column] + _SPARSE)
+                )
 
 
 @kernel

@@ -66,12 +66,8 @@ class Motion:
             )
         if self.local is not None:
             shape = self.local.shape
-            if (
-                len(shape) != 3
-                or min(shape[:2]) < 2
-                or shape[2] != 2
-                or not np.isfinite(self.local).all()
-            ):
+            is_grid = len(shape) == 3 and min(shape[:2]) >= 2 and shape[2] == 2
+            if not is_grid or not np.isfinite(self.local).all():
                 raise InputError(
                     f"local shifts of shape {shape}, expected (2 or more, 2 or more, 2) and "
                     "finite numbers"
@@ -120,9 +116,8 @@ class Motions(NamedTuple):
     def of(cls, motions: Sequence[Motion], shape: tuple[int, ...]) -> "Motions":
         """Motions of frames of this shape, whose local shifts have the same nodes."""
         turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
-        nodes = next(
-            (motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2)
-        )
+        local = [motion.local for motion in motions if motion.local is not None]
+        nodes = local[0].shape if local else (1, 1, 2)
         shifts = np.array(
             [np.zeros(nodes) if motion.local is None else motion.local for motion in motions],
             np.float32,
@@ -136,12 +131,11 @@ class Motions(NamedTuple):
 @kernel
 def frame_place(motions: Motions, frame: int, y: float, x: float) -> tuple[float, float]:
     """Place in a frame of the point (y, x) of the reference."""
-    turn = motions.turns[frame]
-    start = motions.starts[frame]
-    local = _local_shift(motions, frame, y, x)
-    return turn[0, 0] * y + turn[0, 1] * x + start[0] + local[0], turn[1, 0] * y + turn[
-        1, 1
-    ] * x + start[1] + local[1]
+    turn, start = motions.turns[frame], motions.starts[frame]
+    v, u = _local_shift(motions, frame, y, x)
+    down = turn[0, 0] * y + turn[0, 1] * x + start[0] + v
+    across = turn[1, 0] * y + turn[1, 1] * x + start[1] + u
+    return down, across
 
 
 @kernel
@@ -150,8 +144,7 @@ def reference_place(motions: Motions, frame: int, y: float, x: float) -> tuple[f
     iterated.
     """
     turn = motions.turns[frame]
-    down = y - motions.starts[frame, 0]
-    across = x - motions.starts[frame, 1]
+    down, across = y - motions.starts[frame, 0], x - motions.starts[frame, 1]
     place = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
     for _ in range(_ROUNDS if motions.shifts.shape[1] > 1 else 0):
         local = _local_shift(motions, frame, place[0], place[1])

@@ -156,12 +156,8 @@ def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, 
     original_of = {}
     for number in sorted(range(len(frames)), key=lambda index: index != reference):
         samples = np.ascontiguousarray(frames[number].samples)
-        content = (
-            frames[number].pattern,
-            samples.shape,
-            samples.dtype.str,
-            hashlib.sha256(samples.data).digest(),
-        )
+        digest = hashlib.sha256(samples.data).digest()
+        content = frames[number].pattern, samples.shape, samples.dtype.str, digest
         original_of[number] = originals.setdefault(content, number)
     return {number: original for number, original in original_of.items() if original != number}
 
@@ -195,9 +191,8 @@ def compare_frames(
         cleaned = restore_frame(
             mend_frame(shots[number], models[number], settings), settings, SILENT
         )
-        base = replace(
-            frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance)
-        )
+        luminance = recover_luminance(cleaned.mosaic, settings.luminance)
+        base = replace(frames[number], luminance=luminance)
         compared_with, verdicts, kept = Reference(shots[number], base), list[Judged](), list[Kept]()
         for index, (shot, frame, motion) in enumerate(zip(shots, frames, known, strict=True)):
             progress.advance()
@@ -210,9 +205,8 @@ def compare_frames(
         for other in kept:
             np.maximum(agreed, other.agreement, out=agreed)
         agrees = (255 - np.rint((1 - unclipped(base)) * agreed)).astype(np.uint8)
-        cleaned = replace(
-            cleaned, lost=None if cleaned.lost is None else np.minimum(cleaned.lost, agrees)
-        )
+        if cleaned.lost is not None:
+            cleaned = replace(cleaned, lost=np.minimum(cleaned.lost, agrees))
         tried.append(Comparison(number, cleaned, verdicts, [Kept(base, Motion(), agrees), *kept]))
         if 2 * len(tried[-1].kept) > len(shots):
             break
@@ -243,11 +237,10 @@ def judge(
     share = float(agrees.mean()) / 255
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
-        detail = (
-            f"{100 * sharpness:.0f} % of the reference's detail, at least "
-            f"{100 * _LEAST_SHARPNESS:.0f} %"
+        reason = (
+            f"is out of focus or shaken: {100 * sharpness:.0f} % of the reference's detail, at "
+            f"least {100 * _LEAST_SHARPNESS:.0f} % must be there"
         )
-        reason = f"is out of focus or shaken: {detail} must be there"
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
     elif share < _LEAST_AGREEMENT:
@@ -261,9 +254,8 @@ def misfit(frame: Mosaic, reference: Mosaic) -> str:
     units are the same.
     """
     if frame.shape != reference.shape:
-        return "has {1} x {0} pixels, the reference {3} x {2}".format(
-            *frame.shape, *reference.shape
-        )
+        sides = "has {1} x {0} pixels, the reference {3} x {2}"
+        return sides.format(*frame.shape, *reference.shape)
     if frame.pattern != reference.pattern:
         return "has another filter pattern than the reference"
     own, other = frame.calibration, reference.calibration
@@ -290,9 +282,8 @@ def candidates_of(frames: Sequence[Frame]) -> list[int]:
     """
     usable, sharpness = np.zeros((2, len(frames)))
     for number, frame in enumerate(frames):
-        usable[number] = (
-            (frame.luminance < CLIPPED * frame.limit) & (frame.luminance > _floor(frame))
-        ).mean()
+        light = frame.luminance
+        usable[number] = ((light < CLIPPED * frame.limit) & (light > _floor(frame))).mean()
         power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
         amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5 / max(_level(frame), TINY)
         sharpness[number] = 0 if emptiness(frame) else amplitude
@@ -326,9 +317,8 @@ def _detail(view: View, visible: BoolArray) -> tuple[FloatArray, FloatArray]:
     taps = np.pad(gaussian(_FINE).astype(np.float64), (len(coarse) - len(gaussian(_FINE))) // 2)
     # share of white noise that is left
     of_noise = np.float32(np.square(np.outer(taps, taps) - np.outer(coarse, coarse)).sum())
-    return _tile_means(np.square(fine)) * whole, of_noise * _tile_means(
-        view.variance(view.luminance)
-    ) * whole
+    noise = of_noise * _tile_means(view.variance(view.luminance)) * whole
+    return _tile_means(np.square(fine)) * whole, noise
 
 
 def _sharpness(reference: View, frame: View, visible: BoolArray) -> float:
@@ -375,11 +365,8 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     noise that its frame would take all the weight, nor less than rounding to codes makes.
     """
     known = [mosaic.calibration.noise for mosaic in mosaics]
-    if (
-        settings.estimate
-        and None in known
-        and not any(model and any(model.shot + model.read) for model in known)
-    ):
+    is_stated = any(model and any(model.shot + model.read) for model in known)
+    if settings.estimate and None in known and not is_stated:
         speeds = [mosaic.metadata.iso for mosaic in mosaics]
         alike = {
             iso: [mosaic for mosaic, its in zip(mosaics, speeds, strict=True) if its == iso]

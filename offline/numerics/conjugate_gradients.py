@@ -104,12 +104,8 @@ def cut(links: Floats3, size: Pair) -> None:
 @kernel
 def linked_sum(links: Floats3, values: Floats2, out: Floats2) -> None:
     """Write the sum of the neighbours' values, each times the link to it."""
-    flat, x, sums, (_, rows, width) = (
-        links.reshape(-1),
-        values.reshape(-1),
-        out.reshape(-1),
-        links.shape,
-    )
+    flat, x, sums = links.reshape(-1), values.reshape(-1), out.reshape(-1)
+    _, rows, width = links.shape
     below, plane = np.uintp(width), np.uintp(rows * width)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
@@ -155,8 +151,7 @@ def solve(
     # Together, so that planes do not lie a multiple of a page apart: those would share lines of the
     # cache.
     work = zeros((2 if scaled else 3) * count, *residual.shape[1:])
-    direction = work[:count]
-    applied = work[count : 2 * count]
+    direction, applied = work[:count], work[count : 2 * count]
     better = residual if scaled else work[2 * count :]
     inverse = _inverses(system.diagonal)
     steps, squared, before = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -260,10 +255,8 @@ def _advance(
     solution: Floats2, residual: Floats2, direction: Floats2, applied: Floats2, step: Scalar
 ) -> float:
     """Go a step. Returns the square of the residual."""
-    x = solution.reshape(-1)
-    r = residual.reshape(-1)
-    p = direction.reshape(-1)
-    q = applied.reshape(-1)
+    x, r = solution.reshape(-1), residual.reshape(-1)
+    p, q = direction.reshape(-1), applied.reshape(-1)
     (rows, width), sums = solution.shape, zeros(solution.shape[1])
     for row in range(BORDER, rows - BORDER):
         for column in range(width):

@@ -100,11 +100,8 @@ def _pointer(context: Any, builder: Any, signature: Any, values: Any) -> Any:
     """Pointer to the lanes at values[1], an index, of values[0], an array."""
     kind, axes = signature.args[0], signature.args[1]
     single = isinstance(axes, types.Integer)
-    if (
-        kind.layout != "C"
-        or kind.dtype != types.float32
-        or kind.ndim != (1 if single else len(axes))
-    ):
+    count = 1 if single else len(axes)
+    if kind.layout != "C" or kind.dtype != types.float32 or kind.ndim != count:
         raise TypeError(f"no lanes in {kind} at {axes}")
     array = context.make_array(kind)(context, builder, values[0])
     place = values[1] if single else ir.Constant(ir.IntType(64), 0)

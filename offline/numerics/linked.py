@@ -146,19 +146,14 @@ def link(light: Floats2, prior: Prior, links: Floats3) -> None:
     links : Floats3
         (4, H, W), zeros at first.
     """
-    smoothness = np.float32(prior.smoothness)
-    per_edge = np.float32(1 / prior.edge**2)
-    rows = len(light)
+    smoothness, per_edge = np.float32(prior.smoothness), np.float32(1 / prior.edge**2)
+    rows, half = len(light), _HALF * smoothness
     for row in range(rows):
         _link_row(light[row, :-1], light[row, 1:], smoothness, per_edge, links[0, row])
         if row + 1 < rows:
             _link_row(light[row], light[row + 1], smoothness, per_edge, links[1, row])
-            _link_row(
-                light[row, :-1], light[row + 1, 1:], _HALF * smoothness, per_edge, links[2, row]
-            )
-            _link_row(
-                light[row, 1:], light[row + 1, :-1], _HALF * smoothness, per_edge, links[3, row, 1:]
-            )
+            _link_row(light[row, :-1], light[row + 1, 1:], half, per_edge, links[2, row])
+            _link_row(light[row, 1:], light[row + 1, :-1], half, per_edge, links[3, row, 1:])
 
 
 @kernel

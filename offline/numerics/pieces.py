@@ -1,13 +1,12 @@
 """Distribution of work among threads, in pieces that do not depend on each other.
 
-The thread that calls works too. The others are started for each call, which takes 0.1 ms, and end
-with it: threads that stay would be lost in a child made by fork, and keep a program from ending
-that is interrupted while one starts. Several threads may call at a time.
+Threads are started for each call, which takes 0.1 ms, and end with it: those that stay would be
+lost in a child made by fork. Several threads may call at a time.
 """
 
-import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import numpy as np
@@ -33,40 +32,27 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
         The most pieces in a range. When an interrupt or an error comes, only ranges that have begun
         are finished.
     """
-    # shared by all
-    ranges = zip(
-        range(0, pieces, together), [*range(together, pieces, together), pieces], strict=False
-    )
-    errors: list[BaseException] = []
-
+    # shared by all threads
+    ranges = iter([(start, min(start + together, pieces)) for start in range(0, pieces, together)])
     count = min(threads(), -(-pieces // together))
+    if count <= 1:
+        for first, end in ranges:
+            work(first, end)
+        return
 
-    def drain() -> None:
-        before = chosen.count
+    def drain(_: int) -> None:
+        chosen.count = 1  # what a piece calls shares nothing once more
         try:
-            chosen.count = 1 if count > 1 else before  # what a piece calls shares nothing once more
             for first, end in ranges:
                 work(first, end)
-        except BaseException as error:
-            errors.append(error)
-            deque(ranges, maxlen=0)  # the others begin nothing more
         finally:
-            chosen.count = before
+            deque(ranges, maxlen=0)  # after an error the others begin nothing more
 
-    others = [
-        threading.Thread(target=drain, name="panchroma", daemon=True) for _ in range(count - 1)
-    ]
-    try:
-        for other in others:
-            other.start()
-        drain()
-    finally:
-        deque(ranges, maxlen=0)  # an interrupt may also come while a thread starts
-        for other in others:
-            if other.is_alive():
-                other.join()
-    for error in errors:
-        raise error
+    with ThreadPoolExecutor(count, "panchroma") as executor:
+        try:
+            deque(executor.map(drain, range(count)), maxlen=0)
+        finally:
+            deque(ranges, maxlen=0)  # after an interrupt
 
 
 def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -> None:

@@ -79,14 +79,10 @@ def colour_fields(
     to_camera = _planes(to_camera, panchromatic)
     from_d65 = adaptation(xyz(*D65_XY))
     fields: Fields = {
-        TAG["ColorMatrix1"]: (
-            FieldType.SRATIONAL,
-            _to_one(to_camera, to_camera @ D50).ravel().tolist(),
-        ),
-        TAG["ColorMatrix2"]: (
-            FieldType.SRATIONAL,
-            _to_one(to_camera @ from_d65, to_camera @ D50).ravel().tolist(),
-        ),
+        **{
+            tag: (FieldType.SRATIONAL, _to_one(matrix, to_camera @ D50).ravel().tolist())
+            for (tag, *_), matrix in zip(_TAGS, (to_camera, to_camera @ from_d65), strict=True)
+        },
         TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHTS["D50"]]),
         TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHTS["D65"]]),
         # A matrix may make white negative in a channel; AsShotNeutral must not be.
@@ -94,10 +90,8 @@ def colour_fields(
     }
     for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
         known = light.illuminant in LIGHTS
-        fields[color_matrix] = (
-            FieldType.SRATIONAL,
-            to_one(_planes(light.xyz_to_camera, panchromatic)).ravel().tolist(),
-        )
+        matrix = to_one(_planes(light.xyz_to_camera, panchromatic))
+        fields[color_matrix] = FieldType.SRATIONAL, matrix.ravel().tolist()
         fields[illuminant] = FieldType.SHORT, [LIGHTS.get(light.illuminant, OTHER_LIGHT)]
         if not known:
             x, y = (round(each * _PARTS) for each in light.white)

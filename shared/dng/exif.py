@@ -47,9 +47,8 @@ _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
 _OTHERS = (
-    "LensModel Orientation ISOSpeedRatings ISOSpeed DateTime SubsecTime OffsetTime "
-    "DateTimeOriginal SubsecTimeOriginal "
-    "OffsetTimeOriginal XMP UniqueCameraModel"
+    "LensModel Orientation ISOSpeedRatings ISOSpeed DateTime SubsecTime OffsetTime XMP "
+    "DateTimeOriginal SubsecTimeOriginal OffsetTimeOriginal UniqueCameraModel"
 )
 # 0 to 6: GPS
 WANTED = frozenset(
@@ -65,12 +64,8 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
     Texts are UTF-8 (readers strip blanks around them), numbers are fractions of 31-bit integers.
     Unknown metadata have no field.
     """
-    main = Directory(
-        {
-            TAG["Orientation"]: (FieldType.SHORT, [metadata.orientation]),
-            TAG["Software"]: (FieldType.ASCII, MAKER),
-        }
-    )
+    main = Directory({TAG["Software"]: (FieldType.ASCII, MAKER)})
+    main.fields[TAG["Orientation"]] = FieldType.SHORT, [metadata.orientation]
     exif = Directory({TAG["ExifVersion"]: (FieldType.UNDEFINED, b"0232")})
     for name, tag in TEXTS.items():
         if text := getattr(metadata, name):
@@ -91,17 +86,14 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
         main.fields[TAG["DateTime"]] = FieldType.ASCII, seconds
         exif.fields[TAG["DateTimeOriginal"]] = FieldType.ASCII, seconds
         if metadata.taken.microsecond:
-            exif.fields[TAG["SubsecTimeOriginal"]] = (
-                FieldType.ASCII,
-                f"{metadata.taken.microsecond:06}".rstrip("0"),
-            )
+            decimals = f"{metadata.taken.microsecond:06}".rstrip("0")
+            exif.fields[TAG["SubsecTimeOriginal"]] = FieldType.ASCII, decimals
     if metadata.zone:
         exif.fields[TAG["OffsetTimeOriginal"]] = FieldType.ASCII, metadata.zone
     main.children[TAG["ExifTag"]] = exif
     if gps := _gps_fields(metadata):
-        main.children[TAG["GPSTag"]] = Directory(
-            {GPS["GPSVersionID"]: (FieldType.BYTE, _GPS_VERSION), **gps}
-        )
+        gps[GPS["GPSVersionID"]] = FieldType.BYTE, _GPS_VERSION
+        main.children[TAG["GPSTag"]] = Directory(gps)
     return main
 
 
@@ -184,16 +176,14 @@ def printable(value: str) -> str:
     """Return the text without what does harm on a terminal or in XML: control, format and private
     characters, lone surrogates.
     """
-    kinds = ((letter, unicodedata.category(letter)) for letter in value)
-    kept = (
-        " "
-        if kind in ("Cc", "Zl", "Zp")
-        else letter
-        if letter in _JOINERS or kind[0] != "C"
-        else ""
-        for letter, kind in kinds
-    )
-    return "".join(kept).strip()
+    kept = ""
+    for letter in value:
+        kind = unicodedata.category(letter)
+        if kind in ("Cc", "Zl", "Zp"):
+            kept += " "
+        elif letter in _JOINERS or kind[0] != "C":
+            kept += letter
+    return kept.strip()
 
 
 def _decoded(data: bytes) -> str:
@@ -218,12 +208,8 @@ def _time(fields: StoredFields, tag: int, decimals: int) -> datetime | None:
         taken = datetime.strptime(text(fields, tag)[:19], _TIME)  # noqa: DTZ007  Exif has local time without zone
     except ValueError:
         return None
-    digits = text(fields, decimals)
-    return (
-        taken.replace(microsecond=int(f"{digits:0<6}"[:6]))
-        if digits.isdecimal() and digits.isascii()
-        else taken
-    )
+    digits = re.fullmatch("[0-9]+", text(fields, decimals))
+    return taken.replace(microsecond=int(f"{digits[0]:0<6}"[:6])) if digits else taken
 
 
 def _xmp_text(fields: StoredFields, name: str) -> str:
@@ -238,13 +224,9 @@ def _place(gps: StoredFields) -> tuple[float, float] | None:
     """
     angles = []
     for tag, letters in ((GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")):
-        reference, field = text(gps, tag - 1), gps.get(tag)
-        if (
-            field is None
-            or field.kind != FieldType.RATIONAL
-            or len(field.numbers) != 3
-            or reference not in tuple(letters)
-        ):
+        reference, field = text(gps, tag - 1), gps.get(tag, StoredField(0))
+        is_angle = field.kind == FieldType.RATIONAL and len(field.numbers) == 3
+        if not is_angle or reference not in tuple(letters):
             return None
         degrees, *parts = field.numbers
         # some write 0/0 for what they do not state
@@ -256,10 +238,8 @@ def _place(gps: StoredFields) -> tuple[float, float] | None:
 
 def _altitude(gps: StoredFields) -> float | None:
     """Return the metres above the sea; None unless it is clear whether they are above or below."""
-    field, below = (
-        gps.get(GPS["GPSAltitude"]),
-        gps.get(GPS["GPSAltitudeRef"], StoredField(0, b"\0")).data,
-    )
+    field = gps.get(GPS["GPSAltitude"])
+    below = gps.get(GPS["GPSAltitudeRef"], StoredField(0, b"\0")).data
     if field is None or field.kind != FieldType.RATIONAL or below not in (b"\0", b"\1"):
         return None
     return -field.numbers[0] if below == b"\1" else field.numbers[0]

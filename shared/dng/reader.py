@@ -43,9 +43,7 @@ def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
     if not start:
         raise InputError("the file is empty; copy it again")
     if start.startswith(_JPEG_START):
-        raise InputError(
-            "a JPEG picture, not a DNG; `panchroma simulate` makes a shot of a picture"
-        )
+        raise InputError("a JPEG picture, not a DNG; `panchroma simulate` makes a shot of it")
     if start not in _TIFF_STARTS:
         raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
     check_directories(stream)

@@ -231,7 +231,7 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
             merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
             return [
                 np.concatenate(list(render_burst_bands(merged))),
-                merged.shares,
+                merged.noise_ratio,
                 merged.measured.luminance,
             ]
         case preset:

@@ -30,9 +30,8 @@ def test_size_and_scans() -> None:
 def test_a_frame_in_a_thumbnail_does_not_count() -> None:
     jpeg = encoded()
     inside = b"Exif\0\0" + encoded(quality=5)[:2000].replace(b"\0\x1e\0\x32", b"\xff\xdc\xff\xdc")
-    header = read_header(
-        jpeg[:2] + b"\xff\xe1" + (len(inside) + 2).to_bytes(2, "big") + inside + jpeg[2:]
-    )
+    segment = b"\xff\xe1" + (len(inside) + 2).to_bytes(2, "big") + inside
+    header = read_header(jpeg[:2] + segment + jpeg[2:])
     assert (header.rows, header.scans, header.exif) == (30, 1, inside[6:])
 
 

@@ -20,16 +20,10 @@ def shot(
     origin: tuple[int, int] = (0, 0),
 ) -> Mosaic:
     """A grey scene of all brightnesses under a coloured light."""
-    grey = (
-        np.random.default_rng(0)
-        .uniform(0.05, 1, (150, 200, 1))
-        .repeat(10, 0)[:150]
-        .repeat(10, 1)[:, :200]
-    )
+    grey = np.random.default_rng(0).uniform(0.05, 1, (15, 20, 1)).repeat(10, 0).repeat(10, 1)
     rgb = (level * grey * np.array(light)).astype(np.float32)
-    return simulate_additive(
-        rgb, CfaPattern.bayer(period, origin=origin), CAMERA, 0.002, np.random.default_rng(1)
-    )
+    pattern, random = CfaPattern.bayer(period, origin=origin), np.random.default_rng(1)
+    return simulate_additive(rgb, pattern, CAMERA, 0.002, random)
 
 
 @pytest.mark.parametrize("origin", [(0, 0), (5, 0), (3, 5)])
@@ -43,21 +37,17 @@ def test_the_estimate_is_the_light_wherever_the_blocks_lie(
 def test_codes_and_scene_units_give_the_same_estimate() -> None:
     mosaic = shot()
     codes = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
-    assert estimate_neutral(codes) == pytest.approx(
-        estimate_neutral(codes.in_scene_units()), abs=1e-5
-    )
+    expected = estimate_neutral(codes.in_scene_units())
+    assert estimate_neutral(codes) == pytest.approx(expected, abs=1e-5)
 
 
 def test_hot_pixels_are_not_the_light() -> None:
     mosaic = shot()
     samples = mosaic.signal.copy()
-    (rows, columns) = mosaic.pattern.lattices[0][1:]
-    red = samples[rows, columns]
-    red[::5, ::7] = 2.5
-    samples[rows, columns] = red
-    assert estimate_neutral(Mosaic(samples, mosaic.pattern, CAMERA)) == pytest.approx(
-        LIGHT, abs=0.03
-    )
+    rows, columns = mosaic.pattern.lattices[0][1:]
+    samples[rows, columns][::5, ::7] = 2.5
+    found = estimate_neutral(Mosaic(samples, mosaic.pattern, CAMERA))
+    assert found == pytest.approx(LIGHT, abs=0.03)
 
 
 @pytest.mark.parametrize("level", [0.0, 0.005, 50.0])

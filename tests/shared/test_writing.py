@@ -6,7 +6,8 @@ import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import IO
+from unittest.mock import Mock
 
 import pytest
 
@@ -63,10 +64,7 @@ def test_a_failed_write_leaves_what_was_there(
 def test_an_interruption_removes_the_temporary_file_and_passes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupt(_: int) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "fsync", interrupt)
+    monkeypatch.setattr(os, "fsync", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         write_durably(tmp_path / "shot.dng", b"new")
     assert list(tmp_path.iterdir()) == []
@@ -109,9 +107,7 @@ def test_a_folder_that_cannot_be_synced_costs_no_file_and_one_that_fails_to_is_a
 def test_an_error_of_another_file_is_not_said_of_this_one(tmp_path: Path) -> None:
     other = OSError(errno.EIO, os.strerror(errno.EIO), "other")
 
-    def fail(_: object = None) -> NoReturn:
-        raise other
-
+    fail = Mock(side_effect=other)
     with pytest.raises(OSError, match="other") as caught, durable_file(tmp_path / "a") as file:
         fail(file.write(b"part"))
     assert caught.value is other
@@ -138,19 +134,13 @@ def test_an_error_of_the_file_itself_is_said_of_it_also_in_the_block(tmp_path: P
 )
 def test_on_windows_one_sentence_says_what_to_do(name: str) -> None:
     """A library raises it; the command prints it alone."""
-    run = (
-        "import panchroma.tools.cli\npanchroma.tools.cli.main()"
-        if name == "panchroma.tools.cli"
-        else f"import {name}"
-    )
-    script = f"import sys\nsys.modules['fcntl'] = None\n{run}"
-    line = [sys.executable, "-c", script]
+    is_command = name == "panchroma.tools.cli"
+    run = f"import {name}" + (f"\n{name}.main()" if is_command else "")
+    line = [sys.executable, "-c", f"import sys\nsys.modules['fcntl'] = None\n{run}"]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")
-    assert (
-        "on Windows install it in the Windows Subsystem for Linux" in done.stderr.splitlines()[-1]
-    )
-    assert name != "panchroma.tools.cli" or done.stderr.count("\n") == 1
+    assert "on Windows install it in the Windows Subsystem" in done.stderr.splitlines()[-1]
+    assert not is_command or done.stderr.count("\n") == 1
 
 
 def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
@@ -182,12 +172,7 @@ def left_behind(folder: Path) -> Path:
 def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
     part = left_behind(tmp_path)
     assert part.read_bytes() == b"half"
-    others = [
-        ".shot.dng.part",
-        "shot.dng.12345678.panchroma.part",
-        ".x.1234567.panchroma.part",
-        "a",
-    ]
+    others = [".shot.dng.part", "shot.dng.12345678.panchroma.part", ".x.1234567.panchroma.part"]
     for name in others:
         (tmp_path / name).write_bytes(b"theirs")
     fresh, old = (tmp_path / f".link.0000000{number}.panchroma.part" for number in (1, 2))
@@ -255,10 +240,8 @@ def test_a_link_in_the_place_of_a_result_is_replaced_itself_or_stays(
     (tmp_path / "original").chmod(0o600)
     path = tmp_path / "shot.dng"
     path.symlink_to(target)
-    words = {
-        "original": "exists already",
-        "nowhere": "is a link to nowhere, which is not there; remove",
-    }[target]
+    missing = "is a link to nowhere, which is not there; remove"
+    words = missing if target == "nowhere" else "exists already"
     with pytest.raises(OutputError, match=words):
         write_durably(path, b"new")
     assert path.is_symlink()
@@ -279,11 +262,8 @@ def test_a_replaced_file_keeps_its_permissions_and_its_owner(tmp_path: Path, mod
     before = path.stat()
     write_durably(path, b"new", overwrite=True)
     after = path.stat()
-    assert (after.st_uid, after.st_gid, after.st_mode & 0o777) == (
-        before.st_uid,
-        before.st_gid,
-        mode,
-    )
+    assert (after.st_uid, after.st_gid) == (before.st_uid, before.st_gid)
+    assert after.st_mode & 0o777 == mode
     assert path.read_bytes() == b"new"
 
 
@@ -296,9 +276,7 @@ def test_a_group_that_cannot_be_kept_gains_nothing(
     old = list(path.lstat())
     old[4:6] = 1234, 4321  # owner and group
 
-    def refuse(*_: object) -> None:
-        raise PermissionError(errno.EPERM, "Operation not permitted")
-
+    refuse = Mock(side_effect=PermissionError(errno.EPERM, "Operation not permitted"))
     monkeypatch.setattr(Path, "lstat", lambda _: os.stat_result(old))
     monkeypatch.setattr(os, "fchown", refuse)
     write_durably(path, b"new", overwrite=True)
@@ -307,14 +285,12 @@ def test_a_group_that_cannot_be_kept_gains_nothing(
 
 def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path: Path) -> None:
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom panchroma.shared.writing import "
-        "write_durably\n"
+        "import os, sys\nfrom panchroma.shared.writing import write_durably\n"
         "folder = os.fsencode(sys.argv[1])\n"
         "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', b'\\xe5\\x86\\x99' * 85):\n"
         "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
     )
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
-    subprocess.run(
-        [sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, check=True, env=environment
-    )
+    line = [sys.executable, "-c", script, str(tmp_path)]
+    subprocess.run(line, cwd=ROOT, check=True, env=environment)
     assert len(list(tmp_path.iterdir())) == 3

@@ -55,7 +55,7 @@ def available_memory() -> int:
 
 def _left_in_groups() -> Iterator[int]:
     """Yield the bytes that each limit of each control group leaves."""
-    for group in control_groups("memory"):
+    for group in control_groups():
         for limits, usage, dropped in _GROUPS:
             cached = system_figure(group / "memory.stat", dropped)
             used = max(0, (number_in(group / usage) or 0) - cached)

@@ -2,6 +2,7 @@ import os
 import time
 from itertools import islice
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -28,11 +29,7 @@ class Watch:
         self.looks = 0
         self.most = 0
         self._frames = watch_folder(
-            folder,
-            LAYOUT,
-            lambda error: self.refused.append(str(error)),
-            only_new=only_new,
-            stopped=self._stopped,
+            folder, LAYOUT, self._refuse, only_new=only_new, stopped=self._stopped
         )
 
     def take(self, count: int) -> list[RawFrame]:
@@ -45,6 +42,9 @@ class Watch:
     def rest(self, looks: int = 20) -> list[RawFrame]:
         self.most = self.looks + looks
         return list(self._frames)
+
+    def _refuse(self, error: InputError) -> None:
+        self.refused.append(str(error))
 
     def _stopped(self) -> bool:
         self.looks += 1
@@ -148,10 +148,8 @@ def test_a_file_that_cannot_be_read_is_told(
 ) -> None:
     put(tmp_path, "frame.raw")
 
-    def fail(*_: object) -> bytes:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "open", fail)
+    denied = PermissionError(13, "Permission denied")
+    monkeypatch.setattr(Path, "open", Mock(side_effect=denied))
     watch = Watch(tmp_path)
     assert watch.rest() == []
     assert watch.refused == [f"{tmp_path / 'frame.raw'}: cannot be read (Permission denied)"]
@@ -183,9 +181,6 @@ def test_what_has_left_the_folder_is_forgotten(tmp_path: Path) -> None:
 def test_a_time_in_no_year_is_told(tmp_path: Path) -> None:
     """Not every file system can store the year 10000: the state of the file is made up."""
     path = put(tmp_path, "late.raw")
-    with pytest.raises(
-        InputError,
-        match=r"late\.raw: its time of change is in no year from 1 to 9999; set it: touch "
-        r"late\.raw",
-    ):
+    words = r"late\.raw: its time of change is in no year from 1 to 9999; set it: touch late\.raw"
+    with pytest.raises(InputError, match=words):
         frame_folder._read(path, (len(FRAME), 253_402_300_800 * 10**9), LAYOUT)

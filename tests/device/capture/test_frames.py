@@ -37,11 +37,7 @@ def test_what_is_packed_bit_by_bit_is_unpacked(name: str, width: int, extra: int
     [
         # V4L2: SRGGB10P, SRGGB12P and SRGGB16; the first pixel's lower bits are the lowest of the
         # last byte.
-        (
-            "raw10",
-            (0b11111111, 0b00000000, 0b00000001, 0b10000000, 0b11_10_01_00),
-            (0b1111111100, 0b01, 0b110, 0b1000000011),
-        ),
+        ("raw10", (255, 0, 1, 128, 0b11_10_01_00), (0b1111111100, 0b01, 0b110, 0b1000000011)),
         ("raw12", (0b11111111, 0b00000001, 0b1000_0111), (0b111111110111, 0b11000)),
         ("u16", (0x34, 0x12, 0xFF, 0x00), (0x1234, 0xFF)),
         ("u16be", (0x12, 0x34, 0x00, 0xFF), (0x1234, 0xFF)),
@@ -115,12 +111,13 @@ def test_the_names_of_v4l2_libcamera_and_pfnc(names: str, meant: tuple[str, int]
     "name", ["", "RAW10", "SRGGB9", "SCF1BWGW8", "Mono12pmsb", "YUYV", "XSRGGB10P", "SRGGB10P\n"]
 )
 def test_other_formats_are_refused(name: str) -> None:
-    with pytest.raises(
-        InputError, match=r"BGGR_PISP_COMP1 is a lossy compression.*--mode W:H:12:U"
-    ):
-        format_named("BGGR_PISP_COMP1")
     with pytest.raises(InputError, match="unknown; one of raw10, raw12, raw14, mono10p"):
         format_named(name)
+
+
+def test_a_compressed_format_is_refused_with_the_remedy() -> None:
+    with pytest.raises(InputError, match=r"PISP_COMP1 is a lossy compression.*--mode W:H:12:U"):
+        format_named("BGGR_PISP_COMP1")
 
 
 LAYOUT = FrameLayout(5, 3, "raw10", 12)
@@ -160,11 +157,9 @@ def test_words_are_not_copied_where_nobody_can_change_them() -> None:
     layout = FrameLayout(5, 3, "u16", 12)
     data = np.arange(36, dtype=np.uint8)
     assert np.shares_memory(layout.unpack(data.data.toreadonly()), data)
-    for other, reads in (
-        (layout, data.data),
-        (FrameLayout(5, 3, "u16be", 12), data.data.toreadonly()),
-    ):
-        assert not np.shares_memory(other.unpack(reads), data)
+    assert not np.shares_memory(layout.unpack(data.data), data)
+    swapped = FrameLayout(5, 3, "u16be", 12)
+    assert not np.shares_memory(swapped.unpack(data.data.toreadonly()), data)
 
 
 def test_only_the_memory_of_frames_that_nobody_needs_is_used_again() -> None:
@@ -176,47 +171,23 @@ def test_only_the_memory_of_frames_that_nobody_needs_is_used_again() -> None:
         if number % 2:
             kept.append(codes)
         del frame, codes
-    assert [np.unique(codes).tolist() for codes in kept] == [
-        [number * 257] for number in (1, 3, 5, 7)
-    ]
+    assert [np.unique(codes).tolist() for codes in kept] == [[257], [3 * 257], [5 * 257], [7 * 257]]
     assert len(set(places)) < len(places)
 
 
 SENT = b"".join(frames(3))
+SIZE = "5 x 3 pixels in raw10 with a stride of 12 have 36"
 
 
 @pytest.mark.parametrize(
     ("data", "failure", "whole", "words"),
     [
-        *(
-            (
-                SENT[: 2 * 36 + rest],
-                None,
-                2,
-                f"{rest} bytes after 2 whole ones; 5 x 3 pixels in raw10 with a stride of 12 "
-                "have 36",
-            )
-            for rest in (1, 35)
-        ),
-        (
-            bytes(3 * 16 * 4),
-            None,
-            5,
-            "All its bytes are whole frames with `stride=16`: discard the shots of this stream",
-        ),
-        (
-            bytes(3 * 16 * 4 + 1),
-            None,
-            5,
-            "its frames have another size, and the shots of this stream are wrong",
-        ),
+        (SENT[:73], None, 2, f"1 bytes after 2 whole ones; {SIZE}"),
+        (SENT[:107], None, 2, f"35 bytes after 2 whole ones; {SIZE}"),
+        (bytes(192), None, 5, "whole frames with `stride=16`: discard the shots of this stream"),
+        (bytes(193), None, 5, "have another size, and the shots of this stream are wrong"),
         (b"", None, 0, "ended before the first frame"),
-        (
-            SENT,
-            OSError(5, "Input/output error"),
-            3,
-            "the stream cannot be read (Input/output error) after 3 whole frames",
-        ),
+        (SENT, OSError(5, "Input/output error"), 3, "be read (Input/output error) after 3 whole"),
     ],
 )
 def test_a_stream_that_ends_badly_says_so_after_the_whole_frames(
@@ -225,17 +196,12 @@ def test_a_stream_that_ends_badly_says_so_after_the_whole_frames(
     read: list[RawFrame] = []
     with pytest.raises(InputError, match=re.escape(words)):
         read.extend(read_frames(Pieces(data, 10, failure), LAYOUT))  # extend keeps what came before
-    assert [bytes(frame.data) for frame in read] == [
-        data[36 * number :][:36] for number in range(whole)
-    ]
+    assert b"".join(frame.data for frame in read) == data[: 36 * whole]
 
 
 def test_a_recording_of_another_stride_is_refused() -> None:
     LAYOUT.check_recording(36 * 4)
     LAYOUT.check_recording(36 * 4 + 1)  # was cut
-    with pytest.raises(
-        InputError,
-        match=r"192 bytes are no whole number of frames: .* likely `stride=16`\. .* add "
-        r"`unchecked`",
-    ):
-        LAYOUT.check_recording(3 * 16 * 4, ". If they are right, add `unchecked`")
+    likely = r"192 bytes are no whole number of frames: .* likely `stride=16`\. Advice"
+    with pytest.raises(InputError, match=likely):
+        LAYOUT.check_recording(3 * 16 * 4, ". Advice")

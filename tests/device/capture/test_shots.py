@@ -39,10 +39,8 @@ def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(
     assert there.name == "20260309T070501.020Z-000002.dng"
     (tmp_path / "20260309T070501.020Z-000090.dng.txt").touch()  # not a shot
     (tmp_path / "90.dng").touch()
-    assert (
-        save(ShotFolder(tmp_path), datetime(1970, 1, 1, tzinfo=UTC)).name
-        == "19700101T000000.000Z-000003.dng"
-    )
+    early = save(ShotFolder(tmp_path), datetime(1970, 1, 1, tzinfo=UTC))
+    assert early.name == "19700101T000000.000Z-000003.dng"
     (tmp_path / "20260309T070501.020Z-1000000.dng").touch()
     assert save(ShotFolder(tmp_path)).name.endswith("Z-1000001.dng")
 
@@ -68,10 +66,9 @@ def test_bursts_of_two_cameras_have_one_name_and_one_count_each(tmp_path: Path) 
             others.extend(burst(other, 10))
 
     saved = [path.name for path in burst(one, 10, once)]
-    assert [path.name for path in others] == [
-        f"20260309T070501.020Z-000001-{number:02}.dng" for number in range(1, 11)
-    ]
-    assert saved == [f"20260309T070501.020Z-000002-{number:02}.dng" for number in range(1, 11)]
+    for shot, paths in ((1, [path.name for path in others]), (2, saved)):
+        stem = f"20260309T070501.020Z-00000{shot}"
+        assert paths == [f"{stem}-{number:02}.dng" for number in range(1, 11)]
     assert names(tmp_path) == sorted([*saved, *(path.name for path in others)])
     assert save(ShotFolder(tmp_path)).name == "20260309T070501.020Z-000003.dng"
 
@@ -122,9 +119,8 @@ def test_a_burst_that_has_its_first_frame_is_whole_after_the_program_was_killed(
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
     writing.sweep(tmp_path)
-    assert names(tmp_path) == [
-        f"20260309T070501.020Z-000001-{number}.dng" for number in range(5 - links, 5)
-    ]
+    stem = "20260309T070501.020Z-000001"
+    assert names(tmp_path) == [f"{stem}-{number}.dng" for number in range(5 - links, 5)]
 
 
 def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:
@@ -156,11 +152,7 @@ def test_the_link_is_right_where_its_folder_is_one_itself(tmp_path: Path) -> Non
     ("method", "error", "words"),
     [
         ("replace", OSError(errno.EIO, "Input/output error"), "cannot be made: Input/output error"),
-        (
-            "symlink_to",
-            PermissionError(errno.EPERM, "Operation not permitted"),
-            "cannot be made: .* has no symbolic links",
-        ),
+        ("symlink_to", OSError(errno.EPERM, ""), "cannot be made: .* has no symbolic links"),
     ],
 )
 def test_an_old_link_stays_until_there_is_a_new_one(
@@ -197,10 +189,9 @@ def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(
     [
         ("file", "exists and is no link"),
         ("folder", "exists and is no link"),
-        *(
-            (name, "the link to the latest shot")
-            for name in ("x" * 300, "x/" * 3000, "missing/link")
-        ),
+        ("x" * 300, "the link to the latest shot"),
+        ("x/" * 3000, "the link to the latest shot"),
+        ("missing/link", "the link to the latest shot"),
     ],
 )
 def test_what_can_be_no_link_is_told_before_the_first_shot(

@@ -17,13 +17,10 @@ def test_samples_repeat_their_place_in_the_tile_as_far_as_the_frame_has_it(
     copy_extended(codes, period, MARGINS[0][0], MARGINS[1][0], whole)
     for place in np.ndindex(whole.shape):
         at = [index + low for index, (low, _) in zip(place, MARGINS, strict=True)]
-        alike = [
-            np.arange(index % period, size, period) for index, size in zip(at, shape, strict=True)
-        ]
+        axes = zip(at, shape, strict=True)
+        alike = [np.arange(index % period, size, period) for index, size in axes]
         if all(map(len, alike)):
-            repeated = tuple(
-                int(same[np.abs(same - index).argmin()])
-                for same, index in zip(alike, at, strict=True)
-            )
+            pairs = zip(alike, at, strict=True)
+            repeated = tuple(int(same[np.abs(same - index).argmin()]) for same, index in pairs)
             assert whole[place] == codes[repeated]
     assert whole.min() > 0

@@ -41,11 +41,8 @@ def test_the_example_gives_the_bytes_of_the_preview(
     (tmp_path / "preview.onnx").write_bytes(build_preview(pattern, scale))
     (tmp_path / "camera.json").write_text(json.dumps(Camera(calibration, pattern).to_json()))
     np.save(tmp_path / "codes.npy", codes)
-    (example,) = re.findall(
-        r"```python\n(.*?)```",
-        (ROOT / "device" / "preview" / "README.md").read_text("utf-8"),
-        re.DOTALL,
-    )
+    page = (ROOT / "device" / "preview" / "README.md").read_text("utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     run_python(example + 'np.save("picture.npy", picture)', folder=tmp_path)
     picture = np.load(tmp_path / "picture.npy")
     expected = Preview(pattern, scale, threads=1).run(mosaic)

@@ -29,9 +29,8 @@ def test_codes_without_shading_are_the_light(bits: int) -> None:
     codes, levels = even_light(mosaic)
     planes = PATTERN.filter_map(SHAPE)
     light = (codes - levels["black"][planes]) * levels["scale"][planes]
-    np.testing.assert_allclose(
-        light, mosaic.signal, atol=0.51 * float(levels["scale"].max()), rtol=1e-5
-    )
+    rounding = 0.51 * float(levels["scale"].max())
+    np.testing.assert_allclose(light, mosaic.signal, atol=rounding, rtol=1e-5)
     # hardly coarser, or fine enough
     assert levels["scale"].max() < max(1.1 * mosaic.calibration.scale().max(), 3e-4)
 
@@ -51,9 +50,8 @@ def test_noise_below_black_stays() -> None:
     codes, levels = even_light(Mosaic(np.zeros(SHAPE, np.uint16), PATTERN, calibration))
     assert int(codes.min()) >= 0
     expected = -256 * calibration.scale()[-1] * LENS.of_plane(SHAPE)[5, 5]
-    assert (codes[5, 5] - levels["black"][-1]) * levels["scale"][-1] == pytest.approx(
-        expected, rel=1e-3
-    )
+    found = (codes[5, 5] - levels["black"][-1]) * levels["scale"][-1]
+    assert found == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("scale", [1, 3])
@@ -76,22 +74,9 @@ def test_light_that_is_not_saturated_keeps_its_colour_where_the_gain_is_large(
 
 @pytest.mark.parametrize("scale", [1, 3])
 def test_what_is_saturated_is_white_wherever_the_gain_is_small_or_large(scale: int) -> None:
-    calibration = SensorCalibration.of_bits(
-        12, headroom=False, shading=LENS, neutral=(0.6, 1.0, 0.7)
-    )
+    neutral = (0.6, 1.0, 0.7)
+    calibration = SensorCalibration.of_bits(12, headroom=False, shading=LENS, neutral=neutral)
     codes = np.full(SHAPE, 4095, np.uint16)
     for _, *part in PATTERN.lattices:
         codes[*part] = 2000  # panchromatic samples alone are saturated
-    picture = Preview.for_mosaic(Mosaic(codes, PATTERN, calibration), scale).run(
-        Mosaic(codes, PATTERN, calibration)
-    )
-    assert picture.min() == 255
-
-
-@pytest.mark.parametrize("scale", [1, 3])
-def test_highlights_look_as_without_shading(scale: int) -> None:
-    clipped = [shot(16, shading, light=6) for shading in (False, True)]
-    even, undone = (Preview.for_mosaic(each, scale).run(each).astype(int) for each in clipped)
-    middle = np.abs(LENS.of_plane(SHAPE)[scale // 2 :: scale, scale // 2 :: scale] - 1) < 0.01
-    assert (even[middle] == 255).all(axis=1).mean() > 0.02
-    assert np.quantile(np.abs(undone - even)[middle], 0.97) <= 4
+    assert Preview(PATTERN, scale).run(Mosaic(codes, PATTERN, calibration)).min() == 255

@@ -32,12 +32,9 @@ def letter(pattern: CfaPattern, row: int, column: int) -> str:
 
 def places(geometry: Geometry, probe: np.ndarray) -> dict[tuple[int, int], float]:
     rows, columns = geometry.window
-    found = {
-        (rows[row], columns[column]): float(probe[row, column])
-        for row, column in np.argwhere(probe).tolist()
-    }
-    assert found
-    return found
+    used = np.argwhere(probe).tolist()
+    assert used
+    return {(rows[row], columns[column]): float(probe[row, column]) for row, column in used}
 
 
 def by_kind(geometry: Geometry) -> list[list[dict[tuple[int, int], float]]]:
@@ -60,10 +57,8 @@ def test_interpolations_give_lines_exactly(pattern: CfaPattern) -> None:
             steps = np.array(list(probe)) - site
             middle = np.array(list(probe.values())) @ steps
             if pattern in SCATTERED:
-                along_line = [(0, step) if axis == 0 else (step, 0) for step in range(-2, 3)]
-                line = [
-                    letter(pattern, site[0] + down, site[1] + right) for down, right in along_line
-                ]
+                places_on_line = (np.eye(2, dtype=int)[1 - axis] * step for step in range(-2, 3))
+                line = [letter(pattern, *(step + site).tolist()) for step in places_on_line]
                 is_on_line = "W" in line[:2] and "W" in line[3:]
                 assert (not steps[:, axis].any()) >= is_on_line
                 assert np.abs(steps).max() <= (3 if is_on_line else 5)

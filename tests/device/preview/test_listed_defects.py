@@ -27,14 +27,9 @@ PLACES = {
     "a cluster": [(row, column) for row in range(28, 38) for column in range(29, 39)],
     "a row": [(30, column) for column in range(SHAPE[1])],
     "a column": [(row, 31) for row in range(SHAPE[0])],
-    "the edges": [
-        place for place in np.ndindex(SHAPE) if place[0] in (0, 59) or place[1] in (0, 65)
-    ],
+    "the edges": [at for at in np.ndindex(SHAPE) if at[0] in (0, 59) or at[1] in (0, 65)],
     "the corners": [(0, 0), (0, 65), (59, 0), (59, 65)],
-    "scattered": [
-        (row, column)
-        for row, column in np.argwhere(np.random.default_rng(1).random(SHAPE) < 0.01).tolist()
-    ],
+    "scattered": [*zip(*np.nonzero(np.random.default_rng(1).random(SHAPE) < 0.01), strict=True)],
 }
 
 
@@ -86,10 +81,8 @@ def test_a_defect_in_ink_is_not_mended_with_paper() -> None:
     codes = Mosaic(sample(light, SIX, calibration), SIX, calibration).codes.copy()
     truth = int(codes[30, 30])  # a red site in the middle of the stroke
     codes[30, 30] = 0
-    assert (
-        abs(int(without_defects(codes, SIX, ((30, 30),))[30, 30]) - truth) * calibration.scale()[0]
-        < 0.06
-    )
+    mended = int(without_defects(codes, SIX, ((30, 30),))[30, 30])
+    assert abs(mended - truth) * calibration.scale()[0] < 0.06
 
 
 def test_without_defects_in_the_frame_nothing_is_copied() -> None:

@@ -21,14 +21,10 @@ def shot(
     shape: tuple[int, int] = (61, 83), pattern: CfaPattern | None = None, seed: int = 0
 ) -> Mosaic:
     pattern = pattern or CfaPattern.bayer(6, origin=(4, 1))
-    count = len(pattern.channels)
-    calibration = SensorCalibration(
-        channels=pattern.channels,
-        noise=NoiseModel((1e-4,) * (count + 1), (1e-3,) * (count + 1)),
-        black_level=(256.0,) * (count + 1),
-        white_level=3840,
-    )
-    return Mosaic(codes(shape, seed), pattern, calibration)
+    planes = len(pattern.channels) + 1
+    noise, black = NoiseModel((1e-4,) * planes, (1e-3,) * planes), (256.0,) * planes
+    camera = SensorCalibration(pattern.channels, noise=noise, black_level=black, white_level=3840)
+    return Mosaic(codes(shape, seed), pattern, camera)
 
 
 @pytest.mark.parametrize(("scale", "linear"), list(product((1, 2, 3), (False, True))))
@@ -40,9 +36,8 @@ def test_strips_and_threads_do_not_show(
     whole = Preview.for_mosaic(mosaic, scale, linear, threads=1).run(mosaic)
     for pixels, threads in ((1, 1), (1, 3), (1500, 2), (4000, 5)):
         monkeypatch.setattr(runtime, "_STRIP_PIXELS", pixels)
-        assert np.array_equal(
-            Preview.for_mosaic(mosaic, scale, linear, threads=threads).run(mosaic), whole
-        )
+        picture = Preview.for_mosaic(mosaic, scale, linear, threads=threads).run(mosaic)
+        assert np.array_equal(picture, whole)
 
 
 def test_threads_are_those_of_the_program_or_of_its_environment(
@@ -100,27 +95,17 @@ def test_a_smaller_picture_shows_the_same_places(scale: int) -> None:
     for column in range(20, 27):
         scene = np.full((30, 60, 3), 0.1, np.float32)
         scene[:, column:] = 0.9
-        mosaic = simulate_additive(
-            scene,
-            CfaPattern.bayer(6, origin=(3, column)),
-            SensorCalibration(),
-            0,
-            np.random.default_rng(0),
-        )
-        light = np.asarray(Preview.for_mosaic(mosaic, scale, linear=True).run(mosaic), np.float32)[
-            5, :, 1
-        ]
+        pattern, random = CfaPattern.bayer(6, origin=(3, column)), np.random.default_rng(0)
+        mosaic = simulate_additive(scene, pattern, SensorCalibration(), 0, random)
+        light = Preview(pattern, scale, linear=True).run(mosaic)[5, :, 1]
         edge = float(((light < 0.89) * (0.9 - light) / 0.8).sum()) * scale
         assert abs(edge - column) <= scale / 2 + 0.35
 
 
 def test_one_preview_serves_all_cameras_and_sizes() -> None:
     mosaic, other = shot(), shot((40, 52), CfaPattern.bayer(6, origin=(2, 3)), 1)
-    warm = Mosaic(
-        mosaic.codes,
-        mosaic.pattern,
-        SensorCalibration(neutral=(0.3, 0.6, 0.9), white_level=3000, black_level=(9,) * 4),
-    )
+    camera = SensorCalibration(neutral=(0.3, 0.6, 0.9), white_level=3000, black_level=(9,) * 4)
+    warm = Mosaic(mosaic.codes, mosaic.pattern, camera)
     preview = Preview.for_mosaic(mosaic)
     pictures = [preview.run(each) for each in (mosaic, other, warm, mosaic)]
     fresh = [Preview.for_mosaic(each).run(each) for each in (mosaic, other, warm, mosaic)]
@@ -130,9 +115,8 @@ def test_one_preview_serves_all_cameras_and_sizes() -> None:
 
 def test_scene_units_and_their_codes_give_the_same() -> None:
     scene = np.random.default_rng(0).random((30, 40, 3), np.float32)
-    light = simulate_additive(
-        scene, CfaPattern.bayer(), SensorCalibration(), 0.01, np.random.default_rng(1)
-    )
+    pattern, random = CfaPattern.bayer(), np.random.default_rng(1)
+    light = simulate_additive(scene, pattern, SensorCalibration(), 0.01, random)
     saved = Mosaic(light.codes, light.pattern, light.calibration)
     preview = Preview.for_mosaic(light, linear=True)
     assert np.array_equal(preview.run(light), preview.run(saved))
@@ -143,10 +127,8 @@ def test_many_callers_at_once() -> None:
     preview = Preview.for_mosaic(mosaics[0], threads=2)
     expected = [preview.run(mosaic) for mosaic in mosaics]
     with ThreadPoolExecutor(6) as pool:
-        assert all(
-            np.array_equal(*pair)
-            for pair in zip(expected, pool.map(preview.run, mosaics * 3), strict=False)
-        )
+        pictures = list(pool.map(preview.run, mosaics * 3))
+    assert np.array_equal(pictures, expected * 3)
 
 
 def test_an_error_in_a_strip_comes_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,9 +146,8 @@ def test_an_error_in_a_strip_comes_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_another_pattern_is_refused_with_both_named() -> None:
     preview = Preview.for_mosaic(shot(pattern=CfaPattern.bayer(4)))
-    with pytest.raises(
-        InputError, match=r"pattern BWWG/WWWW/WWWW/GWWR, the mosaic has GWWB/WWWW/WWWW/RWWG"
-    ):
+    words = r"pattern BWWG/WWWW/WWWW/GWWR, the mosaic has GWWB/WWWW/WWWW/RWWG"
+    with pytest.raises(InputError, match=words):
         preview.run(shot(pattern=CfaPattern.bayer(4, "GRBG")))
     with pytest.raises(InputError, match="channels RGB, the mosaic has BGR"):
         preview.run(shot(pattern=CfaPattern(CfaPattern.bayer(4).tile, channels="BGR")))

@@ -14,11 +14,9 @@ def light(y: DoubleArray, x: DoubleArray, seed: int = 0) -> DoubleArray:
     scene = np.full(y.shape, 1.5)
     for _ in range(40):
         length = 6 * (80 / 6) ** random.random()
-        direction = random.uniform(0, np.pi)
-        phase = random.uniform(0, 2 * np.pi)
-        scene += 0.12 * np.sin(
-            2 * np.pi / length * (np.cos(direction) * y + np.sin(direction) * x) + phase
-        )
+        direction, phase = random.uniform(0, np.pi), random.uniform(0, 2 * np.pi)
+        way = np.cos(direction) * y + np.sin(direction) * x
+        scene += 0.12 * np.sin(2 * np.pi / length * way + phase)
     return scene
 
 

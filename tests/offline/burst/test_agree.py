@@ -29,10 +29,8 @@ def agrees(reference: DoubleArray, frame: DoubleArray, sigma: float) -> float:
         View((plane + random.normal(0, sigma, SHAPE)).astype(np.float32), noise)
         for plane in (reference, frame)
     )
-    return (
-        float(agreement_of_luminance(first, second, np.ones(SHAPE, np.float32))[INSIDE].mean())
-        / 255
-    )
+    agreement = agreement_of_luminance(first, second, np.ones(SHAPE, np.float32))
+    return float(agreement[INSIDE].mean()) / 255
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
@@ -62,11 +60,11 @@ def test_what_has_changed_does_not(sign: str, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_strips_leave_no_trace() -> None:
-    first, second, weight = (
-        np.random.default_rng(1).uniform(0.5, 1.5, (3, 600, 40)).astype(np.float32)
+    planes = np.random.default_rng(1).uniform(0.5, 1.5, (3, 600, 40)).astype(np.float32)
+    whole, lower = (
+        agreement_of_luminance(View(first), View(second), weight)
+        for first, second, weight in (planes, planes[:, 256:])
     )
-    whole = agreement_of_luminance(View(first), View(second), weight)
-    lower = agreement_of_luminance(View(first[256:]), View(second[256:]), weight[256:])
     assert np.array_equal(lower[40:], whole[296:])
 
 

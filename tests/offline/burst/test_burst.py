@@ -17,7 +17,7 @@ from panchroma.offline.burst import (
 )
 from panchroma.offline.burst.colour import relit_sites
 from panchroma.offline.frame import BlockSums, Cleaned
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import ConvergenceError, InputError, RangeError
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -42,9 +42,8 @@ def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> 
     lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
     share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
     share[..., 0] += 1.5 * lines
-    return (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(
-        np.float32
-    )
+    share *= channels * brightness[..., None] / share.sum(axis=2, keepdims=True)
+    return share.astype(np.float32)
 
 
 def shots(
@@ -53,12 +52,11 @@ def shots(
     pattern: CfaPattern = CfaPattern.bayer(6),  # noqa: B008 - frozen
     shape: tuple[int, int] = SHAPE,
 ) -> list[Mosaic]:
-    calibration = SensorCalibration(pattern.channels)
-    light = [scene(motion, len(pattern.channels), shape) for motion in motions]
-    return [
-        simulate_additive(each, pattern, calibration, sigma, np.random.default_rng(n))
-        for n, each in enumerate(light)
-    ]
+    calibration, taken = SensorCalibration(pattern.channels), []
+    for seed, motion in enumerate(motions):
+        light, random = scene(motion, len(pattern.channels), shape), np.random.default_rng(seed)
+        taken.append(simulate_additive(light, pattern, calibration, sigma, random))
+    return taken
 
 
 def picture(merged: MergedBurst) -> FloatArray:
@@ -83,7 +81,7 @@ def test_more_frames_show_more(
     merged = merge_burst(frames, reference=0, motions=motions if known else None)
     assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
     assert psnr(picture(merged), truth) > single + gain
-    assert np.median(merged.shares) < 0.3
+    assert np.median(merged.noise_ratio) < 0.3
 
 
 def test_shading_does_not_show() -> None:
@@ -92,13 +90,10 @@ def test_shading_does_not_show() -> None:
     lens = Shading([1 + strength * (radius - 1 / 6) for strength in (0.6, 0.5, 0.4, 0.5)], SHAPE)  # type: ignore[arg-type]
     found = []
     for shading in (None, lens):
-        taken = [
-            replace(shot, calibration=replace(shot.calibration, shading=shading))
-            for shot in shots(0.0, motions)
-        ]
-        merged = merge_burst(
-            [replace(shot, samples=shot.codes) for shot in taken], reference=0, motions=motions
-        )
+        camera = SensorCalibration(shading=shading)
+        lit = (replace(shot, calibration=camera) for shot in shots(0.0, motions))
+        taken = [replace(shot, samples=shot.codes) for shot in lit]
+        merged = merge_burst(taken, reference=0, motions=motions)
         found.append(psnr(picture(merged), scene(motions[0])))
     assert found[1] == pytest.approx(found[0], abs=0.1)
 
@@ -123,7 +118,7 @@ def test_other_filters(pattern: CfaPattern, sigma: float) -> None:
 def test_one_frame_alone_is_a_single_render() -> None:
     (frame,) = shots(0.01, MOTIONS[:1])
     merged = merge_burst([frame])
-    assert (merged.shares == 1).all()
+    assert (merged.noise_ratio == 1).all()
     for settings, rounding in ((STAGES, ROUNDING), (BEST, ROUNDING_IN_STEPS)):
         found = np.concatenate(list(render_burst_bands(merged, settings)))
         assert np.abs(found - render(frame, settings).rgb).max() < rounding
@@ -147,48 +142,25 @@ def test_what_makes_no_burst_is_refused() -> None:
         merge_burst([])
     with pytest.raises(InputError, match="2 frames and 1 motions"):
         merge_burst(frames, motions=MOTIONS[:1])
-    with pytest.raises(
-        InputError,
-        match="reference is None, expected the index of the frame that the motions start from",
-    ):
+    with pytest.raises(InputError, match="reference is None, expected the index of the frame"):
         merge_burst(frames, motions=MOTIONS[:2])
     for index in (-1, 2, 0.5):
-        with pytest.raises(
-            InputError, match=f"reference is {index}, expected the index of a frame, 0 to 1"
-        ):
+        with pytest.raises(InputError, match=f"reference is {index}, expected .* a frame, 0 to 1"):
             merge_burst(frames, reference=index)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("noise", [(1e-4, 0.0), (0.0, 0.0), None])
-def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(
-    noise: tuple[float, float] | None,
-) -> None:
-    """Its variance would be 0 in black, and beyond."""
-    motions, model = MOTIONS[:3], noise and NoiseModel((noise[0],) * 4, (noise[1],) * 4)
-    dark = [replace(shot, samples=shot.samples - np.float32(0.8)) for shot in shots(0.02, motions)]
-    dark[1] = replace(dark[1], calibration=replace(dark[1].calibration, noise=model))
-    merged = merge_burst(dark, reference=0, motions=motions)
-    assert all(frame.used for frame in merged.frames)
-    assert np.isfinite(picture(merged)).all()
-    assert np.median(merged.shares) > 0.02
 
 
 def test_a_solver_that_does_not_converge_says_so() -> None:
     merged = merge_burst(shots(0.05, MOTIONS[:3]), reference=0)
-    spoilt = replace(
-        merged, samples=replace(merged.samples, values=np.full_like(merged.samples.values, np.nan))
-    )
+    merged.samples.values[:] = np.nan
     with pytest.raises(ConvergenceError, match="samples: conjugate gradients stopped"):
-        picture(spoilt)
+        picture(merged)
 
 
 def test_memory_grows_with_the_frames() -> None:
     (frame,) = shots(0.0, MOTIONS[:1])
     assert burst_memory(2, frame) < burst_memory(9, frame)
     assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
-    scattered = Mosaic(
-        frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration
-    )
+    scattered = replace(frame, pattern=CfaPattern.of_letters("kodak"))
     assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
 
 
@@ -220,9 +192,8 @@ def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:
     clipped = replace(frame, samples=np.minimum(frame.signal, np.float32(clipping)))
     luminance, first = np.full(frame.shape, 2.0, np.float32), Cleaned(clipped, clipping)
     shape = (*first.sites.shape, 3)
-    seen = relit_sites(
-        first, luminance, BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])
-    ).signal
+    sums = BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])
+    seen = relit_sites(first, luminance, sums).signal
     changed = seen != clipped.signal
     assert changed.any()
     assert np.array_equal(changed[coloured], (clipped.signal >= clipping)[coloured])

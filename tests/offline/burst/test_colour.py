@@ -39,21 +39,12 @@ def samples_of(
     """Samples of a picture at pixels of it."""
     random = np.random.default_rng(0)
     height, width, channels = truth.shape
-    y = random.integers(height, size=count)
-    x = random.integers(width, size=count)
-    of = random.integers(channels, size=count)
+    y, x, of = (random.integers(most, size=count) for most in (height, width, channels))
     light = luminance[y, x]
     values = truth[y, x, of] * light + random.normal(0, variance**0.5, count).astype(np.float32)
-    places = np.stack([y, x], axis=1).astype(np.float32)
-    return ColourSamples(
-        places,
-        of.astype(np.uint8),
-        values,
-        light,
-        np.full(count, variance, np.float32),
-        np.ones(count, np.float32),
-        own=0,
-    )
+    places, ones = np.stack([y, x], axis=1).astype(np.float32), np.ones(count, np.float32)
+    variances = ones * np.float32(variance)
+    return ColourSamples(places, of.astype(np.uint8), values, light, variances, ones, own=0)
 
 
 def spread(
@@ -66,18 +57,11 @@ def spread(
     """The corrected chromaticity. rows: of each part that it is computed in."""
     channels = before.shape[2]
     calibration = SensorCalibration(LETTERS[:channels], gamma=tuple(gamma_of(channels).tolist()))
-    measured = Measured(
-        CfaPattern.with_block((LETTERS[:channels],), 8),
-        calibration,
-        luminance,
-        np.empty((0, 0, channels), np.float32),
-    )
+    pattern, blocks = CfaPattern.with_block((LETTERS[:channels],), 8), (0, 0, channels)
+    measured = Measured(pattern, calibration, luminance, np.empty(blocks, np.float32))
     stage = Spreading(samples, measured, *([log] if log else []))
-    height = len(luminance)
-    parts = (
-        Part(0, luminance, before).rows(top, min(top + rows, height))
-        for top in range(0, height, rows)
-    )
+    height, whole = len(luminance), Part(0, luminance, before)
+    parts = (whole.rows(top, min(top + rows, height)) for top in range(0, height, rows))
     result = np.concatenate([part.chromaticity for part in apply_stage(parts, stage, height)])
     assert np.abs((result * measured.gamma).sum(axis=2) - 1).max() < 1e-5  # luminance stays
     return result
@@ -86,9 +70,8 @@ def spread(
 @pytest.mark.parametrize("channels", [2, 3, 5])
 def test_both_sides_of_an_edge_take_the_colours_that_samples_show(channels: int) -> None:
     shape = (40, 60)
-    truth = tinted(shape, 0.06, -0.04, channels)
+    truth, before = tinted(shape, 0.06, -0.04, channels), tinted(shape, 0, 0, channels)
     luminance = edge(shape)
-    before = tinted(shape, 0, 0, channels)
     missed = np.abs(spread(samples_of(truth, luminance, 3000), luminance, before) - truth)
     for side in (np.s_[:, :30], np.s_[:, 32:]):
         assert missed[side].mean() < 0.1 * np.abs(before - truth)[side].mean()
@@ -97,8 +80,7 @@ def test_both_sides_of_an_edge_take_the_colours_that_samples_show(channels: int)
 def test_without_samples_near_a_pixel_its_correction_fades() -> None:
     shape = (100, 60)
     luminance = np.ones(shape, np.float32)
-    before = tinted(shape, 0, 0)
-    truth = tinted(shape, 0.05, 0.05)
+    before, truth = tinted(shape, 0, 0), tinted(shape, 0.05, 0.05)
     samples = samples_of(truth, luminance, 4000)
     upper = replace(samples, weight=(samples.places[:, 0] < 20).astype(np.float32))
     change = np.abs(spread(upper, luminance, before) - before).max(axis=(1, 2))
@@ -109,10 +91,8 @@ def test_without_samples_near_a_pixel_its_correction_fades() -> None:
 def test_a_picture_that_its_samples_confirm_stays(count: int) -> None:
     shape = (30, 40)
     before, luminance = tinted(shape, 0.05, -0.05), edge(shape)
-    assert (
-        np.abs(spread(samples_of(before, luminance, count), luminance, before) - before).max()
-        < 1e-6
-    )
+    after = spread(samples_of(before, luminance, count), luminance, before)
+    assert np.abs(after - before).max() < 1e-6
 
 
 def test_parts_leave_no_trace() -> None:
@@ -127,12 +107,9 @@ def test_parts_leave_no_trace() -> None:
 @pytest.mark.parametrize("sigma", [0.03, 0.1])
 @pytest.mark.parametrize("shape", [(40, 44), (2 * TILE, 2 * TILE)])
 def test_samples_in_noise_spread_far(sigma: float, shape: tuple[int, int]) -> None:
-    luminance = edge(shape)
-    before = tinted(shape, 0, 0)
-    truth = tinted(shape, 0.08, 0.08)
-    log = SolverLog()
-    result = spread(
-        samples_of(truth, luminance, shape[0] * shape[1] // 6, sigma**2), luminance, before, log=log
-    )
+    before, truth = tinted(shape, 0, 0), tinted(shape, 0.08, 0.08)
+    luminance, log = edge(shape), SolverLog()
+    samples = samples_of(truth, luminance, shape[0] * shape[1] // 6, sigma**2)
+    result = spread(samples, luminance, before, log=log)
     assert np.abs(result - truth).mean() < 0.4 * np.abs(before - truth).mean()
     assert log.solvers["samples"].iterations <= MOST

@@ -55,50 +55,47 @@ def arguments(
 
 
 def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
-    """Luminance at every half pixel, and shares."""
+    """Luminance at every half pixel, and the ratio of its noise."""
     _, height, width = frames.planes.shape
     fine = np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32)
-    shares = np.full((height, width), np.nan, np.float32)
-    merge(frames, fine, shares)
-    return fine, shares
+    noise_ratio = np.full((height, width), np.nan, np.float32)
+    merge(frames, fine, noise_ratio)
+    return fine, noise_ratio
 
 
 @pytest.mark.parametrize("noise", [[[0, 0]] * 3, [[1e-3, 4e-4], [2e-3, 1e-4], [0, 9e-4]]])
 def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[list[float]]) -> None:
     planes = np.array([slope(*places(motion)) for motion in MOTIONS], np.float32)
-    agreement = np.random.default_rng(1).choice(
-        np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7]
-    )
+    levels, random = np.array([0, 60, 255], np.uint8), np.random.default_rng(1)
+    agreement = random.choice(levels, planes.shape, p=[0.1, 0.2, 0.7])
     agreement[0] = 255
-    fine, shares = merged(arguments(planes, agreement, np.array(noise, np.float64)))
+    fine, noise_ratio = merged(arguments(planes, agreement, np.array(noise, np.float64)))
     inside = np.s_[12:-12, 12:-12]
     assert_close(fine[inside], slope(*np.indices(fine.shape) / 2)[inside], SLOPE)
-    assert ((shares > 0) & (shares <= 1)).all()
+    assert ((noise_ratio > 0) & (noise_ratio <= 1)).all()
 
 
 def test_the_noise_of_frames_that_agree_is_averaged() -> None:
     planes = np.ones((4, *SHAPE), np.float32)
-    _, shares = merged(arguments(planes, noise=np.full((4, 2), 1e-3), motions=[Motion()] * 4))
-    assert_close(shares, np.full(SHAPE, 0.25), FLOAT32)
+    _, noise_ratio = merged(arguments(planes, noise=np.full((4, 2), 1e-3), motions=[Motion()] * 4))
+    assert_close(noise_ratio, np.full(SHAPE, 0.25), FLOAT32)
 
 
 def test_shows_more_than_one_frame_can() -> None:
     shape = 130, 180  # several tiles
     random = np.random.default_rng(2)
-    motions = [
-        Motion(),
-        *(Motion((down, across)) for down, across in random.uniform(-2, 2, (7, 2))),
-    ]
+    shifts = [(0.0, 0.0), *random.uniform(-2, 2, (7, 2))]
+    motions = [Motion((down, across)) for down, across in shifts]
     planes, agreement = burst(0.0, shape, motions), np.full((8, *shape), 255, np.uint8)
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
-    fine, shares = merged(arguments(planes, agreement, motions=motions))
+    fine, noise_ratio = merged(arguments(planes, agreement, motions=motions))
     assert np.abs(fine[::2, ::2] - light(*pixels(shape)))[4:-4, 4:-4].max() < 0.02
-    assert shares[4:-4, 4:-4].max() < 0.5
+    assert noise_ratio[4:-4, 4:-4].max() < 0.5
     agreement[1:] = 0
-    fine, shares = merged(arguments(planes, agreement, motions=motions))
+    fine, noise_ratio = merged(arguments(planes, agreement, motions=motions))
     assert np.array_equal(fine[::2, ::2][~holes], planes[0][~holes])
-    assert shares.min() > 0.999
+    assert noise_ratio.min() > 0.999
 
 
 def scaled(shape: tuple[int, int], share: float) -> FloatArray:
@@ -116,14 +113,7 @@ def test_the_order_of_frames_leaves_no_trace(share: float) -> None:
     shape, nodes = (150, 230), scaled((150, 230), share)
     motions, order = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)], [0, 2, 1]
     planes, noise = burst(0.1, shape, motions), np.array([[0, 0.01]] * 3)
-    results = [
-        merged(
-            arguments(
-                np.ascontiguousarray(planes[these]),
-                noise=noise,
-                motions=[motions[number] for number in these],
-            )
-        )
-        for these in ([0, 1, 2], order)
-    ]
-    assert_close(results[1][0], results[0][0], FLOAT32)
+    first, _ = merged(arguments(planes, noise=noise, motions=motions))
+    turned = [motions[number] for number in order]
+    second, _ = merged(arguments(planes[order], noise=noise, motions=turned))
+    assert_close(second, first, FLOAT32)

@@ -34,9 +34,8 @@ def light(shift: tuple[float, float]) -> FloatArray:
         wave = rng.normal(0, 0.45, 2)
         grey += 0.035 * np.sin(wave[0] * y + wave[1] * x + rng.uniform(0, 6))
     tint = 0.06 * np.sin(0.05 * y + 0.08 * x)
-    return (
-        np.stack([grey * (1 + tint), grey, grey * (1 - tint)], axis=2).clip(0.02).astype(np.float32)
-    )
+    channels = np.stack([grey * (1 + tint), grey, grey * (1 - tint)], axis=2)
+    return channels.clip(0.02).astype(np.float32)
 
 
 def covered(number: int) -> BoolArray:
@@ -53,20 +52,17 @@ def with_thing(kind: str) -> list[FloatArray]:
     for number, frame in enumerate(frames):
         hidden = frame[covered(number)]
         if kind == "equal":
-            frame[covered(number)] = hidden.sum(axis=1, keepdims=True) * np.array(
-                [0.55, 0.25, 0.2], np.float32
-            )
+            tint = np.array([0.55, 0.25, 0.2], np.float32)
+            frame[covered(number)] = hidden.sum(axis=1, keepdims=True) * tint
         elif kind == "other":
             frame[covered(number)] = np.array([0.2, 0.3, 0.7], np.float32)
     return frames
 
 
 def taken(frames: list[FloatArray], sigma: float = 0.0) -> list[Mosaic]:
-    rngs = (np.random.default_rng(number) for number in range(len(frames)))
-    return [
-        simulate_additive(frame, _PATTERN, SensorCalibration(), sigma, rng)
-        for frame, rng in zip(frames, rngs, strict=True)
-    ]
+    rngs = map(np.random.default_rng, range(len(frames)))
+    calibration, pairs = SensorCalibration(), zip(frames, rngs, strict=True)
+    return [simulate_additive(each, _PATTERN, calibration, sigma, rng) for each, rng in pairs]
 
 
 def picture(merged: MergedBurst) -> FloatArray:
@@ -88,15 +84,9 @@ def test_what_moves_is_as_in_a_single_render(
     shots = taken(frames, sigma)
     changed = np.any([covered(number) for number in range(len(frames))], axis=0)
     alone = error(render(shots[0], _SETTINGS).rgb, frames[0], changed)
-    assert (
-        error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
-        < alone + _AS_GOOD[kind]
-    )
-
-    def every(*_: object) -> FloatArray:
-        return np.full(_SHAPE, 255, np.uint8)
-
-    monkeypatch.setattr(select, "agreement", every)
+    found = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
+    assert found < alone + _AS_GOOD[kind]
+    monkeypatch.setattr(select, "agreement", lambda *_: np.full(_SHAPE, 255, np.uint8))
     ghost = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
     assert ghost > alone + 3, "the measure sees no ghost where all is trusted"
 
@@ -110,23 +100,20 @@ def test_a_still_scene_is_trusted(sigma: float) -> None:
 
 def _flash(frame: FloatArray) -> FloatArray:
     y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
-    return np.asarray(
-        frame * (0.8 + np.exp(-((y - 60) ** 2 + (x - 70) ** 2) / 2500))[..., None], np.float32
-    )
+    flash = 0.8 + np.exp(-((y - 60) ** 2 + (x - 70) ** 2) / 2500)
+    return np.asarray(frame * flash[..., None], np.float32)
 
 
-def _soft(frame: FloatArray) -> FloatArray:
-    return gaussian_filter(frame, (2, 2, 0))
+def _turned(frame: FloatArray) -> FloatArray:
+    return np.pad(np.rot90(frame[:, :132], 2), ((0, 0), (0, 18), (0, 0)), "edge")
 
 
 ODD: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "out of focus": _soft,
+    "out of focus": lambda frame: gaussian_filter(frame, (2, 2, 0)),
     "is lit differently": _flash,
     "black": np.zeros_like,
     "pixels, the reference": lambda frame: frame[:120],
-    "cannot be aligned": lambda frame: np.ascontiguousarray(
-        np.rot90(frame[:, :132], 2)[:, list(range(132)) + [0] * 18]
-    ),
+    "cannot be aligned": _turned,
 }
 
 
@@ -164,20 +151,14 @@ def bracketed(
     the light of a scene.
     """
     y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
-    calibration = replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4))
-    shots = []
-    truth = []
+    noise = NoiseModel((2e-4,) * 4, (2e-3,) * 4)
+    calibration, shots, truth = SensorCalibration.of_bits(12, noise=noise), [], []
     for number, exposure in enumerate(exposures):
         down, across = _SHIFTS[number]
         spot = np.exp(-((y - down - 60.5) ** 2 + (x - across - 69.5) ** 2) / width)
         truth.append(bright(light(_SHIFTS[number]), spot[..., None]).astype(np.float32))
-        seen = simulate_additive(
-            truth[-1] * np.float32(exposure),
-            _PATTERN,
-            calibration,
-            0.002,
-            np.random.default_rng(number),
-        )
+        exposed, rng = truth[-1] * np.float32(exposure), np.random.default_rng(number)
+        seen = simulate_additive(exposed, _PATTERN, calibration, 0.002, rng)
         shots.append(Mosaic(seen.codes, _PATTERN, calibration))
     return shots, truth
 

@@ -5,7 +5,7 @@ import shutil
 import threading
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -32,7 +32,7 @@ SCRIPT = """
 import numpy as np
 from panchroma.offline.numerics.compile import compilation
 from panchroma.offline.numerics.mirror import mirror
-with compilation(lambda number, most: print("compiling", number)):
+with compilation(lambda number, most: print("compiling", number, number <= most)):
     places = np.array([-3, 6])
     mirror(places, 5)
     print(*places)
@@ -51,7 +51,7 @@ def copied(folder: Path) -> None:
     (folder / "panchroma/offline/numerics/mirror.py").write_text(KERNEL)
 
 
-COMPILED, KEPT = "compiling 1\n3 2\n", "3 2\n"
+COMPILED, KEPT = "compiling 1 True\n3 2\n", "3 2\n"
 
 
 def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_kept_badly(
@@ -70,41 +70,6 @@ def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-
-
-IN_TURN = """
-import numpy as np
-from panchroma.offline.numerics.arrays import Doubles1
-from panchroma.offline.numerics.compile import Pieces, compilation, kernel, parallel_kernel
-
-@kernel
-def part(x):
-    return x + 1
-
-@parallel_kernel()
-def first(pieces: Pieces, x: Doubles1):
-    part(x)
-
-@parallel_kernel()
-def second(pieces: Pieces, x: Doubles1):
-    np.sum(part(x))
-
-@parallel_kernel()
-def never(pieces: Pieces, x: Doubles1):
-    x
-
-with compilation(lambda number, most: print(number, number <= most)):
-    for function in (first, second, first):
-        function(np.ones(3))
-"""
-
-
-def test_kernels_are_counted_and_their_parts_are_not(tmp_path: Path) -> None:
-    (tmp_path / "script.py").write_text(IN_TURN)
-    assert run_python(
-        f"exec(compile(open({str(tmp_path / 'script.py')!r}).read(), "
-        f"{str(tmp_path / 'script.py')!r}, 'exec'))"
-    ) == ("1 True\n2 True\n")
 
 
 def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
@@ -156,21 +121,3 @@ def test_little_work_is_done_by_the_thread_that_asks_for_it(
     made(np.arange(4 * product.LITTLE))
     assert sum(size for size, _ in seen[1:]) == 4 * product.LITTLE
     assert len(seen) > 2
-
-
-class Scale(NamedTuple):
-    factors: Ints1
-    offset: int
-
-
-def scaled(pieces: product.Pieces, scale: Scale, numbers: Ints1, /) -> None:
-    for place in range(pieces[0], pieces[1]):
-        numbers[place] = scale.factors[place] * numbers[place] + scale.offset
-
-
-def test_a_kernel_takes_named_tuples() -> None:
-    numbers = np.arange(3)
-    product.ParallelKernel(scaled, lambda scale, numbers: len(numbers))(
-        Scale(np.array([1, 2, 3]), 10), numbers
-    )
-    assert numbers.tolist() == [10, 12, 16]

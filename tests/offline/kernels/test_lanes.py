@@ -4,18 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from panchroma.offline.numerics import functions
-from panchroma.offline.numerics.lanes import (
-    BYTES,
-    WIDTH,
-    greater,
-    lesser,
-    load,
-    quotient,
-    square_root,
-    store,
-    where_less,
-)
+from panchroma.offline.numerics import functions, lanes
+from panchroma.offline.numerics.lanes import BYTES, WIDTH, load, store
 from panchroma.shared.arrays import FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 
@@ -33,11 +23,11 @@ def calculate(a: FloatArray, b: FloatArray, scalar: float, out: FloatArray) -> N
     store(out, (2, 0), x * y)
     store(out, (3, 0), s - x)
     store(out, (4, 0), x * s + s)
-    store(out, (5, 0), lesser(x, y))
-    store(out, (6, 0), greater(x, s))
-    store(out, (7, 0), where_less(x, y, s, y))
-    store(out, (8, 0), quotient(s, x))
-    store(out, (9, 0), square_root(x * x))
+    store(out, (5, 0), lanes.lesser(x, y))
+    store(out, (6, 0), lanes.greater(x, s))
+    store(out, (7, 0), lanes.where_less(x, y, s, y))
+    store(out, (8, 0), lanes.quotient(s, x))
+    store(out, (9, 0), lanes.square_root(x * x))
     z = x
     z += y
     z -= s
@@ -67,9 +57,8 @@ def root_of(values: FloatArray, scale: float, out: FloatArray) -> None:
 
 
 def test_reciprocal_root() -> None:
-    values = np.concatenate([np.logspace(-36, 36, 16 * 2000), np.linspace(1, 4, 16 * 2000)]).astype(
-        np.float32
-    )
+    wide, narrow = np.logspace(-36, 36, 16 * 2000), np.linspace(1, 4, 16 * 2000)
+    values = np.concatenate([wide, narrow]).astype(np.float32)
     found = np.empty_like(values)
     root_of(values, 0.3, found)
     assert np.abs(found * np.sqrt(values.astype(np.float64)) / 0.3 - 1).max() < APPROXIMATE
@@ -85,9 +74,8 @@ def exponential_of(values: FloatArray, out: FloatArray) -> None:
 
 
 def test_exponential() -> None:
-    values = np.concatenate(
-        [np.linspace(-87, 0, 16 * 4000), -np.logspace(-30, 1, 16 * 1000)]
-    ).astype(np.float32)
+    wide, near = np.linspace(-87, 0, 16 * 4000), -np.logspace(-30, 1, 16 * 1000)
+    values = np.concatenate([wide, near]).astype(np.float32)
     found = np.empty_like(values)
     exponential_of(values, found)
     assert np.abs(found / np.exp(values.astype(np.float64)) - 1).max() < APPROXIMATE
@@ -109,9 +97,8 @@ def places_of_zeros(sizes: "NDArray[np.intp]") -> "NDArray[np.intp]":
     places = np.empty(len(sizes), np.intp)
     for index in range(len(sizes)):
         memory = functions.zeros(sizes[index])
-        places[index] = (
-            memory.ctypes.data if len(memory) == sizes[index] and not memory.any() else -1
-        )
+        is_right = len(memory) == sizes[index] and not memory.any()
+        places[index] = memory.ctypes.data if is_right else -1
     return places
 
 

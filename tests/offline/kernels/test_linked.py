@@ -22,14 +22,10 @@ def laplacian(luminance: DoubleArray) -> sparse.csr_array:
         there = np.s_[down:, max(right, 0) : width + min(right, 0)]
         steps = (luminance[here] - luminance[there]) / PRIOR.edge
         tie = (PRIOR.smoothness / (1 + down * abs(right)) / (1 + steps**2)).ravel()
-        ends = [
-            sparse.csr_array(
-                (np.ones(tie.size), (np.arange(tie.size), place[end].ravel())),
-                (tie.size, place.size),
-            )
-            for end in (here, there)
-        ]
-        difference = ends[0] - ends[1]
+        ones, ties = np.ones(tie.size), np.arange(tie.size)
+        ends = np.r_[place[here].ravel(), place[there].ravel()]
+        entries = np.r_[ones, -ones], (np.r_[ties, ties], ends)
+        difference = sparse.csr_array(entries, (tie.size, place.size))
         total = total + difference.T @ sparse.diags_array(tie) @ difference
     return total
 

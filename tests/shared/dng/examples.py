@@ -34,25 +34,19 @@ def preview(rows: int = 60, columns: int = 80) -> ByteArray:
 
 def calibration(channels: str = "RGB", bits: int = 12, **fields: object) -> SensorCalibration:
     """A calibration whose planes differ in everything."""
-    count = len(channels)
-    plain = SensorCalibration.of_bits(bits)
+    count, plain = len(channels), SensorCalibration.of_bits(bits)
+    planes, rows = np.arange(count + 1), np.arange(3)[:, None]
+    shot, read = (1e-3 * (planes + 1)).tolist(), (0.01 / (planes + 1)).tolist()
+    to_xyz = ((rows - planes[:-1]) % count == 0) + 0.1
     given: dict[str, object] = {
-        "channels": channels,
-        "gamma": tuple(0.7 + 0.21 * index for index in range(count)),
-        "noise": NoiseModel(
-            tuple(1e-3 * (index + 1) for index in range(count + 1)),
-            tuple(0.01 / (index + 1) for index in range(count + 1)),
-        ),
-        "black_level": tuple(plain.black_level[0] + index for index in range(count + 1)),
+        "gamma": tuple((0.7 + 0.21 * planes[:-1]).tolist()),
+        "noise": NoiseModel(tuple(shot), tuple(read)),
+        "black_level": tuple((plain.black_level[0] + planes).tolist()),
         "white_level": plain.white_level,
-        "camera_to_xyz": tuple(
-            tuple(float((row - column) % count == 0) + 0.1 for column in range(count))
-            for row in range(3)
-        ),
-        "neutral": tuple(0.5 + 0.1 * index for index in range(count)),
-        "sensor": "Prüfling 7",
+        "camera_to_xyz": tuple(map(tuple, to_xyz.tolist())),
+        "neutral": tuple((0.5 + 0.1 * planes[:-1]).tolist()),
     }
-    return SensorCalibration(**{**given, **fields})  # type: ignore[arg-type]
+    return SensorCalibration(channels, sensor="Prüfling 7", **{**given, **fields})  # type: ignore[arg-type]
 
 
 def mosaic(

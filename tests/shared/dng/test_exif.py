@@ -30,9 +30,8 @@ def survivor(metadata: CaptureMetadata) -> CaptureMetadata:
 
 
 def test_everything_survives() -> None:
-    assert all(
-        getattr(METADATA, field.name) != field.default for field in dataclasses.fields(METADATA)
-    )
+    for field in dataclasses.fields(METADATA):
+        assert getattr(METADATA, field.name) != field.default
     assert survivor(METADATA) == METADATA
 
 
@@ -46,15 +45,13 @@ def test_each_field_is_there_alone_or_not_at_all(field: str) -> None:
     "metadata",
     [
         *(CaptureMetadata(orientation=turn) for turn in range(1, 9)),
-        *(
-            CaptureMetadata(exposure_time=seconds)
-            for seconds in (1 / 8000, 1 / 3, 0.3, 30.0, 1234.5, 1 / 123456789)
-        ),
+        *(CaptureMetadata(exposure_time=time) for time in (1 / 8000, 1 / 3, 0.3, 30.0, 1234.5)),
+        CaptureMetadata(exposure_time=1 / 123456789),
         *(CaptureMetadata(iso=iso) for iso in (1, 65534, 65535, 65536, 409600)),
         CaptureMetadata(f_number=0.95),
         *(
             CaptureMetadata(place=place)
-            for place in ((0.0, -180.0), (90.0, 0.00000001), (-12.66666667, 59.99999999))
+            for place in ((0.0, -180.0), (90.0, 1e-8), (-12.5, 59.99999999))
         ),
         *(CaptureMetadata(altitude=metres) for metres in (0.0, 8848.86, -430.5)),
         CaptureMetadata(artist="山" * 500),
@@ -99,10 +96,10 @@ def read(main: Fields, exif: Fields | None = None, gps: Fields | None = None) ->
         fields(ExposureTime=(ASCII, "soon"), FNumber=(FieldType.SRATIONAL, [-2.8])),
         fields(FocalLength=(FieldType.DOUBLE, [math.inf]), DateTimeOriginal=(ASCII, "yesterday")),
         fields(FocalLength=(FieldType.DOUBLE, [2.0**40]), DateTimeOriginal=(ASCII, "0000:00:00")),
+        fields(OffsetTimeOriginal=(ASCII, "local"), OffsetTime=(SHORT, [1])),
         fields(
-            OffsetTimeOriginal=(ASCII, "local"), OffsetTime=(SHORT, [1]), LensModel=(SHORT, [35])
+            ISOSpeedRatings=(SHORT, [0]), SubsecTimeOriginal=(SHORT, [7]), LensModel=(SHORT, [3])
         ),
-        fields(ISOSpeedRatings=(SHORT, [0]), SubsecTimeOriginal=(SHORT, [7])),
     ],
 )
 def test_odd_fields_count_as_not_there_and_cost_no_other(odd: Fields) -> None:
@@ -139,11 +136,8 @@ def test_a_place_is_whole_or_not_there() -> None:
     assert read({}, None, whole).place == pytest.approx((-33.856944, 151.211111), abs=1e-6)
     assert read({}, None, {tag: value for tag, value in whole.items() if tag != 1}).place is None
     halves = latitude[:4], [33, 0, *latitude[2:]], [95, *latitude[1:]]
-    wrong: list[Any] = [
-        (ASCII, "33"),
-        (FieldType.SRATIONAL, [-33.0, 51, 25]),
-        (FieldType.DOUBLE, [33.5, 51, 25]),
-    ]
+    wrong: list[Any] = [(ASCII, "33"), (FieldType.SRATIONAL, [-33.0, 51, 25])]
+    wrong.append((FieldType.DOUBLE, [33.5, 51, 25]))
     wrong += [(RATIONAL, struct.pack(f"<{len(parts)}I", *parts)) for parts in halves]
     for tag, odd in [(1, (SHORT, [83])), (1, (ASCII, "?")), *((2, value) for value in wrong)]:
         assert read({}, None, whole | {tag: odd}) == CaptureMetadata(), odd

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 from panchroma import shared
-from panchroma.shared.dng import (
-    decode_preview,
-    encode_dng,
-    read_dng,
-    read_preview,
-    verify_dng,
-    write_dng,
-)
+from panchroma.shared.dng import decode_preview, encode_dng
+from panchroma.shared.dng.file import read_dng, read_preview, verify_dng, write_dng
 from panchroma.shared.errors import InputError, OutputError
 from panchroma.shared.pattern import CfaPattern
 from tests.shared.dng.examples import METADATA, mosaic, preview, same

@@ -16,15 +16,8 @@ def test_every_sample_comes_back(bits: int, shape: tuple[int, ...]) -> None:
     noisy = np.clip(random.normal(top / 3, 20, shape), 0, top)
     # unlike the rows that are counted
     surprise = np.where(np.arange(shape[0]).reshape(-1, *[1] * (len(shape) - 1)) % 32, even, 0)
-    for samples in (
-        even,
-        noisy,
-        surprise,
-        even % 2 * top,
-        np.zeros(shape),
-        np.full(shape, top),
-        even % 2 * (top // 2 + 1),
-    ):
+    extremes = even % 2 * top, np.zeros(shape), np.full(shape, top), even % 2 * (top // 2 + 1)
+    for samples in (even, noisy, surprise, *extremes):
         codes = samples.astype(np.uint16)
         jpeg = encode_lossless(codes, bits)
         np.testing.assert_array_equal(imagecodecs.jpeg8_decode(jpeg).reshape(shape), codes)

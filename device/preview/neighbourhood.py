@@ -28,8 +28,8 @@ not on the axis, are nearer.
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """The surroundings of the colour sites of a pattern."""
+class Neighbourhood:
+    """The panchromatic neighbourhood of the colour sites of a pattern."""
 
     pattern: CfaPattern
 
@@ -44,10 +44,8 @@ class Surroundings:
         weights = _lagrange(steps)
         wide = [before - 1, before, after, after + 1]
         if all(self._is_clear(_moved(site, axis, step)) for step in wide):
-            steps, weights = (
-                wide,
-                _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0]),
-            )
+            steps = wide
+            weights = _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0])
         return {
             _moved(site, axis, step): weight
             for step, weight in zip(steps, exact(weights), strict=True)
