@@ -268,21 +268,22 @@ class Session:
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
         frames = self._unshaded(paths, "dark", check_dark)
-        if frames:
-            try:
-                dark = self.seen.dark = measure_dark([mosaic for _, mosaic in frames])
-            except InputError as error:
-                self._skip(paths, error)
-            else:
-                self._known["black_level"] = tuple(dark.black.tolist())
-                self._console.say(dark.words)
-                path, first = frames[0]
-                if self._is_far(first.calibration):
-                    stated = figures(first.calibration.black_level)
-                    other = "states another black level than the dark frames show"
-                    self._console.note(f"{path} {other}: {stated} codes")
-        if self.seen.dark is None:  # what refused frames state is not the camera's
-            self.seen.base = None
+        try:
+            dark = measure_dark([mosaic for _, mosaic in frames]) if frames else None
+        except InputError as error:
+            self._skip(paths, error)
+            dark = None
+        if dark is None:
+            self.seen.base = None  # what refused frames state is not the camera's
+            return
+        self.seen.dark = dark
+        self._known["black_level"] = tuple(dark.black.tolist())
+        self._console.say(dark.words)
+        path, first = frames[0]
+        if self._is_far(first.calibration):
+            stated = figures(first.calibration.black_level)
+            fault = "states another black level than the dark frames show"
+            self._console.note(f"{path} {fault}: {stated} codes")
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
@@ -335,7 +336,7 @@ class Session:
             See `ShotMeasurement`, the other arguments: see `measure_frames`.
         """
 
-        def measured(path: str) -> ShotMeasurement:
+        def measure(path: str) -> ShotMeasurement:
             (mosaic, stated), name = self._read(path, "shot"), Path(path).name
             shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
             if shading and (zoomed := shading.zoomed(focal_length)):
@@ -346,14 +347,12 @@ class Session:
             except InputError as error:
                 why = why_no_chart(mosaic) or str(error)
                 if self._is_far(stated):
-                    why += (
-                        "; or the dark frames are to blame: they show black level "
-                        f"{figures(self._known['black_level'])}, the "
-                        f"shot states {figures(stated.black_level)} codes"
-                    )
+                    black = figures(self._known["black_level"])
+                    why += f"; or the dark frames are to blame: they show black level {black}, the "
+                    why += f"shot states {figures(stated.black_level)} codes"
                 raise InputError(why) from None
 
-        for shot in self._each(paths, "shot", measured):
+        for shot in self._process(paths, "shot", measure):
             gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"
             self._console.say(f"{shot.name}: chart at {shot.chart.place}, {gamma}")
             white = shot.places.mean[_WHITE, -1]
@@ -378,7 +377,7 @@ class Session:
             mosaic, _ = self._read(path, kind, check)
             return path, without_shading(mosaic)
 
-        return list(self._each(paths, kind, read))
+        return list(self._process(paths, kind, read))
 
     def _read(
         self, path: str, kind: str, check: Check = lambda _: None
@@ -428,12 +427,11 @@ class Session:
             if fact != first[name] and (name != "sensor" or (fact and first[name])):
                 raise InputError(
                     f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all "
-                    "frames have to be from one camera, "
-                    "with the same settings"
+                    "frames have to be from one camera, with the same settings"
                 )
 
-    def _each(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
-        """Yield what `work` makes of each frame that it can use, with a record; the others are
+    def _process(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
+        """Yield the result of `work` for each frame that it can use, with a record; the others are
         skipped.
         """
         for path in paths:

@@ -69,7 +69,7 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     one.mosaics["chart1"], one.places["chart1"] = other.mosaics["chart0"], other.places["chart0"]
     outcome = calibrated(one, "charts+dark")
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
-    said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.90"
+    said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.9"
     assert re.search(said, outcome.refusal)
 
 
