@@ -287,7 +287,7 @@ def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: C
     # Channel `order[i]` of the shot sees what the i-th name should.
     true = {names[index]: right for right, index in zip(names, best, strict=True)}
     wrong = " and ".join(_NAMES[letter] for letter in names if true[letter] != letter)
-    block = "/".join(pattern.letters_from()).translate(str.maketrans(true))
+    block = "".join(true.get(letter, letter) for letter in "/".join(pattern.letters_from()))
     raise InputError(
         f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its "
         f"sensor, whose pattern probably is {block}; capture the shot again with the right pattern"

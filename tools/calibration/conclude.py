@@ -105,7 +105,7 @@ class Result:
 
     Attributes
     ----------
-    seen
+    measured
         What it was concluded from.
     parts
         What the frames show, or say that they do not show: by the name in "measured" of
@@ -120,7 +120,7 @@ class Result:
         Sentences for the user.
     """
 
-    seen: Measurements
+    measured: Measurements
     parts: Mapping[str, Part]
     camera: Camera | None
     refusal: str
@@ -140,12 +140,12 @@ class Result:
         return "use it with care" if self.warnings else "use it"
 
 
-def conclude(seen: Measurements, provenance: Mapping[str, Any] | None = None) -> Result:
+def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None) -> Result:
     """Combine all that was measured into one camera.
 
     Parameters
     ----------
-    seen
+    measured
         What was measured. What it shows replaces whole parts of the old camera file.
     provenance
         Facts that every part of the camera file records.
@@ -155,10 +155,10 @@ def conclude(seen: Measurements, provenance: Mapping[str, Any] | None = None) ->
     InputError
         No frame was read.
     """
-    calibration = seen.calibration
-    parts = {part.name: part for conclude_part in _PARTS if (part := conclude_part(seen))}
+    calibration = measured.calibration
+    parts = {part.name: part for conclude_part in _PARTS if (part := conclude_part(measured))}
     changes = {name: value for part in parts.values() for name, value in part.changes.items()}
-    measured = {
+    sources = {
         name: {**(provenance or {}), **part.facts}
         for name, part in parts.items()
         if part.facts is not None
@@ -169,24 +169,24 @@ def conclude(seen: Measurements, provenance: Mapping[str, Any] | None = None) ->
         changes["noise"] = calibration.noise.in_units_of(rescaled)
     refusal = "; ".join(part.refusal for part in parts.values() if part.refusal)
     camera = None
-    if (base := seen.base) and not refusal:
-        calibration, facts = replace(calibration, **changes), seen.known | measured
+    if (base := measured.base) and not refusal:
+        calibration, facts = replace(calibration, **changes), measured.known | sources
         camera = Camera(calibration, base.pattern, facts, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
     warnings = [line for part in parts.values() for line in part.warnings]
-    warnings = [*seen.remarks, *warnings, *_outdated(seen, measured)]
-    return Result(seen, parts, camera, refusal, contradictions, tuple(warnings))
+    warnings = [*measured.remarks, *warnings, *_outdated(measured, sources)]
+    return Result(measured, parts, camera, refusal, contradictions, tuple(warnings))
 
 
-def _outdated(seen: Measurements, measured: Mapping[str, Any]) -> list[str]:
+def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
     """Return a warning of parts that are kept, and were measured with a black level that has turned
     out to be wrong.
     """
-    kept = [part for part in seen.known if part in _OF_BLACK and part not in measured]
-    if not (kept and seen.old and seen.dark):
+    kept = [part for part in measured.known if part in _OF_BLACK and part not in sources]
+    if not (kept and measured.old and measured.dark):
         return []
-    moved = np.abs(seen.dark.black - np.array(seen.old.calibration.black_level))
-    if not (moved > _MOVED * seen.assumed().black).any():
+    moved = np.abs(measured.dark.black - np.array(measured.old.calibration.black_level))
+    if not (moved > _MOVED * measured.assumed().black).any():
         return []
     return [
         f"the black level is {moved.max():.1f} codes off the one with which {', '.join(kept)} of "
@@ -197,17 +197,17 @@ def _outdated(seen: Measurements, measured: Mapping[str, Any]) -> list[str]:
 # --- gamma ---------------------------------------------------------------------------------------
 
 
-def conclude_gamma(seen: Measurements) -> Part | None:
+def conclude_gamma(measured: Measurements) -> Part | None:
     """Return the weights of Eq. 7 as all shots show them together, and what does not fit
     together.
     """
-    fit = seen.gamma
+    fit = measured.gamma
     if fit is None:
-        stated = ", ".join(f"{value:g}" for value in seen.calibration.gamma)
+        stated = ", ".join(f"{value:g}" for value in measured.calibration.gamma)
         line = f"gamma was not measured, and stays as the shots state it ({stated})"
         remedy = "shoot a ColorChecker, and add it with `update`"
-        return None if "gamma" in seen.known else Part("gamma", warnings=[f"{line}; {remedy}"])
-    refusal, contradictions = "", _contradictions(fit, seen.shots)
+        return None if "gamma" in measured.known else Part("gamma", warnings=[f"{line}; {remedy}"])
+    refusal, contradictions = "", _contradictions(fit, measured.shots)
     try:
         check_determined(fit)
     except InputError as error:
@@ -220,20 +220,20 @@ def conclude_gamma(seen: Measurements) -> Part | None:
         refusal = "; ".join(contradictions)
     facts = {
         "from": "the patches of a ColorChecker",
-        "shots": [shot.name for shot in seen.shots],
+        "shots": [shot.name for shot in measured.shots],
         "half_width_95": rounded(fit.half_width),
         "condition": round(fit.condition, 2),
         "residuals_over_noise": round(fit.spread, 2),
     }
-    changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, seen.shots)
+    changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, measured.shots)
     return Part("gamma", facts, changes, warnings, contradictions, refusal, fit)
 
 
-def black_error(seen: Measurements) -> DoubleArray:
+def black_error(measured: Measurements) -> DoubleArray:
     """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what
     shots show of it.
     """
-    assumed, fit = seen.assumed(), seen.gamma
+    assumed, fit = measured.assumed(), measured.gamma
     if fit is None or assumed.black_measured:
         return assumed.black
     offset, error = fit.offset
@@ -353,19 +353,19 @@ class ChartColours:
     before: DoubleArray | None
 
 
-def conclude_colour(seen: Measurements) -> Part | None:
+def conclude_colour(measured: Measurements) -> Part | None:
     """Return the camera's colours: of every chart without clipped patches those that predict the
     left-out patches best.
 
     Under two lights, those under each; the part is refused unless both are known.
     """
-    lights = seen.lights or ("",)
-    charts = {light: _charts_under(seen, light) for light in lights}
+    lights = measured.lights or ("",)
+    charts = {light: _charts_under(measured, light) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
         why = "no chart without clipped patches was found under the light"
         refusal = f"{why} {' and '.join(missing)}"
-        return Part("colour", refusal=refusal) if seen.lights else None
-    if seen.lights and (wrong := _wrong_lights(charts)):
+        return Part("colour", refusal=refusal) if measured.lights else None
+    if measured.lights and (wrong := _wrong_lights(charts)):
         return Part("colour", refusal=wrong)
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
     warnings, contradictions = [], []
@@ -384,7 +384,7 @@ def conclude_colour(seen: Measurements) -> Part | None:
     colours = [(as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist())) for chart in best]
     facts, ((matrix, neutral), *_) = of_charts[0], colours
     changes: dict[str, Any] = {"camera_to_xyz": matrix, "neutral": neutral, "lights": None}
-    if seen.lights:
+    if measured.lights:
         both = (CalibratedLight(light, *pair) for light, pair in zip(lights, colours, strict=True))
         changes = {"lights": tuple(both), "neutral": None, "neutral_estimated": False}
         facts = {name: [chart[name] for chart in of_charts] for name in facts}
@@ -392,17 +392,17 @@ def conclude_colour(seen: Measurements) -> Part | None:
     return Part("colour", facts, changes, warnings, contradictions, result=best)
 
 
-def _charts_under(seen: Measurements, light: str) -> list[ChartColours]:
+def _charts_under(measured: Measurements, light: str) -> list[ChartColours]:
     """Return the charts under one light that show colours."""
-    gamma, charts = seen.gamma, []
-    for shot in seen.shots:
+    gamma, charts = measured.gamma, []
+    for shot in measured.shots:
         if gamma is not None and shot.light == light and not shot.places.clipped.any():
             levels = reconciled(shot.places, gamma.gamma)
             known, before = shot.fit.calibration.camera_to_xyz, None
             if known is not None or shot.fit.calibration.channels == "RGB":
                 matrix = np.array(SRGB_TO_XYZ if known is None else known)
-                before = white_balanced(levels, seen.chart_colours, matrix)
-            fit = fit_colour(levels, seen.chart_colours, shot.chart.place.cells)
+                before = white_balanced(levels, measured.chart_colours, matrix)
+            fit = fit_colour(levels, measured.chart_colours, shot.chart.place.cells)
             charts.append(ChartColours(shot, fit, before))
     return charts
 
@@ -465,11 +465,11 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
 # --- dark and flat frames ------------------------------------------------------------------------
 
 
-def conclude_black_level(seen: Measurements) -> Part | None:
+def conclude_black_level(measured: Measurements) -> Part | None:
     """Return the black level of each plane, and a warning of codes that are too coarse for the read
     noise.
     """
-    dark = seen.dark
+    dark = measured.dark
     if dark is None:
         return None
     coarse = (
@@ -479,27 +479,27 @@ def conclude_black_level(seen: Measurements) -> Part | None:
     return Part(
         "black_level",
         {"frames": dark.frames, "standard_error": rounded(dark.black_error)},
-        {"black_level": seen.calibration.black_level},
+        {"black_level": measured.calibration.black_level},
         warnings=() if dark.shows_read else (coarse,),
         result=dark,
     )
 
 
-def conclude_defects(seen: Measurements) -> Part | None:
+def conclude_defects(measured: Measurements) -> Part | None:
     """Return the defects.
 
     Those that the frames or the camera file state stay, unless dark and flat frames together do not
     show them: dark frames alone show no dead pixels, and flat ones no hot pixels.
     """
-    dark, flats, stated = seen.dark, seen.flats, seen.stated_defects
-    if seen.base is None:
+    dark, flats, stated = measured.dark, measured.flats, measured.stated_defects
+    if measured.base is None:
         return None
-    before = stated | set(seen.calibration.defects)
+    before = stated | set(measured.calibration.defects)
     if not (dark or flats):
         return Part("defects", changes={"defects": tuple(sorted(before))}) if stated else None
     shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
     defects = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
-    fraction, warnings = len(defects) / seen.base.samples.size, []
+    fraction, warnings = len(defects) / measured.base.samples.size, []
     if gone := sorted(stated.difference(defects)):
         places = [f"{row} {column}" for row, column in gone[:_NAMED]]
         listed = ", ".join(places + ["..."] * (len(gone) > _NAMED))
@@ -518,15 +518,21 @@ def conclude_defects(seen: Measurements) -> Part | None:
     return Part("defects", {"part_of_pixels": fraction}, {"defects": tuple(defects)}, warnings)
 
 
-def conclude_noise(seen: Measurements) -> Part | None:
+def conclude_noise(measured: Measurements) -> Part | None:
     """Return the noise of each plane."""
-    if not seen.flats:
+    if not measured.flats:
         remedy = "take pairs of flat frames (`flat`), and dark frames (`dark`)"
         line = f"noise was not measured; {remedy}"
-        return Part("noise", warnings=[line]) if seen.shots and "noise" not in seen.known else None
-    noise = noise_of_flats(seen.flats, seen.calibration, seen.dark, black_error(seen))
+        return (
+            Part("noise", warnings=[line])
+            if measured.shots and "noise" not in measured.known
+            else None
+        )
+    noise = noise_of_flats(
+        measured.flats, measured.calibration, measured.dark, black_error(measured)
+    )
     # In scene units noise is as uncertain as their size, which is that of gamma.
-    full_scale, error, gamma = seen.calibration.full_scale, 0.0, seen.gamma
+    full_scale, error, gamma = measured.calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
         full_scale, error = float(gamma.gamma.sum()), float(gamma.covariance.sum()) ** 0.5
     shot, read, shot_own, read_own = np.array([astuple(line) for line in noise.lines]).T
@@ -536,7 +542,7 @@ def conclude_noise(seen: Measurements) -> Part | None:
         "read_error": rounded(np.hypot(full_scale * read_own, error * read)),
     }
     changes = {"noise": noise.model(full_scale)}
-    return Part("noise", facts, changes, _noise_warnings(noise, seen.dark), result=noise)
+    return Part("noise", facts, changes, _noise_warnings(noise, measured.dark), result=noise)
 
 
 def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
@@ -561,16 +567,16 @@ def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
     return warnings
 
 
-def conclude_shading(seen: Measurements) -> Part | None:
+def conclude_shading(measured: Measurements) -> Part | None:
     """Return how light falls off, for each plane, and a warning if its error is that of an assumed
     black level.
     """
-    result = seen.shading
+    result = measured.shading
     if result is None:
         return None
     shading, error, warnings = result.shading, result.error, []
-    if not seen.assumed().black_measured:  # light that is black in truth does not fall off
-        error = float(np.hypot(error, result.error_of_black(black_error(seen))))
+    if not measured.assumed().black_measured:  # light that is black in truth does not fall off
+        error = float(np.hypot(error, result.error_of_black(black_error(measured))))
         warnings.append(
             "shading was measured with a black level that is assumed, and so is only known to "
             f"±{100 * error:.2g} % in the corners (standard error); take dark frames (`dark`)"

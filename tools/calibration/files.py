@@ -129,8 +129,8 @@ def _text(value: Any, indent: str = "") -> str:
         fields = ((json.dumps(key), _text(entry, deeper)) for key, entry in value.items())
         rows = [f"{deeper}{name}: {text}" for name, text in fields]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
-    nested = list | tuple | str | dict
-    if isinstance(value, list | tuple) and value and isinstance(value[0], nested):
+    is_list = isinstance(value, list | tuple) and value
+    if is_list and isinstance(value[0], list | tuple | str | dict):
         rows = [f"{deeper}{_text(entry, deeper)}" for entry in value]
         return "[\n" + ",\n".join(rows) + f"\n{indent}]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -257,8 +257,8 @@ def noise_of_flats(
     lines = []
     for plane, full in enumerate(span.tolist()):
         read = None if known is None else float(known.read[plane] / full)
-        moments = (points.mean, points.variance, points.count)
-        line = fit_photon_transfer(*(values[:, plane] for values in moments), read)
+        mean, variance = points.mean[:, plane], points.variance[:, plane]
+        line = fit_photon_transfer(mean, variance, points.count[:, plane], read)
         # Black that is off stretches the levels, and moves the line's intercept.
         moved = 0.0 if black_error is None else line.shot * float(black_error[plane] / full)
         if known is None:

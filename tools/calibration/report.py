@@ -40,12 +40,12 @@ def write_report(result: Result, provenance: Mapping[str, str]) -> bytes:
     provenance
         Date, program, ...
     """
-    camera, seen = result.camera, result.seen
+    camera, measured = result.camera, result.measured
     told = () if result.refusal else result.contradictions  # a refusal names them already
     fits = {name: part.result for name, part in result.parts.items() if part.result is not None}
     plots = {"gamma": partial(_plot_residuals, result)}
     if "noise" in fits:
-        plots["noise"] = partial(_plot_transfer, fits["noise"], seen.planes)
+        plots["noise"] = partial(_plot_transfer, fits["noise"], measured.planes)
     return render_page(
         _TEMPLATE,
         title=f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
@@ -54,9 +54,9 @@ def write_report(result: Result, provenance: Mapping[str, str]) -> bytes:
         tone=_TONES[result.verdict],
         refusal=result.refusal,
         warnings=[*told, *result.warnings],
-        skipped=seen.skipped,
-        planes=seen.planes,
-        shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
+        skipped=measured.skipped,
+        planes=measured.planes,
+        shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in measured.shots],
         gamma=fits.get("gamma"),
         noise=fits.get("noise"),
         plots={name: embed_plot(plot) for name, plot in plots.items() if name in fits},
@@ -64,8 +64,8 @@ def write_report(result: Result, provenance: Mapping[str, str]) -> bytes:
             (chart, _patches(chart), _differences(chart), _glow(chart.fit.light))
             for chart in fits.get("colour", ())
         ],
-        dark=seen.dark,
-        shading=seen.shading,
+        dark=measured.dark,
+        shading=measured.shading,
         camera=camera,
         document=json.dumps(camera.to_json(), indent=1, ensure_ascii=False) if camera else "",
         figures=figures,
@@ -78,8 +78,8 @@ def _plot_residuals(result: Result, axes: "Axes") -> None:
     """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were
     left out are crosses.
     """
-    colours = np.array(_css_colours(xyz_to_lab(result.seen.chart_colours)))
-    for fit in (shot.fit for shot in result.seen.shots):
+    colours = np.array(_css_colours(xyz_to_lab(result.measured.chart_colours)))
+    for fit in (shot.fit for shot in result.measured.shots):
         percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
         for here, marker in ((fit.used, "o"), (~fit.used, "X")):
             x, y, fill = fit.level[here], percent[here], colours[here]

@@ -354,8 +354,9 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
         square = down**2 + right**2
         terms = [np.ones_like(x), down**2, right**2, square**2, square**3, *more]
         design = np.stack(terms, axis=1) * weight[:, None]
-        coefficients, *_ = np.linalg.lstsq(design, level * weight, rcond=None)
-        return design @ coefficients - level * weight, coefficients
+        coefficients = np.linalg.lstsq(design, level * weight, rcond=None)[0].astype(np.float64)
+        residuals: DoubleArray = design @ coefficients - level * weight
+        return residuals, coefficients
 
     def fit_tilt(
         centre: DoubleArray, level: DoubleArray, weight: DoubleArray
@@ -372,12 +373,11 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
 
     level, weights = np.log(tiles.light / tiles.gain)[-1], tiles.light / tiles.error
     tilt, side, squares = fit_tilt(np.zeros(2), level, weights[-1])
-    displaced = least_squares(
-        lambda centre: fit_around(centre, level, weights[-1])[0],
-        np.zeros(2),
-        bounds=(-1, 1),
-        x_scale=0.1,
-    )
+
+    def residuals_around(centre: DoubleArray) -> DoubleArray:
+        return fit_around(centre, level, weights[-1])[0]
+
+    displaced = least_squares(residuals_around, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
     away = float(np.hypot(*displaced.x)) / 2
     clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
     if clearly and away > _CENTRE:

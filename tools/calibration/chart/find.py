@@ -5,6 +5,7 @@ colours and grey row.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -208,13 +209,13 @@ def refine(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     # The second search has a new simplex: in eight dimensions the first may collapse too early.
     for reach in (0.12, 0.04):
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
-        options = {"initial_simplex": simplex, "maxfev": 700, "xatol": 1e-3, "fatol": 1e-6}
+        options: Any = {"initial_simplex": simplex, "adaptive": True, "maxfev": 700}
         minimum = minimize(
             _misfit,
             np.zeros(8),
             args=(luminance, root, best, scale),
             method="Nelder-Mead",
-            options={**options, "adaptive": True},
+            options=options | {"xatol": 1e-3, "fatol": 1e-6},
         )
         best = best + minimum.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))
