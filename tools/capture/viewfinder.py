@@ -107,8 +107,7 @@ class Viewfinder:
         frame : RawFrame
             The frame that it shows.
         """
-        options: Any = {"level": _QUALITY, "subsampling": "420"}
-        jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), **options))
+        jpeg = encode_view(picture)
         clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
         now = monotonic()
         with self._changed:
@@ -239,6 +238,12 @@ class LiveView:
             pictures = f"{self.finder.status()['frames']} pictures"
             raise InputError(f"the camera has ended after {pictures}; start it again")
         note("the recording has ended")
+
+
+def encode_view(picture: ByteArray) -> bytes:
+    """Return a picture, uint8 sRGB (h, w, 3), as a JPEG file."""
+    options: Any = {"level": _QUALITY, "subsampling": "420"}
+    return bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), **options))
 
 
 def fitting_scale(width: int, pattern: CfaPattern) -> int:

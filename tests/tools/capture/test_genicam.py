@@ -93,8 +93,8 @@ def test_shots_have_the_cameras_samples_and_settings(
 ) -> None:
     camera, link, (name, _, _, bits) = plug(kind), tmp_path / "latest", kind
     settings = ["--exposure-time", "1/50", "--gain", "6", "--fps", "25"]
-    arguments = ("-o", out, *TILE, "--frames", "2", "--latest", link, *settings)
-    outcome = capture(camera, *arguments, code=0)
+    settings += ["--frames", "2", "--latest", str(link)]
+    outcome = capture(camera, "-o", out, *TILE, *settings, code=0)
     about = f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second"
     assert "incomplete" not in outcome.err
     assert about in outcome.err
@@ -155,8 +155,8 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
     camera = plug()
     first = capturing(camera, out)
     ended(first, signal.SIGKILL)
-    arguments = ("-o", out, *TILE, "--frames", "1")
-    while "another program has" in (outcome := capture(camera, *arguments)).err:
+    once = ("--frames", "1")
+    while "another program" in (outcome := capture(camera, "-o", out, *TILE, *once)).err:
         time.sleep(0.2)
     assert outcome.code == 0, outcome.err
 

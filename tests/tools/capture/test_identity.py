@@ -43,7 +43,7 @@ def same_sites(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     """Whether the same sites of two tiles are alike, and the same ones panchromatic."""
     first, second = ("".join(tile) for tile in (one, other))
     exchanged = dict(zip(first, second, strict=False))
-    same = first.translate(str.maketrans(exchanged)) == second
+    same = "".join(exchanged.get(letter, "") for letter in first) == second
     return same and exchanged.get("W", "W") == "W"
 
 

@@ -134,7 +134,7 @@ def test_frames_are_shown_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(finder, "show", show)
     frames = (RawFrame.now(codes(number).tobytes()) for number in range(20))
-    show_frames(frames, SENSOR, grey, finder, pytest.fail)
+    show_frames(frames, SENSOR, grey, finder, lambda error: pytest.fail(str(error)))
     assert shown == [int(codes(number)[0, 0]) for number in range(20)]
 
 
