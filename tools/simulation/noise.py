@@ -211,11 +211,10 @@ class SensorProtocol(Protocol):
     bits = _BITS
     conditions = (
         "both cameras expose pixels of the same sensor for the same time: "
-        f"{1 / TYPICAL_SHOT:,.0f} electrons per scene unit at "
-        f"exposure 1, read noise of {TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; "
-        "the Bayer camera amplifies more, "
-        "for its white is a third of the panchromatic pixel's; "
-        "in bright light it could expose longer instead, which is not tried here"
+        f"{1 / TYPICAL_SHOT:,.0f} electrons per scene unit at exposure 1, read noise of "
+        f"{TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; the Bayer camera amplifies "
+        "more, for its white is a third of the panchromatic pixel's; in bright light it could "
+        "expose longer instead, which is not tried here"
     )
 
     def __post_init__(self) -> None:

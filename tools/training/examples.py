@@ -117,9 +117,12 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     rows, columns = ((1, count - 1) for count in cells.shape)
     error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
-    pictures = (_picture(cells, part, rows, columns) for part in (corrected, truth))
-    picture, light, error = (array.astype(_KIND) for array in (*pictures, error))
-    return Example(picture, light, error, variance[None])
+    return Example(
+        _picture(cells, corrected, rows, columns).astype(_KIND),
+        _picture(cells, truth, rows, columns).astype(_KIND),
+        error.astype(_KIND),
+        variance[None],
+    )
 
 
 def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> FloatArray:

@@ -60,26 +60,18 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     scene, mosaic = photographed(source, patterns, _CLEAN, random)
     filled, grid = recover_luminance(mosaic, UNLEARNED.luminance), mosaic.pattern.grid(mosaic.shape)
     blocks = grid.whole_rows, grid.whole_columns
-    asked, seen, units = network_inputs(
+    queries, inputs, units = network_inputs(
         np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise
     )
     missing = scene.sum(axis=2) - filled
-    off = np.stack(
-        [
-            missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel()
-            for down, across, _ in mosaic.pattern.sites
-        ]
-    )
-    clear = seen[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR))
-    asked, seen, units = asked[clear], seen[clear], units[clear]
-    light, chosen = filled[np.ix_(*blocks)].reshape(-1, 1), random.permutation(len(asked))[:_BLOCKS]
-    seen, units, asked = seen[chosen], units[chosen], asked[chosen]
-    return (
-        seen.astype(np.float16),
-        (off[:, asked].T / units).astype(np.float32),
-        units,
-        light[asked],
-    )
+    rows, columns = blocks
+    off = [missing[np.ix_(rows + y, columns + x)].ravel() for y, x, _ in mosaic.pattern.sites]
+    clear = np.flatnonzero(inputs[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR)))
+    chosen = random.permutation(clear)[:_BLOCKS]
+    inputs, units, queries = inputs[chosen], units[chosen], queries[chosen]
+    errors = (np.array(off)[:, queries].T / units).astype(np.float32)
+    light = filled[np.ix_(*blocks)].reshape(-1, 1)
+    return inputs.astype(np.float16), errors, units, light[queries]
 
 
 def learn(
@@ -95,7 +87,7 @@ def learn(
     torch.manual_seed(0)
     sides = list(zip(parts, kept_back(sources), strict=True))
     learned, kept = ([part for part, side in sides if side == back] for back in (False, True))
-    seen, off, units, light = (
+    inputs, off, units, light = (
         torch.from_numpy(np.concatenate(arrays)) for arrays in zip(*learned, strict=True)
     )
     weight = (units / (light.clamp_min(0) + _FAINT)).clamp(max=1)
@@ -111,11 +103,11 @@ def learn(
     ]
     order = np.random.default_rng(0)
     for step in descent(optimiser, 0, steps):
-        chosen = torch.from_numpy(order.integers(len(seen), size=_BATCH))
+        chosen = torch.from_numpy(order.integers(len(inputs), size=_BATCH))
         pixels, sites = turned[order.integers(len(turned))]
-        around = seen[chosen].float()
-        inputs = torch.cat([around[:, pixels], around[:, -1:]], dim=1)
-        error = network(inputs) - off[chosen][:, sites]
+        around = inputs[chosen].float()
+        turned_around = torch.cat([around[:, pixels], around[:, -1:]], dim=1)
+        error = network(turned_around) - off[chosen][:, sites]
         energy = error.square().mean(dim=1, keepdim=True)
         loss = (weight[chosen] * ((energy + 1e-4).sqrt() + _ENERGY * energy)).mean()
         optimiser.zero_grad()
@@ -136,8 +128,8 @@ def _turned(side: int, turns: int, flip: bool) -> Any:
 def _left(network: nn.Sequential, kept: list[Example]) -> float:
     left, before = 0.0, 1e-30
     with torch.no_grad():
-        for seen, off, units, _ in kept:
-            error = off - network(torch.from_numpy(seen).float()).numpy()
+        for inputs, off, units, _ in kept:
+            error = off - network(torch.from_numpy(inputs).float()).numpy()
             left += float(np.square(error * units).sum())
             before += float(np.square(off * units).sum())
     return left / before

@@ -232,9 +232,9 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
         missing = inner(right - colour, HALO)
         scale, known = inner(bound, BLOCKS + 1), inner(variance, HALO)
         unit = torch.sqrt(scale**2 + 0.25 * known + 1e-5)
-        seen = HUE * inner(true_light, HALO) + DARK
+        limit = HUE * inner(true_light, HALO) + DARK
     left = missing - network(inputs).float() * scale
-    return _measures(left, unit, seen), _measures(missing, unit, seen)
+    return _measures(left, unit, limit), _measures(missing, unit, limit)
 
 
 def share_left(left: Any, before: Any) -> Any:
@@ -252,9 +252,9 @@ def share_left(left: Any, before: Any) -> Any:
     return torch.stack([shares[0], (left[1] / (before[1] + _FAINT)).mean(), shares[2]])
 
 
-def _measures(error: Any, unit: Any, seen: Any) -> Any:
+def _measures(error: Any, unit: Any, limit: Any) -> Any:
     robust = torch.sqrt(((error / unit) ** 2).mean(dim=1) + 1e-4)
     pixels = error.shape[1] // 2
-    apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / seen**2
+    apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / limit**2
     parts = robust, error**2, apart**2 / (1 + apart**2)
     return torch.stack([part.flatten(1).mean(dim=1) for part in parts])

@@ -272,12 +272,12 @@ def _beginning(plan: Plan) -> Network:
     period, sites = plan.pattern.period, len(plan.pattern.sites)
     if plan.start is None:
         return Network(period, sites)
-    given = {
+    weights = {
         name: torch.from_numpy(values)
         for name, values in weights_for(plan.pattern, plan.start).items()
     }
-    network = Network(period, sites, len(given["enter.bias"]))
-    network.load_state_dict(given)
+    network = Network(period, sites, len(weights["enter.bias"]))
+    network.load_state_dict(weights)
     return network
 
 

@@ -184,7 +184,8 @@ def levels(black: int, white: int) -> dict[str, Any]:
 
 linear = partial(dng, noise(40, 52, 3), "", LINEAR_RAW)
 BYTES = noise(40, 52, 3, dtype=np.uint8)
-SEPARATE, LARGE_TILES = {"planarconfig": "separate"}, {"tile": (2064, 2064), "compression": "zlib"}
+SEPARATE: Any = {"planarconfig": "separate"}
+LARGE_TILES: Any = {"tile": (2064, 2064), "compression": "zlib"}
 BROKEN_SHOT = b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20
 
 
