@@ -82,8 +82,7 @@ class Geometry:
         if self.scale not in possible:
             raise InputError(
                 f"a preview with one pixel per {self.scale} x {self.scale} sensor pixels: a "
-                f"pattern of period {period} has "
-                f"{', '.join(map(str, possible))}"
+                f"pattern of period {period} has {', '.join(map(str, possible))}"
             )
 
     @staticmethod

@@ -120,10 +120,8 @@ def decode_record(data: bytes) -> Record:
         calibration = document["calibration"] | {
             name: document[name] for name in document.keys() & OPTIONAL
         }
-        shape, digests = (
-            size("shape", document["shape"]),
-            (document["samples"], document["preview"]),
-        )
+        shape = size("shape", document["shape"])
+        digests = (document["samples"], document["preview"])
         if not all(isinstance(text, str) for text in digests):
             raise TypeError
     except _ODD:  # the digest is right, but no version of ours wrote this

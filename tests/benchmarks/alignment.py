@@ -45,9 +45,8 @@ def photograph(frame: SimulatedFrame, sigma: float | None, seed: int) -> Mosaic:
     """A mosaic of the frame. sigma: None = by a real sensor."""
     random = np.random.default_rng(seed)
     if sigma is None:
-        return simulate_sensor(
-            frame.rgb, PATTERN, CALIBRATION, frame.exposure, random
-        ).in_scene_units()
+        taken = simulate_sensor(frame.rgb, PATTERN, CALIBRATION, frame.exposure, random)
+        return taken.in_scene_units()
     return simulate_additive(frame.rgb, PATTERN, CALIBRATION, sigma, random)
 
 
@@ -65,13 +64,12 @@ def measured(
     figures = []
     for frame, view in zip(frames[1:], views[1:], strict=True):
         begin = time.process_time()
-        found = align(views[0], view)
-        if isinstance(found, Alignment):
+        alignment = align(views[0], view)
+        if isinstance(alignment, Alignment):
             seconds = time.process_time() - begin
-            error = alignment_error(
-                [found.motion], [Motion(*frame.motion, local)], mosaics[0].shape
-            )
-            figures.append((error, found.error, seconds))
+            true = Motion(*frame.motion, local)
+            error = alignment_error([alignment.motion], [true], mosaics[0].shape)
+            figures.append((error, alignment.error, seconds))
     return figures
 
 
@@ -114,11 +112,10 @@ def cases(
     rgb: FloatArray, count: int, pixel: int, sigmas: list[float]
 ) -> Iterator[tuple[str, Figures]]:
     """The figures of a scene, by what they are of."""
-    plain = SimulatedBurst(count, PIXELS, DEGREES)
     bracket = (0.0, *((-STOPS, STOPS) * count)[: count - 1])
     still, exposures = (
         list(burst_frames(rgb, burst, np.random.default_rng(1), pixel))
-        for burst in (plain, replace(plain, stops=bracket))
+        for burst in (SimulatedBurst(count, PIXELS, DEGREES, stops) for stops in ((), bracket))
     )
     local = np.zeros((2, SMOOTH + 1, 2), np.float32)
     local[:, :, 1] = 0.5 * np.tanh((SMOOTH / 2 - np.arange(SMOOTH + 1)) / 2)
@@ -130,27 +127,21 @@ def cases(
 
 def main() -> None:
     """Print the tables."""
-    given = options(__doc__, "*", sigma=[0.0, 0.03], frames=8, reduce=2)
+    arguments = options(__doc__, "*", sigma=[0.0, 0.03], frames=8, reduce=2)
+    count = arguments.frames
     print(f"{'':58}{'error':>8}{'worst':>8}{'estimate':>10}{'seconds':>9}{'refused':>9}")
     collected = defaultdict[str, list[tuple[float, str]]](list)
-    for scene in given.scenes or photographs():
+    for scene in arguments.scenes or photographs():
         loaded = load_scene(str(scene), linear=True)
-        for what, figures in cases(loaded.rgb, given.frames, given.reduce, given.sigma):
-            middle, estimate, seconds = (
-                np.median(figures, axis=0) if figures else (np.inf, np.inf, 0.0)
-            )
-            worst, refused = max(figures, default=(np.inf,))[0], given.frames - 1 - len(figures)
-            print(
-                f"{loaded.name:26}{what:32}{middle:8.3f}{worst:8.3f}{estimate:10.3f}{seconds:9.2f}{refused:5d}",
-                flush=True,
-            )
+        for what, figures in cases(loaded.rgb, count, arguments.reduce, arguments.sigma):
+            middle, estimate, seconds = np.median(figures or [(np.inf, np.inf, 0.0)], axis=0)
+            worst = max(figures, default=(np.inf,))[0]
+            line = f"{loaded.name:26}{what:32}{middle:8.3f}{worst:8.3f}{estimate:10.3f}"
+            print(f"{line}{seconds:9.2f}{count - 1 - len(figures):5d}", flush=True)
             collected[what].append((float(middle), loaded.name))
     for what, errors in collected.items():
-        middle = np.median([error for error, _ in errors])
-        print(
-            f"{'all: median, worst scene':26}{what:32}{middle:8.3f}{max(errors)[0]:8.3f}  "
-            f"{max(errors)[1]}"
-        )
+        middle, (worst, name) = np.median([error for error, _ in errors]), max(errors)
+        print(f"{'all: median, worst scene':26}{what:32}{middle:8.3f}{worst:8.3f}  {name}")
 
 
 if __name__ == "__main__":

@@ -38,14 +38,10 @@ def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
     folder.mkdir()
     scene, calibration = builtin_scene(*size), SensorCalibration.of_bits(12)
     for seed in range(count):
-        taken = simulate_additive(
-            scene.rgb, PATTERN, calibration, 0.01, np.random.default_rng(seed)
-        )
-        write_dng(
-            folder / f"{seed:04}.dng",
-            Mosaic(taken.codes, PATTERN, taken.calibration),
-            np.zeros((8, 8, 3), np.uint8),
-        )
+        random = np.random.default_rng(seed)
+        taken = simulate_additive(scene.rgb, PATTERN, calibration, 0.01, random)
+        shot = Mosaic(taken.codes, PATTERN, taken.calibration)
+        write_dng(folder / f"{seed:04}.dng", shot, np.zeros((8, 8, 3), np.uint8))
 
 
 def seconds(*arguments: str | Path) -> tuple[float, float]:
@@ -54,14 +50,12 @@ def seconds(*arguments: str | Path) -> tuple[float, float]:
     """
     begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = start("render", *arguments, "--json", stderr=subprocess.DEVNULL)
-    said, _ = process.communicate()
+    output, _ = process.communicate()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if process.returncode or not all(json.loads(line)["ok"] for line in said.splitlines()):
+    if process.returncode or not all(json.loads(line)["ok"] for line in output.splitlines()):
         sys.exit(f"failed: {' '.join(map(str, arguments))}")
-    return (
-        time.perf_counter() - begun,
-        after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
-    )
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.perf_counter() - begun, used
 
 
 def fresh(top: Path, name: str) -> Path:
@@ -82,11 +76,11 @@ def small(top: Path) -> None:
 
 def workers(top: Path) -> None:
     """Measure processes of this machine."""
-    _throughput(
-        top,
-        "processes",
-        lambda count, out: seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1"),
-    )
+
+    def by(count: int, out: Path) -> tuple[float, float]:
+        return seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1")
+
+    _throughput(top, "processes", by)
 
 
 def on_cluster(top: Path) -> None:
@@ -129,20 +123,17 @@ def plan(top: Path) -> None:
     """Extrapolate from one shot of 24 MP to a million."""
     save_shots(top / "full", 1, (6000, 4000))
     out = fresh(top, "planned")
-    _, each = seconds(top / "full", "-o", out, "-j", "1", "--workers", "1")
-    size_in, size_out = (
-        (folder / name).stat().st_size
-        for folder, name in ((top / "full", "0000.dng"), (out, "0000.tif"))
-    )
-    hours, cores = MILLION * each / 3600, 64
+    _, used = seconds(top / "full", "-o", out, "-j", "1", "--workers", "1")
+    paths = top / "full" / "0000.dng", out / "0000.tif"
+    size_in, size_out = (path.stat().st_size for path in paths)
+    hours, cores = MILLION * used / 3600, 64
+    rate = MILLION * (size_in + size_out) / (hours / 10 / cores * 3600) / 1e9
     print(
-        f"a shot of {LARGE:g} MP, one thread: {each:.1f} s of a processor, {size_in / 1e6:.0f} "
+        f"a shot of {LARGE:g} MP, one thread: {used:.1f} s of a processor, {size_in / 1e6:.0f} "
         f"MB in, {size_out / 1e6:.0f} MB out\n"
         f"a million: {hours:,.0f} core hours, {MILLION * size_in / 1e12:.0f} TB in, "
-        f"{MILLION * size_out / 1e12:.0f} TB out; "
-        f"10 machines of {cores} cores: {hours / 10 / cores:,.1f} hours at "
-        f"{MILLION * (size_in + size_out) / (hours / 10 / cores * 3600) / 1e9:.1f} GB/s of "
-        "storage in all"
+        f"{MILLION * size_out / 1e12:.0f} TB out; 10 machines of {cores} cores: "
+        f"{hours / 10 / cores:,.1f} hours at {rate:.1f} GB/s of storage in all"
     )
 
 

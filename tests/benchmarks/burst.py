@@ -108,9 +108,9 @@ class Found:
 
 def measured(picture: FloatArray, truth: FloatArray) -> DoubleArray:
     """The MEASURES (axis 1) of the PLANES (axis 0) of a picture, dB."""
-    patches, whole = quality(picture, truth), whole_psnr(picture, truth, BORDER)
+    patches, psnrs = quality(picture, truth), whole_psnr(picture, truth, BORDER)
     return np.array(
-        [(plane[2], plane[0], all_) for plane, all_ in zip(patches, whole, strict=True)]
+        [(plane[2], plane[0], psnr) for plane, psnr in zip(patches, psnrs, strict=True)]
     )
 
 
@@ -118,8 +118,8 @@ def shots(light: list[FloatArray], sigma: float) -> list[Mosaic]:
     """The frames through the sparse-colour sensor."""
     camera = SensorCalibration()
     return [
-        simulate_additive(each, PATTERN, camera, sigma, np.random.default_rng([0, n]))
-        for n, each in enumerate(light)
+        simulate_additive(frame, PATTERN, camera, sigma, np.random.default_rng([0, n]))
+        for n, frame in enumerate(light)
     ]
 
 
@@ -147,11 +147,8 @@ def measure(series: Series, sigma: float, found: Found) -> None:
         for n, frame in enumerate(merged.frames)
         if not frame.used
     ]
-    found.errors.append(
-        alignment_error(
-            [frame.motion for frame in merged.frames[1:]], series.motions[1:], frames[0].shape
-        )
-    )
+    motions = [frame.motion for frame in merged.frames[1:]]
+    found.errors.append(alignment_error(motions, series.motions[1:], frames[0].shape))
 
 
 def measure_rivals(series: Series, sigma: float, found: Found) -> None:
@@ -180,33 +177,25 @@ def report(found: Found, sigma: float, names: list[str], count: int) -> None:
                 line(f"  {name}: {ours} - {theirs}", margin, "+")
     errors = np.array(found.errors)
     print(f"alignment error: median {np.median(errors):.3f} pixels, worst scene {errors.max():.3f}")
-    print(
-        f"time: {np.median(found.ratios):.1f} x one render",
-        *(f"\nleft out: {each}" for each in found.left_out),
-    )
+    print(f"time: {np.median(found.ratios):.1f} x one render")
+    for frame in found.left_out:
+        print(f"left out: {frame}")
 
 
 def line(title: str, values: DoubleArray, sign: str = "") -> None:
     """Print the PLANES and MEASURES of a row."""
-    print(
-        f"{title:40}"
-        + "".join("   " + "".join(f"{value:{sign}8.2f}" for value in plane) for plane in values),
-        flush=True,
-    )
+    cells = ("".join(f"{value:{sign}8.2f}" for value in plane) for plane in values)
+    print(f"{title:40}   {'   '.join(cells)}", flush=True)
 
 
 def main() -> None:
     """Print a table for each noise."""
     given = options(__doc__, "*", sigma=[0.0, 0.01, 0.03], frames=8)
-    scenes = [
-        series
-        for source in given.scenes or photographs()
-        if (series := Series.of(Path(source), given.frames))
-    ]
+    sources = map(Path, given.scenes or photographs())
+    scenes = [series for source in sources if (series := Series.of(source, given.frames))]
     if not scenes:
-        raise SystemExit(
-            f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some"
-        )
+        remedy = "set PANCHROMA_TEST_DATA, or name some"
+        raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; {remedy}")
     merged_picture(shots(scenes[0].light[:2], 0.01))  # what is compiled now is not timed
     for sigma in given.sigma:
         found = Found()

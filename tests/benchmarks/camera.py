@@ -34,7 +34,7 @@ from panchroma.device.capture.white_balance import SteadyWhite
 from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import ByteArray, CodeArray
 from panchroma.shared.dng import encode_dng
-from panchroma.tools.capture.viewfinder import _jpeg
+from panchroma.tools.capture.viewfinder import encode_view
 from tests.benchmarks.harness import Frame, Work, alternate
 from tests.tools.command import start
 
@@ -54,9 +54,8 @@ def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
     for number in range(FRAMES):
         shifted = np.roll(codes, 96 * number, axis=1)[:HEIGHT]
         lines = shifted.astype("<u2").view(np.uint8) if name == "u16" else _packed(shifted, name)
-        frames.append(
-            np.pad(lines[:, : layout.line_bytes], ((0, 0), (0, layout.stride - layout.line_bytes)))
-        )
+        padding = layout.stride - layout.line_bytes
+        frames.append(np.pad(lines[:, : layout.line_bytes], ((0, 0), (0, padding))))
     return layout, frames
 
 
@@ -64,9 +63,8 @@ def _packed(codes: CodeArray, name: str) -> ByteArray:
     """Lines in a format of MIPI CSI-2."""
     packing = FORMATS[name]
     groups, lower = codes.reshape(len(codes), -1, packing.pixels), packing.bits - 8
-    last = (
-        (groups & ((1 << lower) - 1)) << (lower * np.arange(packing.pixels, dtype=np.uint16))
-    ).sum(axis=-1, keepdims=True)
+    shifts = lower * np.arange(packing.pixels, dtype=np.uint16)
+    last = ((groups & ((1 << lower) - 1)) << shifts).sum(axis=-1, keepdims=True)
     return np.concatenate([groups >> lower, last], axis=-1).astype(np.uint8).reshape(len(codes), -1)
 
 
@@ -142,13 +140,11 @@ def asked(port: int, path: str, method: str = "GET") -> HTTPResponse:
 def measure(name: str, rate: float, seconds: float, shots: float, options: list[str]) -> None:
     """Run `view` on frames of a format, `rate` a second, and save `shots` a second."""
     layout, frames = camera_frames(name)
-    sensor = (
-        f"--width {WIDTH} --height {HEIGHT} --pixel-format {name} --stride {layout.stride} "
-        f"--sensor-bits {BITS[name]}"
-    )
+    sensor = f"--width {WIDTH} --height {HEIGHT} --pixel-format {name} --stride {layout.stride}"
     with tempfile.TemporaryDirectory() as folder:
         folders = ["-o", folder] if shots else []
-        command = [*sensor.split(), "--port", "0", *folders, *options]
+        bits = ("--sensor-bits", str(BITS[name]))
+        command = [*sensor.split(), *bits, "--port", "0", *folders, *options]
         reading, writing = os.pipe()
         process = start("view", "-", *command, stdin=reading)
         os.close(reading)
@@ -160,9 +156,8 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
         else:
             sys.exit("view did not start")
         client = Client(port)
-        threads = [threading.Thread(target=each.run, daemon=True) for each in (camera, client)]
-        for thread in threads:
-            thread.start()
+        for end in (camera, client):
+            threading.Thread(target=end.run, daemon=True).start()
         time.sleep(WARM)
         before = _counts(process.pid, port, camera, client)
         began = time.monotonic()
@@ -175,23 +170,21 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
         if process.returncode:
             sys.exit(f"view failed: {errors}")
         sizes = [path.stat().st_size for path in Path(folder).glob("*.dng")]
-    each = {key: (after[key] - before[key]) / lasted for key in after}
-    shown = [(when, jpeg) for when, jpeg in client.received if began <= when <= began + lasted]
+    rates = {key: (after[key] - before[key]) / lasted for key in after}
+    views = [(when, jpeg) for when, jpeg in client.received if began <= when <= began + lasted]
     late = []
-    for when, jpeg in shown:
+    for when, jpeg in views:
         number = client.number(jpeg, layout)
         number += round((max(camera.started) - number) / (1 << MARKS)) << MARKS
         late.append(when - camera.started[number])
     middle, slowest = 1e3 * np.quantile(late, (0.5, 0.99))
+    size = np.mean([len(jpeg) for _, jpeg in views]) / 1e3
     print(
         f"{name}, {layout.frame_bytes / 1e6:.1f} MB a frame, {rate:g} offered a second: "
-        f"{each['taken']:.1f} taken, "
-        f"{each['shown']:.1f} shown as JPEG "
-        f"({np.mean([len(jpeg) for _, jpeg in shown]) / 1e3:.0f} kB), "
-        f"{each['dropped']:.1f} dropped by view, {each['lost']:.1f} by the camera, which had to "
-        "wait\n"
-        f"  latency {middle:.0f} ms, 99 % {slowest:.0f} ms\n"
-        f"  cores used by view: {each['view']:.2f}"
+        f"{rates['taken']:.1f} taken, {rates['shown']:.1f} shown as JPEG ({size:.0f} kB), "
+        f"{rates['dropped']:.1f} dropped by view, {rates['lost']:.1f} by the camera, which had to "
+        f"wait\n  latency {middle:.0f} ms, 99 % {slowest:.0f} ms\n"
+        f"  cores used by view: {rates['view']:.2f}"
     )
     if shots:
         took = np.array([seconds for ok, seconds in saved if ok])
@@ -226,9 +219,8 @@ def _shoot(port: int, rate: float, until: float) -> list[tuple[bool, float]]:
 def stages(name: str, rounds: int = 9) -> None:
     """Print the processor time of each step."""
     layout, frames = camera_frames(name)
-    sensor = Sensor(
-        layout, CfaPattern.bayer(), SensorCalibration.of_bits(BITS[name], headroom=False)
-    )
+    calibration = SensorCalibration.of_bits(BITS[name], headroom=False)
+    sensor = Sensor(layout, CfaPattern.bayer(), calibration)
     data = memoryview(frames[0].tobytes())
     frame = RawFrame.now(data)
     mosaic = sensor.mosaic(frame)
@@ -243,50 +235,37 @@ def stages(name: str, rounds: int = 9) -> None:
         "unpacking, mosaic": lambda: sensor.mosaic(frame),
         "white balance": lambda: balance(mosaic),
         "preview, 1 : 3": lambda: preview.run(balanced),
-        "JPEG": lambda: _jpeg(picture),  # type: ignore[arg-type]
+        "JPEG": lambda: encode_view(picture),  # type: ignore[arg-type]
         "a shot beside it, as DNG": lambda: encode_dng(balanced, picture),  # type: ignore[arg-type]
     }
-    steps = {
-        title: median(seconds)
-        for title, seconds in alternate(works, rounds, time.process_time).items()
-    }
+    times = alternate(works, rounds, time.process_time)
+    steps = {title: median(seconds) for title, seconds in times.items()}
     *parts, beside = (f"  {title:<36}{1e3 * seconds:7.1f} ms" for title, seconds in steps.items())
-    total = sum(list(steps.values())[:-1])
-    cores = os.cpu_count() or 1
-    print(
-        *parts,
-        f"  {'all':<36}{1e3 * total:7.1f} ms: {cores} cores could show {cores / total:.0f} a "
-        "second",
-        beside,
-        sep="\n",
-    )
+    total, cores = sum(list(steps.values())[:-1]), os.cpu_count() or 1
+    shown = f"{cores} cores could show {cores / total:.0f} a second"
+    print(*parts, f"  {'all':<36}{1e3 * total:7.1f} ms: {shown}", beside, sep="\n")
 
 
 def main() -> None:
     """Print the chosen figures, by default all."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "figures", nargs="*", metavar="FIGURE", help="live, saving or stages; default: all"
-    )
-    parser.add_argument(
-        "--format", default="u16", choices=FORMATS, help="format of the frames (default u16)"
-    )
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
+    figures = "live, saving or stages; default: all"
+    parser.add_argument("figures", nargs="*", metavar="FIGURE", help=figures)
+    formats = "format of the frames (default u16)"
+    parser.add_argument("--format", default="u16", choices=FORMATS, help=formats)
     parser.add_argument("--rate", type=float, help="frames a second (default 30, saving 20)")
     parser.add_argument("--shots", type=float, default=2.0, help="shots a second (default 2)")
-    parser.add_argument(
-        "--seconds", type=float, default=15.0, help="how long each measurement lasts (default 15)"
-    )
+    seconds = "how long each measurement lasts (default 15)"
+    parser.add_argument("--seconds", type=float, default=15.0, help=seconds)
     given, options = parser.parse_known_args()
     for figure in given.figures or ("live", "saving", "stages"):
         if figure == "stages":
             stages(given.format)
+        elif figure == "live":
+            measure(given.format, given.rate or 30, given.seconds, 0, options)
         else:
-            rate, shots = (
-                (given.rate or 30, 0) if figure == "live" else (given.rate or 20, given.shots)
-            )
-            measure(given.format, rate, given.seconds, shots, options)
+            measure(given.format, given.rate or 20, given.seconds, given.shots, options)
 
 
 if __name__ == "__main__":

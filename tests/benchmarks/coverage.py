@@ -19,6 +19,7 @@ import numpy as np
 
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.colorimetry import as_rows
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.calibration.chart.place import ChartPlace
@@ -63,9 +64,8 @@ class SimulatedCamera:
         bits = int(random.choice([10, 12, 14]))
         states = SensorCalibration.of_bits(bits, headroom=False)
         level = states.black_level[0]
-        off = float(
-            random.choice([0.0, random.normal(0, level / 16), random.uniform(-0.75, 0.5) * level])
-        )
+        errors = [0.0, random.normal(0, level / 16), random.uniform(-0.75, 0.5) * level]
+        off = float(random.choice(errors))
         falls = np.zeros((4, 4))
         falls[:, :2] += random.uniform(0, 0.6) * np.array([0.8, 0.2])
         falls[:3, :2] += random.choice([0.3, 1.0]) * random.normal(0, (0.1, 0.05), (3, 2))
@@ -88,18 +88,13 @@ class SimulatedCamera:
         """
         height, width = rgb.shape[:2]
         planes = self.pattern.filter_map((height, width))
-        seen = np.concatenate([rgb, (rgb @ self.gamma)[..., None]], axis=2, dtype=np.float64)
-        y, x = (
-            np.mgrid[:height, :width] - np.array([(height - 1) / 2, (width - 1) / 2])[:, None, None]
-        )
-        y, x = (each / np.hypot(height - 1, width - 1) * 2 for each in (y, x))
+        signal = np.concatenate([rgb, (rgb @ self.gamma)[..., None]], axis=2, dtype=np.float64)
+        middle = np.array([height - 1, width - 1]) / 2
+        y, x = (np.mgrid[:height, :width] - middle[:, None, None]) / np.hypot(*middle)
         shapes = np.stack([y**2 + x**2, (y**2 + x**2) ** 2, y, x], axis=-1)
-        seen *= np.maximum(1 - shapes @ self.falls.T, 0.1)
-        light = (
-            np.take_along_axis(seen, planes[..., None].astype(int), axis=2)[..., 0]
-            / self.gamma.sum()
-            * self.electrons
-        )
+        signal *= np.maximum(1 - shapes @ self.falls.T, 0.1)
+        filtered = np.take_along_axis(signal, planes[..., None].astype(int), axis=2)[..., 0]
+        light = filtered / self.gamma.sum() * self.electrons
         counted = random.poisson(light) + random.normal(0, 1, light.shape) * self.read[planes]
         white, black = self.states.white_level, self.black[planes] + drift
         codes = np.rint(black + counted / self.electrons * (white - black)).clip(0, white)
@@ -128,32 +123,24 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     for number in range(3):
         colour = random.uniform(0.5, 1, 3)
         share = random.choice([1.0, 0.8])
-        high, wide = sizes = [round(share * side) for side in SHAPE]
-        rows, columns = (
-            np.linspace(0, side - 1, each).round().astype(int)
-            for side, each in zip(SHAPE, sizes, strict=True)
-        )
+        high, wide = (round(share * side) for side in SHAPE)
+        rows = np.linspace(0, SHAPE[0] - 1, high).round().astype(int)
+        columns = np.linspace(0, SHAPE[1] - 1, wide).round().astype(int)
         scene = np.full((*SHAPE, 3), 0.35, np.float32)
-        top, left = (
-            int(random.integers(0, side - each + 1))
-            for side, each in zip(SHAPE, sizes, strict=True)
-        )
+        top = int(random.integers(0, SHAPE[0] - high + 1))
+        left = int(random.integers(0, SHAPE[1] - wide + 1))
         scene[top : top + high, left : left + wide] = charts()[np.ix_(rows, columns)]
-        bright = random.uniform(0.4, 0.95)
-        corners = [
-            (x * wide / SHAPE[1] + left, y * high / SHAPE[0] + top) for x, y in true_place().corners
-        ]
-        frames.places[f"chart{number}"] = ChartPlace(tuple(corners))
-        frames.mosaics[f"chart{number}"] = camera.shot(
-            scene * colour / (colour.max() * 0.9) * bright, random
-        )
+        scene *= colour / (colour.max() * 0.9) * random.uniform(0.4, 0.95)
+        scale = wide / SHAPE[1], high / SHAPE[0]
+        corners = np.array(true_place().corners) * scale + (left, top)
+        frames.places[f"chart{number}"] = ChartPlace(as_rows(corners))
+        frames.mosaics[f"chart{number}"] = camera.shot(scene, random)
     for number in range(4):
         frames.mosaics[f"dark{number}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
     colour = random.uniform(0.6, 1, 3)
     for number, light in enumerate(np.repeat((0.1, 0.35, 0.75), 2)):
-        frames.mosaics[f"flat{number}"] = camera.shot(
-            np.ones((*SHAPE, 3)) * colour / colour.max() * light, random
-        )
+        even = np.ones((*SHAPE, 3)) * colour / colour.max() * light
+        frames.mosaics[f"flat{number}"] = camera.shot(even, random)
     return frames
 
 
@@ -161,8 +148,8 @@ def calibrated(frames: Frames, kind: str) -> Result | None:
     """Calibrate from a subset: chart, charts, dark, flat, or flat1, one flat frame; None = no frame
     can be used.
     """
-    parts = set(kind.split("+"))
-    session = Session(Console(json=True, quiet=True), REFERENCE, read=frames.mosaics.__getitem__)
+    parts, console = set(kind.split("+")), Console(json=True, quiet=True)
+    session = Session(console, REFERENCE, read=frames.mosaics.__getitem__)
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:
@@ -170,10 +157,10 @@ def calibrated(frames: Frames, kind: str) -> Result | None:
     charts = frames.named("chart")[: None if "charts" in parts else int("chart" in parts)]
     for name in charts:
         session.shots([name], frames.places[name].corners)
-    if session.seen.base is None or (charts and not session.seen.shots):
+    if session.measured.base is None or (charts and not session.measured.shots):
         return None
     try:
-        return conclude(session.seen)
+        return conclude(session.measured)
     except InputError:
         return None
 
@@ -184,21 +171,21 @@ def errors(
     """How far each figure is off, in half widths of its interval; a figure that was not measured is
     left out.
     """
-    found = {}
+    off = {}
     full = camera.gamma.sum()  # of a file whose gamma is known
     truths = {"shot": full / camera.electrons, "read": full * camera.read / camera.electrons}
-    gamma, dark = outcome.seen.gamma, outcome.seen.dark
+    gamma, dark = outcome.measured.gamma, outcome.measured.dark
     if gamma is not None:
-        found["gamma"] = (gamma.gamma - camera.gamma) / gamma.half_width
+        off["gamma"] = (gamma.gamma - camera.gamma) / gamma.half_width
     if dark is not None:
-        found["black"] = (dark.black - camera.black) / (SIGMAS * dark.black_error)
+        off["black"] = (dark.black - camera.black) / (SIGMAS * dark.black_error)
     if outcome.camera is not None and "noise" in outcome.camera.measured:
         model, how = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
         scale = 1.0 if gamma_known else 3.0 / full
         for name in ("shot", "read"):
             half = SIGMAS * np.array(how[f"{name}_error"])
-            found[name] = (np.array(getattr(model, name)) - scale * truths[name]) / half
-    return found
+            off[name] = (np.array(getattr(model, name)) - scale * truths[name]) / half
+    return off
 
 
 @dataclass
@@ -211,19 +198,12 @@ class Counts:
     wide: list[float] = field(default_factory=list)
 
     def line(self, kind: str, cameras: int) -> str:
-        cells = [
-            kind,
-            f"{100 * self.refused / cameras:.0f} %",
-            f"{100 * self.unfit / cameras:.0f} %",
-        ]
+        cells = [kind, *(f"{100 * n / cameras:.0f} %" for n in (self.refused, self.unfit))]
         for name in NAMES:
-            each = np.abs(self.off[name])
-            cells.append(f"{100 * (each <= 1).mean():.0f} %, {each.max():.1f}" if each.size else "")
-        return (
-            "| "
-            + " | ".join([*cells, f"{100 * np.median(self.wide):.1f} %" if self.wide else ""])
-            + " |"
-        )
+            off = np.abs(self.off[name])
+            cells.append(f"{100 * (off <= 1).mean():.0f} %, {off.max():.1f}" if off.size else "")
+        cells.append(f"{100 * np.median(self.wide):.1f} %" if self.wide else "")
+        return f"| {' | '.join(cells)} |"
 
 
 def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
@@ -243,23 +223,21 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
                 continue
             for name, off in errors(outcome, camera, gamma_known="chart" in kind).items():
                 count.off[name] += off.tolist()
-            if (gamma := outcome.seen.gamma) is not None:
+            if (gamma := outcome.measured.gamma) is not None:
                 count.wide.append(gamma.worst)
     return counts
 
 
 def main() -> None:
     """Print the table."""
-    given = options(
-        __doc__, cameras=100, seed=0, kinds={"nargs": "+", "default": list(KINDS), "choices": KINDS}
-    )
-    counts = campaign(range(given.seed, given.seed + given.cameras), given.kinds)
-    print(
-        f"| frames | refused | do not use | {' | '.join(NAMES)} | half width of gamma, median "
-        f"|\n{'|---' * 8}|"
-    )
-    for kind, count in counts.items():
-        print(count.line(kind, given.cameras))
+    kinds = {"nargs": "+", "default": list(KINDS), "choices": KINDS}
+    arguments = options(__doc__, cameras=100, seed=0, kinds=kinds)
+    first, count = arguments.seed, arguments.cameras
+    table = campaign(range(first, first + count), arguments.kinds)
+    print(f"| frames | refused | do not use | {' | '.join(NAMES)} | half width of gamma, median |")
+    print(f"{'|---' * 8}|")
+    for kind, counts in table.items():
+        print(counts.line(kind, count))
 
 
 if __name__ == "__main__":

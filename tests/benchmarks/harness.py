@@ -40,20 +40,17 @@ def options(text: str | None, number: str = "", **usual: Any) -> argparse.Namesp
     none. usual: of each option its default, of that type, a list for several; or what
     `add_argument` takes.
     """
-    parser = argparse.ArgumentParser(
-        description=text, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=text, formatter_class=form)
     if number:
         parser.add_argument("scenes", nargs=number, metavar="SCENE")
     for name, value in usual.items():
-        several = isinstance(value, list)
-        kind = {"default": value, "type": type(value[0] if several else value)} | (
-            {"nargs": "+"} if several else {}
-        )
+        kind = {"default": value, "type": type(value)}
+        if isinstance(value, list):
+            kind = {"default": value, "type": type(value[0]), "nargs": "+"}
         short = {"output": ["-o"], "threads": ["-j"]}.get(name, [])
-        parser.add_argument(
-            *short, f"--{name.replace('_', '-')}", **(value if isinstance(value, dict) else kind)
-        )
+        flags = (*short, f"--{name.replace('_', '-')}")
+        parser.add_argument(*flags, **(value if isinstance(value, dict) else kind))
     return parser.parse_args()
 
 
@@ -93,16 +90,12 @@ class Frame:
     @cached_property
     def shot(self) -> Mosaic:
         """The sparse-colour shot as the sensor gives it, in codes."""
-        return Mosaic(
-            self._repeated(self._taken.codes), self._taken.pattern, self._taken.calibration
-        )
+        return Mosaic(self._repeated(self._taken.codes), PATTERN, self._taken.calibration)
 
     @cached_property
     def mosaic(self) -> Mosaic:
         """The sparse-colour shot in scene units."""
-        return Mosaic(
-            self._repeated(self._taken.signal), self._taken.pattern, self._taken.calibration
-        )
+        return Mosaic(self._repeated(self._taken.signal), PATTERN, self._taken.calibration)
 
     @cached_property
     def bayer(self) -> FloatArray:
@@ -121,15 +114,12 @@ class Frame:
 
     @cached_property
     def _taken(self) -> Mosaic:
-        return simulate_additive(
-            self._rgb, PATTERN, SensorCalibration.of_bits(_BITS), _SIGMA, np.random.default_rng(0)
-        )
+        camera, random = SensorCalibration.of_bits(_BITS), np.random.default_rng(0)
+        return simulate_additive(self._rgb, PATTERN, camera, _SIGMA, random)
 
     def _repeated(self, piece: NDArray[Sample]) -> NDArray[Sample]:
-        times = tuple(
-            -(-size // drawn) for size, drawn in zip(self.shape, piece.shape, strict=True)
-        )
-        return np.tile(piece, times)[: self.shape[0], : self.shape[1]]
+        (rows, columns), (height, width) = self.shape, piece.shape
+        return np.tile(piece, (-(-rows // height), -(-columns // width)))[:rows, :columns]
 
 
 def alternate(
@@ -139,15 +129,15 @@ def alternate(
 
     Every other round runs backwards, so that none always follows the same one.
     """
-    found: dict[str, list[float]] = {name: [] for name in works}
+    seconds: dict[str, list[float]] = {name: [] for name in works}
     order = list(works.items())
     for number in range(rounds + 1):
         for name, work in order:
             start = clock()
             result = work()
-            seconds = clock() - start
+            end = clock()
             del result  # freeing its memory is not timed
             if number:
-                found[name].append(seconds)
+                seconds[name].append(end - start)
         order.reverse()
-    return found
+    return seconds

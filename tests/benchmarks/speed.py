@@ -97,10 +97,8 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     data = encode_dng(frame.shot, picture)
     clocks, works = {name: StageClock() for name in _PRESETS}, dict[str, Work]()
     for name in _PRESETS:
-        settings = PRESETS[name]
-        works[name] = partial(
-            clocks[name].run, partial(render, frame.mosaic, settings, clocks[name])
-        )
+        settings, clock = PRESETS[name], clocks[name]
+        works[name] = partial(clock.run, partial(render, frame.mosaic, settings, clock))
         works[f"{name}, band by band"] = partial(by_bands, settings)
         works[f"{name}, DNG to 16-bit TIFF"] = partial(render_file, saved, name)
     works |= {
@@ -111,23 +109,17 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     seconds = alternate(works | others, rounds)
     pixels = frame.mosaic.samples.size
 
-    def line(name: str, each: Sequence[float]) -> None:
-        ratios = [
-            f"{preset} is {median(map(float.__truediv__, each, seconds[preset])):.2f} x"
-            for preset in _PRESETS
-        ]
-        shown = [pixels / 1e6 / what for what in (max(each), median(each), min(each))]
-        print(
-            f"{name:<34}",
-            *(f"{speed:8.2f}" for speed in shown),
-            *(ratios if name in others else ()),
-        )
+    def line(name: str, times: Sequence[float]) -> None:
+        cells = [f"{pixels / 1e6 / time:8.2f}" for time in (max(times), median(times), min(times))]
+        for preset in _PRESETS if name in others else ():
+            ratio = median(map(float.__truediv__, times, seconds[preset]))
+            cells.append(f"{preset} is {ratio:.2f} x")
+        print(f"{name:<34}", *cells)
 
-    print(
-        f"\n{pixels / 1e6:.1f} megapixels, {rounds} rounds\n{'MP/s':<34}    least   median     most"
-    )
-    for name, each in seconds.items():
-        line(name, each)
+    print(f"\n{pixels / 1e6:.1f} megapixels, {rounds} rounds")
+    print(f"{'MP/s':<34}    least   median     most")
+    for name, times in seconds.items():
+        line(name, times)
         for stage, parts in clocks[name].seconds.items() if name in clocks else ():
             line(f"  {stage}", parts[-rounds:])
 
@@ -138,10 +130,8 @@ def render_file(shot: Path, preset: str) -> None:
     from panchroma.tools.io.development import Development, write_picture
     from panchroma.tools.io.kind import PictureKind
 
-    mosaic = read_dng(shot)
-    development = Development(
-        PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata
-    )
+    mosaic, kind = read_dng(shot), PictureKind.of("tif")
+    development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
     bands = render_bands(mosaic, PRESETS[preset])
     write_picture(shot.with_suffix(".tif"), bands, development, overwrite=True, threads=threads())
 
@@ -156,26 +146,19 @@ def growth(shot: Path, preset: str, threads: int) -> str:
         "render": lambda: deque(render_bands(read_dng(shot), PRESETS[preset]), maxlen=0),
         "file to file": lambda: render_file(shot, preset),
     }
-    found = alternate(works, min(_MOST_RUNS, math.ceil(_TOGETHER * 1e6 / pixels)))
-    speed = ", ".join(
-        f"{name} {median(seconds) / pixels * 1e6:.3f} s/MP" for name, seconds in found.items()
-    )
-    return (
-        f"{preset}, {pixels / 1e6:.1f} MP: {speed}, peak memory {_memory('VmHWM') / 2**20:.0f} MB"
-    )
+    seconds = alternate(works, min(_MOST_RUNS, math.ceil(_TOGETHER * 1e6 / pixels)))
+    speeds = [f"{name} {median(seconds[name]) / pixels * 1e6:.3f} s/MP" for name in works]
+    peak = f"peak memory {_memory('VmHWM') / 2**20:.0f} MB"
+    return f"{preset}, {pixels / 1e6:.1f} MP: {', '.join([*speeds, peak])}"
 
 
 def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
     """In a new process: from the first to the last of many frames."""
     from panchroma.device import Preview
 
-    timed = (
-        "import time; start = time.perf_counter(); from panchroma.device import Preview; "
-        "print(time.perf_counter() - start)"
-    )
-    imported = float(
-        subprocess.run([sys.executable, "-c", timed], capture_output=True, check=True).stdout
-    )
+    script = "import time; start = time.perf_counter(); from panchroma.device import Preview; "
+    command = [sys.executable, "-c", script + "print(time.perf_counter() - start)"]
+    imported = float(subprocess.run(command, capture_output=True, check=True).stdout)
     mosaic = read_dng(shot)
     before, start = _memory("VmRSS"), time.perf_counter()
     maker = Preview.for_mosaic(mosaic, scale, threads=threads)
@@ -212,18 +195,15 @@ def main() -> None:
     # libraries read them when they are loaded
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(used)))
     versions = ", ".join(f"{name} {package_version(name)}" for name in _PACKAGES)
-    print(
-        f"{platform.platform()}, {processors()} cores, {used} threads, load "
-        f"{os.getloadavg()[0]:.1f}"
-    )
+    load = f"load {os.getloadavg()[0]:.1f}"
+    print(f"{platform.platform()}, {processors()} cores, {used} threads, {load}")
     print(f"Panchroma {program_version()}, Python {platform.python_version()}, {versions}")
     with TemporaryDirectory(prefix="panchroma-speed-") as folder:
         shot, picture = Path(folder) / "shot.dng", np.zeros((8, 8, 3), np.uint8)
         if len(sizes) == 1:
             speeds(Frame.of(sizes[0]), arguments.rounds, Path(folder))
-            write_dng(
-                shot, Frame.of(min(_PREVIEW_MEGAPIXELS, 4 * sizes[0])).shot, picture, overwrite=True
-            )
+            large = Frame.of(min(_PREVIEW_MEGAPIXELS, 4 * sizes[0])).shot
+            write_dng(shot, large, picture, overwrite=True)
             for scale in _SCALES:
                 isolated(preview, shot, scale, arguments.frames, used)
             return

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import tomllib
+from itertools import chain
 from pathlib import Path
 
 from tests.data import ROOT
@@ -11,20 +12,12 @@ OTHER_NAMES = {"pytest-xdist": "xdist", "PyWavelets": "pywt"}
 
 
 def test_no_benchmark_needs_what_only_tests_need() -> None:
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
-        "optional-dependencies"
-    ]
-    missing = [
-        name.split(">")[0].split("[")[0]
-        for extra in ("dev", "cluster", "rivals", "training")
-        for name in extras[extra]
-    ]
-    blocked = {OTHER_NAMES.get(name, name) for name in missing} - {
-        "setuptools",
-        "panchroma",
-        "offline",
-        "tools",
-    }
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = ("dev", "cluster", "rivals", "training")
+    packages = chain(*map(project["optional-dependencies"].__getitem__, extras))
+    missing = {package.split(">")[0].split("[")[0] for package in packages}
+    blocked = {OTHER_NAMES.get(name, name) for name in missing}
+    blocked -= {"setuptools", "panchroma", "offline", "tools"}
     modules = [
         f"tests.benchmarks.{path.stem}"
         for path in Path(__file__).parent.glob("*.py")
@@ -32,10 +25,6 @@ def test_no_benchmark_needs_what_only_tests_need() -> None:
     ]
     assert {"pytest", "onnx", "pywt", "torch"} <= blocked
     assert "tests.benchmarks.speed" in modules
-    code = (
-        "import importlib, sys; sys.modules.update(dict.fromkeys({})); "
-        "list(map(importlib.import_module, {}))"
-    )
-    subprocess.run(
-        [sys.executable, "-c", code.format(sorted(blocked), modules)], cwd=ROOT, check=True
-    )
+    code = f"import importlib, sys; sys.modules.update(dict.fromkeys({sorted(blocked)}))"
+    code = f"{code}; list(map(importlib.import_module, {modules}))"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

@@ -10,10 +10,11 @@ import signal
 import subprocess
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from panchroma.shared.dng import verify_dng
 from panchroma.shared.errors import PanchromaError
@@ -41,14 +42,11 @@ def interrupted(
     if not point:
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
-    found = ended(process, "", *ENDS[signal.Signals(number)]) + state(
-        scenario, folder, finished=False
-    )
+    faults = ended(process, "", *ENDS[signal.Signals(number)])
+    faults += state(scenario, folder, finished=False)
     if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
-        found.append("left a temporary file")
-    if not found:
-        found += _again(scenario, folder)
-    return found
+        faults.append("left a temporary file")
+    return faults or _again(scenario, folder)
 
 
 def _again(scenario: Scenario, folder: Path) -> list[str]:
@@ -57,24 +55,22 @@ def _again(scenario: Scenario, folder: Path) -> list[str]:
     It refuses a scene of whose two results one exists, since that may have been made with other
     settings; --overwrite makes both.
     """
-    whole = {
-        path.name: path.stat().st_ino
-        for path in (folder / "out").iterdir()
-        if not path.name.startswith(".")
-    }
+
+    def inodes() -> dict[str, int]:
+        paths = (folder / "out").iterdir()
+        return {path.name: path.stat().st_ino for path in paths if path.name[0] != "."}
+
+    def stems(names: Iterable[str]) -> Counter[str]:
+        return Counter(name.partition(".")[0] for name in names)
+
+    before, faults = inodes(), []
     scenario.start(folder).communicate(timeout=PATIENCE)
-    found = []
     if "--overwrite" not in scenario.arguments:
-        now = {path.name: path.stat().st_ino for path in (folder / "out").iterdir()}
-        found = [
-            f"{name} was made again" for name, inode in whole.items() if now.get(name) != inode
-        ]
-        there, wanted = (
-            Counter(name.partition(".")[0] for name in some) for some in (whole, scenario.outputs)
-        )
-        if any(there[stem] < wanted[stem] for stem in there):
+        now, expected = inodes(), stems(scenario.outputs)
+        faults = [f"{name} was made again" for name in before if now.get(name) != before[name]]
+        if any(count < expected[stem] for stem, count in stems(before).items()):
             scenario.start(folder, extra=("--overwrite",)).communicate(timeout=PATIENCE)
-    return found + state(scenario, folder, finished=True)
+    return faults + state(scenario, folder, finished=True)
 
 
 def state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
@@ -100,9 +96,9 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
     out = folder / "out"
     out.mkdir(parents=True, exist_ok=True)
     line = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(out)]
-    mounted = (
-        os.geteuid() == 0 and subprocess.run(line, capture_output=True, check=False).returncode == 0
-    )
+    mounted = False
+    if os.geteuid() == 0:
+        mounted = not subprocess.run(line, capture_output=True, check=False).returncode
     try:
         yield mounted
     finally:
@@ -114,17 +110,16 @@ def ended(process: Process, words: str, *codes: int) -> list[str]:
     """Wait for the process, which must say `words`, leave with one of `codes`, and show no fault,
     and nothing a terminal obeys.
     """
-    shown, said = (
-        stream.decode(errors="surrogateescape") for stream in process.communicate(timeout=PATIENCE)
-    )
-    wrong = {
-        f"left with {process.returncode} instead of {codes}, {words!r} expected": process.returncode
-        not in codes
-        or words not in said,
-        "a traceback or a fault": "Traceback" in said or "a fault of Panchroma" in said,
-        "control characters": _CONTROLS.search(shown + said) is not None,
-    }
-    return [f"{what}: {shown[-300:]!r} {said[-300:]!r}" for what, is_so in wrong.items() if is_so]
+    streams = process.communicate(timeout=PATIENCE)
+    out, err = (stream.decode(errors="surrogateescape") for stream in streams)
+    faults = []
+    if process.returncode not in codes or words not in err:
+        faults.append(f"left with {process.returncode} instead of {codes}, {words!r} expected")
+    if "Traceback" in err or "a fault of Panchroma" in err:
+        faults.append("a traceback or a fault")
+    if _CONTROLS.search(out + err):
+        faults.append("control characters")
+    return [f"{fault}: {out[-300:]!r} {err[-300:]!r}" for fault in faults]
 
 
 def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> list[str]:
@@ -140,22 +135,21 @@ def killed_worker(
     process = scenario.start(folder, extra=("--jobs", "2"))
     time.sleep(chance.uniform(0.1, seconds))
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-    workers = [
-        int(each) for each in (children.read_text().split() if process.poll() is None else ())
-        if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()
-    ]  # fmt: skip
+    numbers = children.read_text().split() if process.poll() is None else []
+    lines = {int(number): Path(f"/proc/{number}/cmdline").read_bytes() for number in numbers}
+    workers = [number for number, line in lines.items() if b"spawn_main" in line]
     for worker in workers[:1]:
         with suppress(ProcessLookupError):
             os.kill(worker, signal.SIGKILL)
-    _, said = process.communicate(timeout=PATIENCE)
-    failed = said.decode().count("its process was killed")
+    err = process.communicate(timeout=PATIENCE)[1].decode()
+    failed = err.count("its process was killed")
     made = sum((folder / "out" / name).exists() for name in scenario.outputs)
-    found = state(scenario, folder, finished=False)
-    if process.returncode not in (0, 1, 2) or "Traceback" in said.decode():
-        found.append(f"left with {process.returncode}: {said[-300:]!r}")
+    faults = state(scenario, folder, finished=False)
+    if process.returncode not in (0, 1, 2) or "Traceback" in err:
+        faults.append(f"left with {process.returncode}: {err[-300:]!r}")
     if process.returncode == 1 and (failed != 1 or made != len(scenario.outputs) - 1):
-        found.append(f"{failed} lost, {made} made: {said[-300:]!r}")
-    return found or _again(scenario, folder)
+        faults.append(f"{failed} lost, {made} made: {err[-300:]!r}")
+    return faults or _again(scenario, folder)
 
 
 def full_disk(scenario: Scenario, folder: Path, pages: int) -> list[str]:
@@ -170,12 +164,8 @@ def full_disk(scenario: Scenario, folder: Path, pages: int) -> list[str]:
 def file_limit(scenario: Scenario, folder: Path, size: int) -> list[str]:
     """A limit of `size` bytes on every file (ulimit -f)."""
     scenario.lay_out(folder)
-    return _refused(
-        scenario,
-        folder,
-        scenario.start(folder, limit=size),
-        "is larger than the file system or a limit",
-    )
+    process = scenario.start(folder, limit=size)
+    return _refused(scenario, folder, process, "is larger than the file system or a limit")
 
 
 def read_only(scenario: Scenario, folder: Path) -> list[str]:
@@ -204,53 +194,42 @@ def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
     both = [scenario.start(folder), scenario.start(folder)]
     for process in both:
         process.communicate(timeout=PATIENCE)
-    found = state(scenario, folder, finished=True)
-    return found + [
-        f"left with {process.returncode}" for process in both if process.returncode not in (0, 1)
-    ]
+    codes = (process.returncode for process in both)
+    faults = [f"left with {code}" for code in codes if code not in (0, 1)]
+    return faults + state(scenario, folder, finished=True)
 
 
 def odd_names(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> list[str]:
     """Names with escape sequences, line breaks and bytes that are no text, in a locale."""
-    odd = replace(
-        scenario,
-        arguments=tuple(
-            _ODD + word if word in scenario.inputs else word for word in scenario.arguments
-        ),
-        inputs={_ODD + name: data for name, data in scenario.inputs.items()},
-        outputs={_ODD + name: digest for name, digest in scenario.outputs.items()},
-        before={_ODD + name: data for name, data in scenario.before.items()},
-    )
+    names, words = ("inputs", "outputs", "before"), scenario.arguments
+    files: dict[str, Any] = {
+        name: {_ODD + path: data for path, data in getattr(scenario, name).items()}
+        for name in names
+    }
+    arguments = tuple(_ODD * (word in scenario.inputs) + word for word in words)
+    odd = replace(scenario, arguments=arguments, **files)
     odd.lay_out(folder)
-    return ended(odd.start(folder, environment=environment), "", 0) + state(
-        odd, folder, finished=True
-    )
+    faults = ended(odd.start(folder, environment=environment), "", 0)
+    return faults + state(odd, folder, finished=True)
 
 
 def no_place(scenario: Scenario, folder: Path) -> list[str]:
     """No home, and no folder for caches or temporary files."""
     scenario.lay_out(folder)
-    nowhere = dict.fromkeys(
-        ("HOME", "TMPDIR", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME"), _NOWHERE
-    )
+    names = ("HOME", "TMPDIR", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
+    nowhere = dict.fromkeys(names, _NOWHERE)
     nowhere["NUMBA_CACHE_LOCATOR_CLASSES"] = "UserProvidedCacheLocator"
-    return ended(scenario.start(folder, environment=nowhere), "", 0) + state(
-        scenario, folder, finished=True
-    )
+    faults = ended(scenario.start(folder, environment=nowhere), "", 0)
+    return faults + state(scenario, folder, finished=True)
 
 
 def empty_home(scenario: Scenario, folder: Path) -> list[str]:
     """Nothing is left in the user's home."""
     scenario.lay_out(folder)
     (home := folder / "home").mkdir()
-    found = ended(
-        scenario.start(
-            folder, environment={"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}
-        ),
-        "",
-        0,
-    )
-    return found + [f"{path.relative_to(home)} was left in the home" for path in home.rglob("*")]
+    environment = {"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}
+    faults = ended(scenario.start(folder, environment=environment), "", 0)
+    return faults + [f"{path.relative_to(home)} was left in the home" for path in home.rglob("*")]
 
 
 def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: float) -> list[str]:
@@ -258,9 +237,8 @@ def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: flo
     too.
     """
     scenario.lay_out(folder)
-    process = scenario.start(
-        folder, extra=("--jobs", "4") if scenario.arguments[0] == "render" else (), group=True
-    )
+    extra = ("--jobs", "4") if scenario.arguments[0] == "render" else ()
+    process = scenario.start(folder, extra=extra, group=True)
     time.sleep(chance.uniform(0.1, seconds))
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)

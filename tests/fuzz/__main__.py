@@ -20,18 +20,16 @@ from tests.fuzz.sweep import numbers, options
 
 def main() -> int:
     parser = options(__doc__, 1000)
-    parser.add_argument(
-        "--keep", type=Path, metavar="DIR", help="folder for the files that cause faults"
-    )
+    keep = "folder for the files that cause faults"
+    parser.add_argument("--keep", type=Path, metavar="DIR", help=keep)
     parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes")
     arguments = parser.parse_args()
     if arguments.keep:
         arguments.keep.mkdir(parents=True, exist_ok=True)
     if arguments.number is not None and arguments.keep:
         sample, data = case(corpus(), arguments.seed, arguments.number)
-        (arguments.keep / f"file-{arguments.seed}-{arguments.number}{sample.suffix}").write_bytes(
-            data
-        )
+        name = f"file-{arguments.seed}-{arguments.number}{sample.suffix}"
+        (arguments.keep / name).write_bytes(data)
     campaign = run(arguments.seed, numbers(arguments), arguments.jobs, arguments.keep)
     for number, why in sorted(campaign.faults.items()):
         print(f"seed {arguments.seed} number {number}: {why.strip()}", file=sys.stderr)

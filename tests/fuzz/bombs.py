@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import imagecodecs
 import numpy as np
@@ -77,26 +78,21 @@ def bombs() -> dict[str, tuple[bytes, int]]:
     """File name -> (first bytes, length). A file longer than its first bytes goes on with a hole;
     length 0: no hole.
     """
-    whole = {
-        name: (data, 0)
-        for name, data in (_shots() | _tiffs() | _pngs() | _jpegs() | _others()).items()
-    }
+    files = _shots() | _tiffs() | _pngs() | _jpegs() | _others()
+    whole = {name: (data, 0) for name, data in files.items()}
     entries, end = _linear(9000, 9000, 1, 9000), 9000 * 9000 * 6
     hole = tiff(entries | {273: 1, 279: end})
     return whole | {
         "holes.dng": (whole["holes.dng"][0], (1 << 32) - 1),
         "text.dng": (_many(270, GIGABYTE, kind=2), GIGABYTE + 1000),
         "text.tif": (_many(270, GIGABYTE, kind=2), GIGABYTE + 1000),
-        **{f"{each}.dng": (_many(tag, 20_000_000), 90_000_000) for each, tag in _FIELDS.items()},
+        **{f"{name}.dng": (_many(tag, 20_000_000), 90_000_000) for name, tag in _FIELDS.items()},
         "offsets.tif": (_many(273, 20_000_000), 90_000_000),
         "holes.nef": (tiff(entries | {273: len(hole), 279: end}), len(hole) + end),
         "holes.png": (png(side=10, bits=16, colour=2, samples=b""), 4 * GIGABYTE),
         "chunk.png": (_chunk(8), 4 * GIGABYTE),
         "hole.png": (_chunk(8, b"IDAT"), 4 * GIGABYTE),
-        "attribute.exr": (
-            b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1),
-            4 * GIGABYTE,
-        ),
+        "attribute.exr": (_COMMENTS + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
         "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),
         "holes.npy": (npy((40000, 40000, 3)), 20 * GIGABYTE),
         "holes-inside.npy": (npy((14000, 14000, 3), "<f8"), 14000 * 14000 * 24 + 128),
@@ -107,6 +103,7 @@ def bombs() -> dict[str, tuple[bytes, int]]:
 
 
 _FIELDS = {"offsets": 273, "subdirectories": 330, "preview": 279}
+_COMMENTS = b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0"
 
 
 def _shots() -> dict[str, bytes]:
@@ -154,9 +151,11 @@ def _tiffs() -> dict[str, bytes]:
         "packbits": (32773, b"\x81\0" * 1_000_000),
     }
     grey: Fields = {256: SIDE, 257: SIDE, 258: 8, 262: 1, 277: 1}
-    square: Fields = {256: SIDE, 257: SIDE, 278: SIDE, 284: 1, 254: 0, **_DNG_VERSION}
-    raw = zlib.compress(bytes(120), 9)
+    narrow: Fields = grey | {256: 20, 257: 20_000, 259: 8, 278: 1}
     names: Fields = {33421: [2, 2], 33422: bytes([0, 1, 1, 2]), 271: b"Camera\0", 272: b"Camera\0"}
+    square: Fields = {256: SIDE, 257: SIDE, 278: SIDE, 284: 1, 254: 0, **_DNG_VERSION, **names}
+    colours: Fields = {258: [8] * 3, 259: _LINEAR_RAW, 262: _LINEAR_RAW, 277: 3}
+    rows, raw = _linear(20, 65536, 8, 1), zlib.compress(bytes(120), 9)
     noise = zlib.compress(np.random.default_rng(0).bytes(400_000), 1)
     # grey that inflates to 200 times its size, and as a scene to twelve times as much again
     side = 13_000
@@ -169,49 +168,32 @@ def _tiffs() -> dict[str, bytes]:
         "tile.tif": tiff(grey | {259: 8, 322: 20000, 323: 20000}, [_DEFLATED]),
         "deflate.tif": tiff(grey | {256: 16000, 257: 16000, 259: 8, 278: 16000}, [_DEFLATED]),
         "grey.tif": tiff(grey | {256: side, 257: side, 259: 8, 278: side}, [even]),
-        "overlap.tif": tiff(
-            grey | {256: 20, 257: 20_000, 259: 8, 278: 1}, [noise] * 20_000, different=1
-        ),
-        "rows.tif": tiff(_linear(20, 65536, 8, 1) | {50706: b"", 262: 2}, [raw] * 65536),
-        "rows.nef": tiff(_linear(20, 65536, 8, 1), [raw] * 65536),
-        "overlap.nef": tiff(
-            _linear(20, 60_000, 8, 1), [raw + bytes(400_000)] * 60_000, different=1
-        ),
+        "overlap.tif": tiff(narrow, [noise] * 20_000, different=1),
+        "rows.tif": tiff(rows | {50706: b"", 262: 2}, [raw] * 65536),
+        "rows.nef": tiff(rows, [raw] * 65536),
+        "overlap.nef": tiff(rows | {257: 60_000}, [raw + bytes(400_000)] * 60_000, different=1),
         "lossless.nef": tiff(
-            {**square, **names, 258: [16], 259: 7, 262: 32803, 277: 1}, [_claim("lossless")]
+            square | {258: [16], 259: 7, 262: 32803, 277: 1}, [_claim("lossless")]
         ),
-        "lossy.nef": tiff(
-            {**square, **names, 258: [8] * 3, 259: _LINEAR_RAW, 262: _LINEAR_RAW, 277: 3},
-            [_claim("progressive")],
-        ),
+        "lossy.nef": tiff(square | colours, [_claim("progressive")]),
         "chain.tif": _chain(300_000),
     }
 
 
 def _linear(width: int, height: int, compression: int, rows: int) -> Fields:
     """Fields of a linear DNG."""
-    sizes = {
-        254: 0,
-        256: width,
-        257: height,
-        259: compression,
-        262: _LINEAR_RAW,
-        277: 3,
-        278: rows,
-        284: 1,
-    }
-    return {**sizes, 258: [16] * 3, **_DNG_VERSION}
+    sizes = {254: 0, 256: width, 257: height, 259: compression, 277: 3, 278: rows, 284: 1}
+    return {**sizes, 258: [16] * 3, 262: _LINEAR_RAW, **_DNG_VERSION}
 
 
 def _pngs() -> dict[str, bytes]:
-    deflate, text = _DEFLATED, zlib.compress(bytes(1_000_000), 9)
+    text = zlib.compress(bytes(1_000_000), 9)
+    texts = b"".join(chunk(b"zTXt", b"a%d\0\0" % number + text) for number in range(3000))
     return {
         "header.png": png(side=60000, colour=2, samples=b""),
-        "deflate.png": png(side=16000, colour=2, samples=deflate),
-        "texts.png": png(
-            b"".join(chunk(b"zTXt", b"a%d\0\0" % number + text) for number in range(3000))
-        ),
-        "profile.png": png(chunk(b"iCCP", b"a\0\0" + deflate)),
+        "deflate.png": png(side=16000, colour=2, samples=_DEFLATED),
+        "texts.png": png(texts),
+        "profile.png": png(chunk(b"iCCP", b"a\0\0" + _DEFLATED)),
         "chunks.png": png(chunk(b"zzZz", b"") * 3_000_000),
         "samples.png": png(chunk(b"IDAT", b"") * 3_000_000),
         "flat.png": png(side=8000, colour=2, samples=zeros(8000 * (3 * 8000 + 1))),
@@ -252,28 +234,25 @@ def _exrs() -> dict[str, bytes]:
     # of display: all parts have the same
     window = np.array([0, 0], np.int32), np.array([8999, 8999], np.int32)
     lines = {"type": OpenEXR.scanlineimage}
-    grey = {side: np.zeros((side, side), np.float32) for side in (8, SIDE, 9000)}
     tiled = {"type": OpenEXR.tiledimage, "tiles": tiles, "compression": OpenEXR.ZIP_COMPRESSION}
     parts = [
-        OpenEXR.Part({**lines, "displayWindow": window}, {"Y": grey[side]}, f"p{side}")
+        OpenEXR.Part(
+            {**lines, "displayWindow": window}, {"Y": np.zeros((side,) * 2, np.float32)}, f"p{side}"
+        )
         for side in (SIDE, 9000)
     ]
-    made = {
+    files = {
         "window.exr": exr(OpenEXR.Part(lines, {"RGB": np.zeros((8, 8, 3), np.float32)}, "a")),
         "tiles.exr": exr(OpenEXR.Part(tiled, {"RGB": np.zeros((SIDE, SIDE, 3), np.float32)}, "a")),
         "parts.exr": exr(*parts),
     }
-    claims = {
-        "window.exr": (struct.pack("<4i", 0, 0, 7, 7), struct.pack("<4i", 0, 0, 29999, 29999)),
-        "tiles.exr": (
-            b"tiledesc\0" + struct.pack("<III", 9, 32, 32),
-            b"tiledesc\0" + struct.pack("<III", 9, 60000, 60000),
-        ),
-    }
-    for name, (own, claimed) in claims.items():
-        assert own in made[name]
-        made[name] = made[name].replace(own, claimed)
-    return made
+    for name, layout, own, claimed in (
+        ("window.exr", "<4i", (0, 0, 7, 7), (0, 0, 29999, 29999)),
+        ("tiles.exr", "<9sIII", (b"tiledesc\0", 9, 32, 32), (b"tiledesc\0", 9, 60000, 60000)),
+    ):
+        assert struct.pack(layout, *own) in files[name]
+        files[name] = files[name].replace(struct.pack(layout, *own), struct.pack(layout, *claimed))
+    return files
 
 
 def _many(tag: int, count: int, kind: int = 4) -> bytes:
@@ -290,31 +269,21 @@ def _chain(length: int) -> bytes:
     end = max(place for *_, place in entries_of(data).values()) + 12
     data += bytes(len(data) % 2)
     struct.pack_into("<I", data, end, len(data))
-    start = len(data)
-    return (
-        bytes(data)
-        + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length))
-        + bytes(6)
-    )
+    offsets = range(len(data) + 6, len(data) + 6 * length + 6, 6)
+    return bytes(data) + b"".join(struct.pack("<HI", 0, offset) for offset in offsets) + bytes(6)
 
 
 def _chunk(bits: int, name: bytes = b"zzZz") -> bytes:
     """The beginning of a PNG with a chunk of two gigabytes behind the header."""
-    return (
-        png(side=10, bits=bits, colour=2, samples=b"")[: 8 + 25]
-        + struct.pack(">I", (1 << 31) - 1)
-        + name
-    )
+    header = png(side=10, bits=bits, colour=2, samples=b"")[: 8 + 25]
+    return header + struct.pack(">I", (1 << 31) - 1) + name
 
 
 def _claim(kind: str) -> bytes:
     """A JPEG of 64 x 64 pixels whose frame claims 65500 x 65500."""
     if kind == "lossless":
-        jpeg = bytes(
-            imagecodecs.jpeg8_encode(
-                np.zeros((SIDE, SIDE), np.uint16), lossless=True, predictor=1, bitspersample=16
-            )
-        )
+        options: Any = {"lossless": True, "predictor": 1, "bitspersample": 16}
+        jpeg = bytes(imagecodecs.jpeg8_encode(np.zeros((SIDE, SIDE), np.uint16), **options))
     else:
         jpeg = picture("JPEG", progressive=kind == "progressive")
     place = jpeg.index(_FRAME[kind]) + 5
@@ -340,21 +309,16 @@ def measure(path: Path) -> tuple[str, float, int]:
     before, began = _peak(), time.perf_counter()
     try:
         READERS[path.suffix](path)
-        said = ""
+        refusal = ""
     except (InputError, OSError) as error:  # OSError: of a journal
-        said = str(error).replace(f"{path}: ", "")
-    return said, time.perf_counter() - began, _peak() - before
+        refusal = str(error).replace(f"{path}: ", "")
+    return refusal, time.perf_counter() - began, _peak() - before
 
 
 def _peak() -> int:
     """Peak memory of this process, and of the largest of those that it has started."""
-    return (
-        sum(
-            resource.getrusage(who).ru_maxrss
-            for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-        )
-        * 1024
-    )
+    processes = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return 1024 * sum(resource.getrusage(who).ru_maxrss for who in processes)
 
 
 def main() -> int:
@@ -369,15 +333,14 @@ def main() -> int:
             line = [sys.executable, "-m", "tests.fuzz.bombs", str(path)]
             done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=100)
             path.unlink(missing_ok=True)
-            said, seconds, grown = (
-                json.loads(done.stdout) if not done.returncode else (done.stderr[-200:], 99.0, 0)
-            )
+            refusal, seconds, grown = done.stderr[-200:], 99.0, 0
+            if not done.returncode:
+                refusal, seconds, grown = json.loads(done.stdout)
             # Reading what lies between the holes is harmless if it is quick.
             harmful = seconds > LIMIT_SECONDS or grown > LIMIT_BYTES
             bad += harmful
-            print(
-                f"{name:24}{seconds:6.2f}{grown >> 20:6}  {'FAULT ' * harmful}{said[:90] or 'read'}"
-            )
+            answer = "FAULT " * harmful + (refusal[:90] or "read")
+            print(f"{name:24}{seconds:6.2f}{grown >> 20:6}  {answer}")
     print(
         f"{len(bombs())} bombs, {bad} took more than {LIMIT_SECONDS:g} s or {LIMIT_BYTES >> 20} MB"
     )

@@ -47,46 +47,34 @@ class Campaign:
 
     def table(self) -> str:
         """The counts, and the extremes, as lines of text."""
-        most = (
-            f"slowest {self.seconds:.2f} s, most memory beyond the program's own "
-            f"{self.bytes >> 20} MB"
-        )
-        return f"{table(self.counts)}\n{most}"
+        memory = f"most memory beyond the program's own {self.bytes >> 20} MB"
+        return f"{table(self.counts)}\nslowest {self.seconds:.2f} s, {memory}"
 
 
 def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = None) -> Campaign:
     """Read the files with these numbers, `jobs` at a time. Files that cause faults are kept in the
     folder `keep`.
     """
-    campaign, samples = Campaign(), corpus()
-    with ProcessPool(
-        jobs, initializer=_prepare, context=multiprocessing.get_context("spawn")
-    ) as pool:
+    campaign, samples, context = Campaign(), corpus(), multiprocessing.get_context("spawn")
+    with ProcessPool(jobs, initializer=_prepare, context=context) as pool:
         readings = {
             number: pool.schedule(_read, args=[seed, number], timeout=LIMIT_SECONDS)
             for number in numbers
         }
         for number, reading in readings.items():
             sample, data = case(samples, seed, number)
+            outcome, seconds, size = FAULT, 0.0, 0
             try:
                 (outcome, why), seconds, size = reading.result()
             except TimeoutError:
-                outcome = FAULT
-                why = f"did not end within {LIMIT_SECONDS:g} s"
-                seconds = LIMIT_SECONDS
-                size = 0
+                why, seconds = f"did not end within {LIMIT_SECONDS:g} s", LIMIT_SECONDS
             except ProcessExpired as error:
-                outcome = FAULT
                 why = f"the process that read it ended with {error.exitcode}"
-                seconds = 0.0
-                size = 0
             if size > LIMIT_BYTES:
                 outcome, why = FAULT, f"took {size >> 20} MB"
             campaign.counts[sample.kind, outcome] += 1
-            campaign.seconds, campaign.bytes = (
-                max(campaign.seconds, seconds),
-                max(campaign.bytes, size),
-            )
+            campaign.seconds = max(campaign.seconds, seconds)
+            campaign.bytes = max(campaign.bytes, size)
             if outcome == FAULT:
                 campaign.faults[number] = why
                 if keep:
@@ -152,11 +140,9 @@ def _outcome(sample: Sample, original: object, path: Path) -> Outcome:
         return FAULT, "".join(traceback.format_exception(error))
     if content == original:
         return SAME, ""
-    return (
-        (FAULT, "silently wrong: accepted, and not what was written")
-        if sample.sealed
-        else (ALTERED, "")
-    )
+    if sample.sealed:
+        return FAULT, "silently wrong: accepted, and not what was written"
+    return ALTERED, ""
 
 
 def _memory(figure: str) -> int:

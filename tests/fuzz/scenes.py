@@ -31,31 +31,16 @@ from tests.fuzz.sweep import sweep
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
 WAYS = (*PRESETS, "burst", "preview")
 SCENES = (
-    "black",
-    "white",
-    "constant",
-    "pixel",
-    "row",
-    "checker",
-    "letterbox",
-    "below black",
-    "strokes",
-    "random",
+    *("black", "white", "constant", "pixel", "row", "checker"),
+    *("letterbox", "below black", "strokes", "random"),
 )
 LIGHTS = (1.0, 1.0, 1.0, 2.0**-6, 30.0, 100.0)  # times the scene
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 EIGHT = ("HIJ", "KWL", "NOP"), ("HIJK", "LNOP")
 TAKES = ("exact", "exact", "exact", "noisy", "codes")
 NOISES = (
-    "none",
-    "none",
-    "unknown",
-    "typical",
-    "no read noise",
-    "no shot noise",
-    "tiny",
-    "tiny shot noise",
-    "huge",
+    *("none", "none", "unknown", "typical", "no read noise"),
+    *("no shot noise", "tiny", "tiny shot noise", "huge"),
 )
 LENSES = ("none", "none", "none", "shading")
 _ORDINARY = 0.3  # least gamma; beyond it and its inverse a picture has to be finite and moderate
@@ -91,11 +76,10 @@ class Case:
 
     def __str__(self) -> str:
         height, width, _ = self.scene.shape
-        tile, origin = "/".join(self.pattern.tile), self.pattern.origin
+        tile, gamma = "/".join(self.pattern.tile), [round(g, 3) for g in self.calibration.gamma]
         return (
             f"{self.way}, {self.name} x {self.light:g}, {self.take}, noise {self.noise}, lens "
-            f"{self.lens}, {width} x {height}, "
-            f"{tile} at {origin}, gamma {[round(each, 3) for each in self.calibration.gamma]}"
+            f"{self.lens}, {width} x {height}, {tile} at {self.pattern.origin}, gamma {gamma}"
         )
 
 
@@ -108,16 +92,14 @@ def case(seed: int, number: int) -> Case:
         random.choice((least, random.randrange(least, least + 12), random.randrange(60, 140)))
         for _ in range(2)
     )
-    channels, name, light = len(pattern.channels), random.choice(SCENES), random.choice(LIGHTS)
-    scene = light * _drawn(
-        name, (height, width, channels), np.random.default_rng(random.randrange(1 << 30))
-    )
+    name, light, seed = random.choice(SCENES), random.choice(LIGHTS), random.randrange(1 << 30)
+    shape = height, width, len(pattern.channels)
+    scene = light * _draw(name, shape, np.random.default_rng(seed))
     noise, lens = random.choice(NOISES), random.choice(LENSES)
     calibration = _calibration(random, pattern, (height, width), noise, lens, light)
-    take, shot = random.choice(TAKES), scene.astype(np.float32)
-    return Case(
-        way, name, light, take, noise, lens, pattern, calibration, shot, random.randrange(1 << 30)
-    )
+    take, seed = random.choice(TAKES), random.randrange(1 << 30)
+    facts = name, light, take, noise, lens, pattern, calibration
+    return Case(way, *facts, scene.astype(np.float32), seed)
 
 
 def _pattern(random: Random) -> CfaPattern:
@@ -137,11 +119,9 @@ def _pattern(random: Random) -> CfaPattern:
             return CfaPattern.with_block(("AB",), 5, origin)
 
 
-def _drawn(name: str, shape: tuple[int, int, int], random: np.random.Generator) -> FloatArray:
+def _draw(name: str, shape: tuple[int, int, int], random: np.random.Generator) -> FloatArray:
     colour, row, column = random.uniform(0.05, 1, shape[2]), *np.indices(shape[:2])
-    scene = np.full(shape, 0.0 if name == "black" else 1.0) * (
-        1 if name in ("black", "white") else colour
-    )
+    scene = np.full(shape, {"black": 0.0, "white": 1.0}.get(name, colour))
     place = tuple(int(random.integers(size)) for size in shape[:2])
     period = int(random.integers(1, 9))
     match name:
@@ -168,13 +148,9 @@ def _calibration(
     random: Random, pattern: CfaPattern, shape: tuple[int, int], noise: str, lens: str, light: float
 ) -> SensorCalibration:
     count, letters = len(pattern.channels), pattern.channels
-    gamma = random.choice(
-        (
-            (1.0,) * count,
-            tuple(random.uniform(0.5, 1.5) for _ in letters),
-            tuple(10 ** random.uniform(-2, 2) for _ in letters),
-        )
-    )
+    near = tuple(random.uniform(0.5, 1.5) for _ in letters)
+    far = tuple(10 ** random.uniform(-2, 2) for _ in letters)
+    gamma = random.choice(((1.0,) * count, near, far))
     figures = {
         "unknown": None,
         "typical": (2e-4, 6e-4),
@@ -189,15 +165,14 @@ def _calibration(
     black = random.choice((0, 1 << (bits - 4), (1 << bits) - 40))
     slopes = [random.uniform(-0.1, 0.1) for _ in range(count + 1)]
     points = 1 + np.array(slopes)[:, None, None] * (np.arange(4) - 1.5)[:, None] * np.ones(4)
+    some = tuple((random.randrange(shape[0]), random.randrange(shape[1])) for _ in range(20))
     return SensorCalibration(
         letters,
         gamma,
         model,
         (black,) * (count + 1),
         (1 << bits) - 1,
-        defects=random.choice(
-            ((), tuple((random.randrange(shape[0]), random.randrange(shape[1])) for _ in range(20)))
-        ),
+        defects=random.choice(((), some)),
         shading=Shading(points, shape) if lens == "shading" else None,
     )
 
@@ -211,10 +186,8 @@ def photographed(case: Case, factor: float = 1.0, frame: int = 0) -> Mosaic:
     if case.take == "codes":
         return simulate_sensor(scene, case.pattern, case.calibration, 1.0, random)
     sigma = 0.02 * case.light if case.take == "noisy" else 0.0
-    return replace(
-        simulate_additive(scene, case.pattern, case.calibration, sigma, random),
-        calibration=case.calibration,
-    )
+    taken = simulate_additive(scene, case.pattern, case.calibration, sigma, random)
+    return replace(taken, calibration=case.calibration)
 
 
 def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
@@ -222,76 +195,58 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
     shot = photographed(case, factor)
     match case.way:
         case "preview":
-            screen, light = (
-                Preview.for_mosaic(shot, linear=linear, threads=1).run(shot)
-                for linear in (False, True)
-            )
-            return [light.astype(np.float32), screen.astype(np.float32)]
+            return [
+                Preview.for_mosaic(shot, linear=linear, threads=1).run(shot).astype(np.float32)
+                for linear in (True, False)
+            ]
         case "burst":
             merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
-            return [
-                np.concatenate(list(render_burst_bands(merged))),
-                merged.noise_ratio,
-                merged.measured.luminance,
-            ]
+            picture = np.concatenate(list(render_burst_bands(merged)))
+            return [picture, merged.noise_ratio, merged.measured.luminance]
         case preset:
-            made = render(shot, PRESETS[preset])
-            return [made.rgb, made.luminance, made.chromaticity]
+            rendered = render(shot, PRESETS[preset])
+            return [rendered.rgb, rendered.luminance, rendered.chromaticity]
 
 
 def outcome(case: Case) -> tuple[str, str]:
     """Whether a case comes out right, and what is wrong with it."""
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
-            found = pictures(case)
-            if any(not np.isfinite(each).all() for each in found):
+            results = pictures(case)
+            if not all(np.isfinite(picture).all() for picture in results):
                 return FAULT, "not finite"
-            return judged(case, found[0])
+            return judge(case, results[0])
     except InputError as error:
         return REFUSED, str(error)
     except Exception:
         return FAULT, traceback.format_exc()
 
 
-def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
+def judge(case: Case, picture: FloatArray) -> tuple[str, str]:
     """Whether a picture is what is known of it: of scenes alone, without noise."""
     if case.take != "exact" or case.noise == "huge":
         return RIGHT, ""
     gamma = np.array(case.calibration.gamma)
-    brightest = float(
-        max(
-            np.abs(sample(case.scene, case.pattern, case.calibration)).max(),
-            (gamma * np.abs(case.scene)).max(),
-        )
-    )
+    samples = np.abs(sample(case.scene, case.pattern, case.calibration))
+    brightest = float(max(samples.max(), (gamma * np.abs(case.scene)).max()))
     weighted, quantised = picture * gamma, case.way == "preview"
     if case.name == "black" and np.abs(weighted).max() > _BLACK:
         return FAULT, f"not black: {weighted.min():g} to {weighted.max():g}"
     if np.abs(weighted).max() > _WILD * brightest + _BLACK and not quantised:
-        return (
-            FAULT,
-            f"wild: {weighted.min():g} to {weighted.max():g} where {brightest:g} is the brightest",
-        )
-    ordinary = (
-        _ORDINARY <= min(case.calibration.gamma) <= max(case.calibration.gamma) <= 1 / _ORDINARY
-    )
+        extremes = f"{weighted.min():g} to {weighted.max():g}"
+        return FAULT, f"wild: {extremes} where {brightest:g} is the brightest"
+    ordinary = _ORDINARY <= gamma.min() <= gamma.max() <= 1 / _ORDINARY
     if case.name in ("white", "constant") and ordinary and (case.light == 1 or not quantised):
-        limit = (
-            _CODES if quantised else _EVEN if case.calibration.shading is None else _SHADED
-        ) * brightest
+        limit = _EVEN if case.calibration.shading is None else _SHADED
+        limit = brightest * (_CODES if quantised else limit)
         # what is in the noise may move
         limit += case.calibration.noise.sigma(brightest) if case.calibration.noise else 0.0
-        known = case.noise == "none"
-        off = float(
-            np.abs(weighted - gamma * case.scene[0, 0]).max()
-            if known
-            else np.ptp(weighted, axis=(0, 1)).max()
-        )
+        if case.noise == "none":
+            fault, off = "off", float(np.abs(weighted - gamma * case.scene[0, 0]).max())
+        else:
+            fault, off = "uneven", float(np.ptp(weighted, axis=(0, 1)).max())
         if off > limit:
-            return (
-                FAULT,
-                f"{'off' if known else 'uneven'} by {off:g} where the brightest is {brightest:g}",
-            )
+            return FAULT, f"{fault} by {off:g} where the brightest is {brightest:g}"
     if case.way in PRESETS and ordinary and case.noise == "none":
         off = float(np.sqrt(np.square((pictures(case, 2.0)[0] / 2 - picture) * gamma).mean()))
         if off > _UNITS * brightest:
@@ -299,12 +254,12 @@ def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
     return RIGHT, ""
 
 
-def tried(seed: int, number: int) -> tuple[str, str, str]:
+def attempt(seed: int, number: int) -> tuple[str, str, str]:
     """(Way, outcome, what is wrong) of a case."""
-    each = case(seed, number)
-    found, why = outcome(each)
-    return each.way, found, f"{each}: {why.strip()}" if why else ""
+    chosen = case(seed, number)
+    result, why = outcome(chosen)
+    return chosen.way, result, f"{chosen}: {why.strip()}" if why else ""
 
 
 if __name__ == "__main__":
-    sys.exit(sweep(__doc__, tried, lambda _, found: found == FAULT))
+    sys.exit(sweep(__doc__, attempt, lambda _, result: result == FAULT))

@@ -11,15 +11,13 @@ from tests.python import run_python
 
 
 def test_no_damage_does_harm() -> None:
-    found = campaign.run(seed=2014, numbers=range(200))
-    assert found.faults == {}
-    assert sum(found.counts.values()) == 200
+    result = campaign.run(seed=2014, numbers=range(200))
+    assert result.faults == {}
+    assert result.counts.total() == 200
     kinds = {sample.kind for sample in corpus()}
-    assert {kind for kind, _ in found.counts} == kinds
-    assert (
-        min(sum(found.counts[kind, name] for kind in kinds) for name in (SAME, ALTERED, REFUSED))
-        > 8
-    )
+    assert {kind for kind, _ in result.counts} == kinds
+    for name in (SAME, ALTERED, REFUSED):
+        assert sum(result.counts[kind, name] for kind in kinds) > 8
 
 
 def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
@@ -34,16 +32,13 @@ def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
         "import json, sys; from pathlib import Path; from tests.fuzz.bombs import measure\n"
         "print(json.dumps({Path(name).name: measure(Path(name)) for name in sys.argv[1:]}))"
     )
-    found = json.loads(run_python(script, *paths))
-    assert max(grown for *_, grown in found.values()) < bombs.LIMIT_BYTES
-    assert [name for name in bombs.PIECES if not found[name][0]] == []
+    results = json.loads(run_python(script, *paths))
+    assert max(grown for *_, grown in results.values()) < bombs.LIMIT_BYTES
+    assert [name for name in bombs.PIECES if not results[name][0]] == []
 
 
 def test_extreme_scenes_end_in_pictures() -> None:
     cases = [scenes.case(2014, number) for number in range(40)]
-    assert {each.way for each in cases} == set(scenes.WAYS)
-    assert [
-        (str(each), scenes.outcome(each))
-        for each in cases
-        if scenes.outcome(each)[0] != scenes.RIGHT
-    ] == []
+    assert {case.way for case in cases} == set(scenes.WAYS)
+    for case in cases:
+        assert scenes.outcome(case) == (scenes.RIGHT, ""), str(case)

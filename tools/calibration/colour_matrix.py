@@ -245,10 +245,8 @@ def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
     if worst > _CROOKED:
         return f"the grey row is not linear (off by {100 * worst:.0f} %)"
     if abs(line[0]) > _STEEPEST:
-        return (
-            "the grey row is not linear, or the light on it changes "
-            f"{np.exp(abs(line[0]) * 5):.0f}-fold"
-        )
+        change = f"{np.exp(abs(line[0]) * 5):.0f}-fold"
+        return f"the grey row is not linear, or the light on it changes {change}"
     return None
 
 
@@ -296,30 +294,29 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
         Of the shot.
     """
     shown = reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
-    for names, parts in _KINDS.items():
+    for names, mixture in _KINDS.items():
         if set(names) <= set(pattern.channels):
             own = [pattern.channels.index(letter) for letter in names]
-            _check_order(names, shown @ parts, levels[:, own], pattern)
+            _check_order(names, shown @ mixture, levels[:, own], pattern)
 
 
 def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: CfaPattern) -> None:
     """Check the channels with these names; shown: (24, 3), what they should see; levels: (24, 3),
     what they see.
     """
-    wanted, found = _hues(shown), _hues(levels)
-    likeness = {order: float((wanted * found[:, order]).sum()) for order in permutations(range(3))}
-    best = max(likeness, key=lambda order: likeness[order])
+    expected, measured = _hues(shown), _hues(levels)
+    best = max(
+        permutations(range(3)), key=lambda order: float((expected * measured[:, order]).sum())
+    )
     if best == (0, 1, 2):
         return
     # Channel `order[i]` of the shot sees what the i-th name should.
     true = {names[index]: right for right, index in zip(names, best, strict=True)}
     wrong = " and ".join(_NAMES[letter] for letter in names if true[letter] != letter)
-    rows = ("".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from())
-    block = "/".join(rows)
+    block = "".join(true.get(letter, letter) for letter in "/".join(pattern.letters_from()))
     raise InputError(
         f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its "
-        "sensor, whose pattern probably is "
-        f"{block}; capture the shot again with the right pattern"
+        f"sensor, whose pattern probably is {block}; capture the shot again with the right pattern"
     )
 
 
@@ -327,6 +324,5 @@ def _hues(levels: DoubleArray) -> DoubleArray:
     """Return the logarithms of the levels relative to grey and to the mean of the patch's channels,
     (24, C).
     """
-    parts = np.maximum(levels / levels[list(GREYS)].mean(axis=0), _DARKEST)
-    logarithms = np.log(parts)
+    logarithms = np.log(np.maximum(levels / levels[list(GREYS)].mean(axis=0), _DARKEST))
     return logarithms - logarithms.mean(axis=1, keepdims=True)

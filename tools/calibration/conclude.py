@@ -105,7 +105,7 @@ class Result:
 
     Attributes
     ----------
-    seen
+    measured
         What it was concluded from.
     parts
         What the frames show, or say that they do not show: by the name in "measured" of
@@ -120,7 +120,7 @@ class Result:
         Sentences for the user.
     """
 
-    seen: Measurements
+    measured: Measurements
     parts: Mapping[str, Part]
     camera: Camera | None
     refusal: str
@@ -140,12 +140,12 @@ class Result:
         return "use it with care" if self.warnings else "use it"
 
 
-def conclude(seen: Measurements, provenance: Mapping[str, Any] | None = None) -> Result:
+def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None) -> Result:
     """Combine all that was measured into one camera.
 
     Parameters
     ----------
-    seen
+    measured
         What was measured. What it shows replaces whole parts of the old camera file.
     provenance
         Facts that every part of the camera file records.
@@ -155,60 +155,59 @@ def conclude(seen: Measurements, provenance: Mapping[str, Any] | None = None) ->
     InputError
         No frame was read.
     """
-    calibration = seen.calibration
-    parts = {part.name: part for conclude_part in _PARTS if (part := conclude_part(seen))}
-    changes: dict[str, Any] = {}
-    measured: dict[str, Any] = {}
-    for name, part in parts.items():
-        changes |= part.changes
-        if part.facts is not None:
-            measured[name] = {**(provenance or {}), **part.facts}
+    calibration = measured.calibration
+    parts = {part.name: part for conclude_part in _PARTS if (part := conclude_part(measured))}
+    changes = {name: value for part in parts.values() for name, value in part.changes.items()}
+    sources = {
+        name: {**(provenance or {}), **part.facts}
+        for name, part in parts.items()
+        if part.facts is not None
+    }
     if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
         rescaled = calibration.full_scale / math.fsum(changes["gamma"])
         changes["noise"] = calibration.noise.in_units_of(rescaled)
     refusal = "; ".join(part.refusal for part in parts.values() if part.refusal)
     camera = None
-    if seen.base and not refusal:
-        base, parts_of = seen.base, {**seen.known, **measured}
-        camera = Camera(replace(calibration, **changes), base.pattern, parts_of, base.shape)
+    if (base := measured.base) and not refusal:
+        calibration, facts = replace(calibration, **changes), measured.known | sources
+        camera = Camera(calibration, base.pattern, facts, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
-    warned = [line for part in parts.values() for line in part.warnings]
-    warnings = (*seen.remarks, *warned, *_outdated(seen, measured))
-    return Result(seen, parts, camera, refusal, contradictions, warnings)
+    warnings = [line for part in parts.values() for line in part.warnings]
+    warnings = [*measured.remarks, *warnings, *_outdated(measured, sources)]
+    return Result(measured, parts, camera, refusal, contradictions, tuple(warnings))
 
 
-def _outdated(seen: Measurements, measured: Mapping[str, Any]) -> tuple[str, ...]:
+def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
     """Return a warning of parts that are kept, and were measured with a black level that has turned
     out to be wrong.
     """
-    kept = [part for part in seen.known if part in _OF_BLACK and part not in measured]
-    if not (kept and seen.old and seen.dark):
-        return ()
-    moved = seen.dark.black - np.array(seen.old.calibration.black_level)
-    if not (np.abs(moved) > _MOVED * seen.assumed().black).any():
-        return ()
-    return (
-        f"the black level is {np.abs(moved).max():.1f} codes off the one with which "
-        f"{', '.join(kept)} of the camera file were "
-        "measured; give all frames together to measure these again",
-    )
+    kept = [part for part in measured.known if part in _OF_BLACK and part not in sources]
+    if not (kept and measured.old and measured.dark):
+        return []
+    moved = np.abs(measured.dark.black - np.array(measured.old.calibration.black_level))
+    if not (moved > _MOVED * measured.assumed().black).any():
+        return []
+    return [
+        f"the black level is {moved.max():.1f} codes off the one with which {', '.join(kept)} of "
+        "the camera file were measured; give all frames together to measure these again"
+    ]
 
 
 # --- gamma ---------------------------------------------------------------------------------------
 
 
-def conclude_gamma(seen: Measurements) -> Part | None:
+def conclude_gamma(measured: Measurements) -> Part | None:
     """Return the weights of Eq. 7 as all shots show them together, and what does not fit
     together.
     """
-    fit = seen.gamma
+    fit = measured.gamma
     if fit is None:
-        stated = ", ".join(f"{value:g}" for value in seen.calibration.gamma)
+        stated = ", ".join(f"{value:g}" for value in measured.calibration.gamma)
         line = f"gamma was not measured, and stays as the shots state it ({stated})"
         remedy = "shoot a ColorChecker, and add it with `update`"
-        return None if "gamma" in seen.known else Part("gamma", warnings=[f"{line}; {remedy}"])
-    refusal, contradictions = "", _contradictions(fit, seen.shots)
+        return None if "gamma" in measured.known else Part("gamma", warnings=[f"{line}; {remedy}"])
+    refusal, contradictions = "", _contradictions(fit, measured.shots)
     try:
         check_determined(fit)
     except InputError as error:
@@ -219,28 +218,22 @@ def conclude_gamma(seen: Measurements) -> Part | None:
         refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION
     ):
         refusal = "; ".join(contradictions)
-    return Part(
-        "gamma",
-        {
-            "from": "the patches of a ColorChecker",
-            "shots": [shot.name for shot in seen.shots],
-            "half_width_95": rounded(fit.half_width),
-            "condition": round(fit.condition, 2),
-            "residuals_over_noise": round(fit.spread, 2),
-        },
-        {"gamma": tuple(fit.gamma.tolist())},
-        _gamma_warnings(fit, seen.shots),
-        contradictions,
-        refusal,
-        fit,
-    )
+    facts = {
+        "from": "the patches of a ColorChecker",
+        "shots": [shot.name for shot in measured.shots],
+        "half_width_95": rounded(fit.half_width),
+        "condition": round(fit.condition, 2),
+        "residuals_over_noise": round(fit.spread, 2),
+    }
+    changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, measured.shots)
+    return Part("gamma", facts, changes, warnings, contradictions, refusal, fit)
 
 
-def black_error(seen: Measurements) -> DoubleArray:
+def black_error(measured: Measurements) -> DoubleArray:
     """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what
     shots show of it.
     """
-    assumed, fit = seen.assumed(), seen.gamma
+    assumed, fit = measured.assumed(), measured.gamma
     if fit is None or assumed.black_measured:
         return assumed.black
     offset, error = fit.offset
@@ -260,11 +253,11 @@ def coloured_light(shot: ShotMeasurement) -> str:
         return ""
     letters = shot.fit.calibration.channels
     weak, strong = letters[int(grey.argmin())], letters[int(grey.argmax())]
+    percent = 100 * max(grey.min(), 0) / grey.max()
     return (
-        f"{shot.name}: the light is strongly coloured: on grey {weak} reads "
-        f"{100 * max(grey.min(), 0) / grey.max():.0f} % of what "
-        f"{strong} does, so that colours, and gamma of {weak}, are known less well; take white "
-        "light"
+        f"{shot.name}: the light is strongly coloured: on grey {weak} reads {percent:.0f} % of "
+        f"what {strong} does, so that colours, and gamma of {weak}, are known less well; take "
+        "white light"
     )
 
 
@@ -276,22 +269,11 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     if abs(fit.black_deviation) > _CONTRADICTION:
         lines.append(_wrong_black(fit))
     if fit.contradiction > _CONTRADICTION:
-        each = ", ".join(
-            " ".join(
-                [
-                    shot.name,
-                    *(
-                        f"{value:.3f} ± {half:.2g}"
-                        for value, half in zip(shot.fit.gamma, shot.fit.half_width, strict=True)
-                    ),
-                ]
-            )
-            for shot in shots
-        )
+        gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in shots)
         lines.append(
             f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard "
-            f"deviations: {each}; give only shots of "
-            "one session, with one lens, or shoot the chart anew in even light"
+            f"deviations: {gammas}; give only shots of one session, with one lens, or shoot the "
+            "chart anew in even light"
         )
     return lines
 
@@ -302,22 +284,21 @@ def _wrong_black(fit: GammaFit) -> str:
     span = fit.calibration.white_level - fit.calibration.black_level[-1]
     # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does
     # not show.
-    lever, seems = 1 - float(fit.gamma.sum()), ""
+    lever, estimate = 1 - float(fit.gamma.sum()), ""
     if abs(lever) > _LEVER:
-        codes, codes_error = (abs(value * span / lever) for value in (offset, error))
-        direction = "higher" if offset / lever > 0 else "lower"
-        seems = f": it seems to be {codes:.1f} ± {codes_error:.1g} codes {direction}"
+        codes, codes_error = (value * span / lever for value in (offset, error))
+        direction = "higher" if codes > 0 else "lower"
+        size = f"{abs(codes):.1f} ± {abs(codes_error):.1g}"
+        estimate = f": it seems to be {size} codes {direction}"
     which = "that is assumed"
     remedy = "take dark frames (`dark`), and give them together with these shots"
     if fit.assumed.black_measured:
         which = "that the dark frames show"
-        remedy = (
-            "take dark frames anew, with gain, exposure and temperature of the other "
-            "shots, and the chart without reflections"
-        )
+        settings = "with gain, exposure and temperature of the other shots"
+        remedy = f"take dark frames anew, {settings}, and the chart without reflections"
     return (
         f"the shots contradict the black level {which} by {abs(fit.black_deviation):.0f} "
-        f"standard errors{seems}; {remedy}"
+        f"standard errors{estimate}; {remedy}"
     )
 
 
@@ -329,8 +310,10 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
     if fit.worst > _GOOD_GAMMA * fit.limit:
         remedy = "more light, a larger chart, more shots or flat frames (`flat`)"
-        known = f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %)"
-        warnings.append(f"{known}: {'white light' if tints else remedy} would help")
+        remedy = "white light" if tints else remedy
+        warnings.append(
+            f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy} would help"
+        )
     warnings += tints
     if fit.spread > _SPREAD:
         warnings.append(
@@ -338,14 +321,12 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
             "reflections, a dirty chart, or a sensor that is not linear"
         )
     for shot in shots:
-        clipped = int(shot.places.clipped.sum())
-        if clipped:
-            part = f"{clipped} of {PATCHES} patches are clipped and were left out"
-            warnings.append(f"{shot.name}: {part}; expose less to measure colours")
-        left_out = int((~shot.fit.used).sum()) - clipped
-        if left_out > 0:
-            part = f"{left_out} patches do not fit the others and were left out"
-            warnings.append(f"{shot.name}: {part} (reflections, dust?)")
+        if clipped := int(shot.places.clipped.sum()):
+            line = f"{clipped} of {PATCHES} patches are clipped and were left out"
+            warnings.append(f"{shot.name}: {line}; expose less to measure colours")
+        if (left_out := int((~shot.fit.used).sum()) - clipped) > 0:
+            line = f"{left_out} patches do not fit the others and were left out"
+            warnings.append(f"{shot.name}: {line} (reflections, dust?)")
     return warnings
 
 
@@ -372,21 +353,21 @@ class ChartColours:
     before: DoubleArray | None
 
 
-def conclude_colour(seen: Measurements) -> Part | None:
+def conclude_colour(measured: Measurements) -> Part | None:
     """Return the camera's colours: of every chart without clipped patches those that predict the
     left-out patches best.
 
     Under two lights, those under each; the part is refused unless both are known.
     """
-    lights = seen.lights or ("",)
-    charts = {light: _charts_under(seen, light) for light in lights}
+    lights = measured.lights or ("",)
+    charts = {light: _charts_under(measured, light) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
         why = "no chart without clipped patches was found under the light"
         refusal = f"{why} {' and '.join(missing)}"
-        return Part("colour", refusal=refusal) if seen.lights else None
-    if seen.lights and (wrong := _wrong_lights(charts)):
+        return Part("colour", refusal=refusal) if measured.lights else None
+    if measured.lights and (wrong := _wrong_lights(charts)):
         return Part("colour", refusal=wrong)
-    best = [min(each, key=lambda chart: chart.fit.left_out.mean()) for each in charts.values()]
+    best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
     warnings, contradictions = [], []
     for chart in best:
         mean = float(chart.fit.difference.mean())
@@ -399,41 +380,42 @@ def conclude_colour(seen: Measurements) -> Part | None:
             contradictions.append(f"{off} {_USELESS_COLOUR:.0f}")
         elif mean > _GOOD_COLOUR:
             warnings.append(f"{off} {_GOOD_COLOUR:.0f}")
-    facts = [_colour_facts(chart) for chart in best]
-    found = [(as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist())) for chart in best]
-    every: dict[str, Any] = facts[0]
-    changes: dict[str, Any] = {"camera_to_xyz": found[0][0], "neutral": found[0][1], "lights": None}
-    if seen.lights:
-        every = {"light": list(lights)} | {name: [fact[name] for fact in facts] for name in every}
-        both = (CalibratedLight(light, *each) for light, each in zip(lights, found, strict=True))
+    of_charts = [_colour_facts(chart) for chart in best]
+    colours = [(as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist())) for chart in best]
+    facts, ((matrix, neutral), *_) = of_charts[0], colours
+    changes: dict[str, Any] = {"camera_to_xyz": matrix, "neutral": neutral, "lights": None}
+    if measured.lights:
+        both = (CalibratedLight(light, *pair) for light, pair in zip(lights, colours, strict=True))
         changes = {"lights": tuple(both), "neutral": None, "neutral_estimated": False}
-    return Part("colour", every, changes, warnings, contradictions, result=best)
+        facts = {name: [chart[name] for chart in of_charts] for name in facts}
+        facts = {"light": list(lights), **facts}
+    return Part("colour", facts, changes, warnings, contradictions, result=best)
 
 
-def _charts_under(seen: Measurements, light: str) -> list[ChartColours]:
+def _charts_under(measured: Measurements, light: str) -> list[ChartColours]:
     """Return the charts under one light that show colours."""
-    gamma, charts = seen.gamma, []
-    for shot in seen.shots:
+    gamma, charts = measured.gamma, []
+    for shot in measured.shots:
         if gamma is not None and shot.light == light and not shot.places.clipped.any():
             levels = reconciled(shot.places, gamma.gamma)
             known, before = shot.fit.calibration.camera_to_xyz, None
             if known is not None or shot.fit.calibration.channels == "RGB":
                 matrix = np.array(SRGB_TO_XYZ if known is None else known)
-                before = white_balanced(levels, seen.chart_colours, matrix)
-            fit = fit_colour(levels, seen.chart_colours, shot.chart.place.cells)
+                before = white_balanced(levels, measured.chart_colours, matrix)
+            fit = fit_colour(levels, measured.chart_colours, shot.chart.place.cells)
             charts.append(ChartColours(shot, fit, before))
     return charts
 
 
 def _colour_facts(chart: ChartColours) -> dict[str, object]:
     """Return how well the colours of a chart are known, for camera.json."""
-    fit, before = chart.fit, chart.before
+    fit, before = chart.fit, None
+    if chart.before is not None:
+        before = round(float(delta_e_2000(chart.before, fit.reference).mean()), 3)
     return {
         "shot": chart.shot.name,
         "mean_dE2000": round(float(fit.difference.mean()), 3),
-        "mean_dE2000_before": None
-        if before is None
-        else round(float(delta_e_2000(before, fit.reference).mean()), 3),
+        "mean_dE2000_before": before,
         "max_dE2000": round(float(fit.difference.max()), 3),
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),
@@ -449,10 +431,8 @@ def _uneven_warnings(chart: ChartColours) -> list[str]:
         return []
     return [
         f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} times "
-        "brighter in one place than in "
-        "another, and colours are only corrected for it in part; light the chart evenly, and "
-        "take flat frames (`flat`) if the "
-        "lens darkens the corners"
+        "brighter in one place than in another, and colours are only corrected for it in part; "
+        "light the chart evenly, and take flat frames (`flat`) if the lens darkens the corners"
     ]
 
 
@@ -461,38 +441,35 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
     all can.
     """
     (one, first), (other, second) = charts.items()
-    changes = []
-    for a, b in product(first, second):
-        change = light_change(a.fit, b.fit, (one, other))
-        changes.append((change, a.shot.name, b.shot.name))
+    changes = [
+        (light_change(a.fit, b.fit, (one, other)), a.shot.name, b.shot.name)
+        for a, b in product(first, second)
+    ]
     change, warm, cold = min(changes)
     least, most = _LIKELY_CHANGE
     if change >= least:
         change, warm, cold = max(changes)
     if least <= change <= most:
         return ""
-    said = f"{warm} is given as under {one} and {cold} as under {other}, but white changes"
+    fault = f"{warm} is given as under {one} and {cold} as under {other}, but white changes"
     if change <= -least:
-        return (
-            f"{said} the other way from one to the other: the two lights are exchanged; name "
-            "the light of each shot (`chart_light`)"
-        )
+        cause = "the other way from one to the other: the two lights are exchanged"
+        return f"{fault} {cause}; name the light of each shot (`chart_light`)"
     return (
-        f"{said} {max(change, 0):.1f} times as much from one to the other as between these "
-        f"lights, {least:g} to {most:g} times are "
-        "likely: name the light under which each was taken (`chart_light`), or take the chart "
-        "anew under these two"
+        f"{fault} {max(change, 0):.1f} times as much from one to the other as between these "
+        f"lights, {least:g} to {most:g} times are likely: name the light under which each was "
+        "taken (`chart_light`), or take the chart anew under these two"
     )
 
 
 # --- dark and flat frames ------------------------------------------------------------------------
 
 
-def conclude_black_level(seen: Measurements) -> Part | None:
+def conclude_black_level(measured: Measurements) -> Part | None:
     """Return the black level of each plane, and a warning of codes that are too coarse for the read
     noise.
     """
-    dark = seen.dark
+    dark = measured.dark
     if dark is None:
         return None
     coarse = (
@@ -502,71 +479,70 @@ def conclude_black_level(seen: Measurements) -> Part | None:
     return Part(
         "black_level",
         {"frames": dark.frames, "standard_error": rounded(dark.black_error)},
-        {"black_level": seen.calibration.black_level},
+        {"black_level": measured.calibration.black_level},
         warnings=() if dark.shows_read else (coarse,),
         result=dark,
     )
 
 
-def conclude_defects(seen: Measurements) -> Part | None:
+def conclude_defects(measured: Measurements) -> Part | None:
     """Return the defects.
 
     Those that the frames or the camera file state stay, unless dark and flat frames together do not
     show them: dark frames alone show no dead pixels, and flat ones no hot pixels.
     """
-    dark, flats, stated = seen.dark, seen.flats, seen.stated_defects
-    if seen.base is None:
+    dark, flats, stated = measured.dark, measured.flats, measured.stated_defects
+    if measured.base is None:
         return None
-    shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
-    before = stated | set(seen.calibration.defects)
+    before = stated | set(measured.calibration.defects)
     if not (dark or flats):
         return Part("defects", changes={"defects": tuple(sorted(before))}) if stated else None
-    found = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
-    part, warnings = len(found) / seen.base.samples.size, []
-    if gone := sorted(stated.difference(found)):
-        named = [f"{row} {column}" for row, column in gone]
-        places = ", ".join(named[:_NAMED] + ["..."] * (len(named) > _NAMED))
+    shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
+    defects = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
+    fraction, warnings = len(defects) / measured.base.samples.size, []
+    if gone := sorted(stated.difference(defects)):
+        places = [f"{row} {column}" for row, column in gone[:_NAMED]]
+        listed = ", ".join(places + ["..."] * (len(gone) > _NAMED))
         warnings.append(
             f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, "
-            "and are left out (row and column "
-            f"{places})"
+            f"and are left out (row and column {listed})"
         )
-    if part > _MANY:
-        warnings.append(f"there are many defective pixels: {len(found)} ({100 * part:.2f} %)")
+    if fraction > _MANY:
+        warnings.append(f"there are many defective pixels: {len(defects)} ({100 * fraction:.2f} %)")
     if flats and flats.blind > _BLIND:
         warnings.append(
             "the flat frames are too dark, or too uneven, to tell dead pixels in "
-            f"{100 * flats.blind:.0f} % of the frame; "
-            "expose the brightest pair up to three quarters of full scale"
+            f"{100 * flats.blind:.0f} % of the frame; expose the brightest pair up to three "
+            "quarters of full scale"
         )
-    return Part("defects", {"part_of_pixels": part}, {"defects": tuple(found)}, warnings)
+    return Part("defects", {"part_of_pixels": fraction}, {"defects": tuple(defects)}, warnings)
 
 
-def conclude_noise(seen: Measurements) -> Part | None:
+def conclude_noise(measured: Measurements) -> Part | None:
     """Return the noise of each plane."""
-    if not seen.flats:
+    if not measured.flats:
         remedy = "take pairs of flat frames (`flat`), and dark frames (`dark`)"
         line = f"noise was not measured; {remedy}"
-        return Part("noise", warnings=[line]) if seen.shots and "noise" not in seen.known else None
-    found = noise_of_flats(seen.flats, seen.calibration, seen.dark, black_error(seen))
+        return (
+            Part("noise", warnings=[line])
+            if measured.shots and "noise" not in measured.known
+            else None
+        )
+    noise = noise_of_flats(
+        measured.flats, measured.calibration, measured.dark, black_error(measured)
+    )
     # In scene units noise is as uncertain as their size, which is that of gamma.
-    full_scale, error, gamma = seen.calibration.full_scale, 0.0, seen.gamma
+    full_scale, error, gamma = measured.calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
         full_scale, error = float(gamma.gamma.sum()), float(gamma.covariance.sum()) ** 0.5
-    shot, read, shot_own, read_own = np.array([astuple(line) for line in found.lines]).T
-    shot_error = np.hypot(full_scale * shot_own, error * shot)
-    read_error = np.hypot(full_scale * read_own, error * read)
-    return Part(
-        "noise",
-        {
-            "from": found.source,
-            "shot_error": rounded(shot_error),
-            "read_error": rounded(read_error),
-        },
-        {"noise": found.model(full_scale)},
-        _noise_warnings(found, seen.dark),
-        result=found,
-    )
+    shot, read, shot_own, read_own = np.array([astuple(line) for line in noise.lines]).T
+    facts = {
+        "from": noise.source,
+        "shot_error": rounded(np.hypot(full_scale * shot_own, error * shot)),
+        "read_error": rounded(np.hypot(full_scale * read_own, error * read)),
+    }
+    changes = {"noise": noise.model(full_scale)}
+    return Part("noise", facts, changes, _noise_warnings(noise, measured.dark), result=noise)
 
 
 def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
@@ -579,38 +555,37 @@ def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
             f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %); "
             "take more pairs of flat frames (`flat`)"
         )
-    part = SIGMAS * max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if part > _GOOD_READ:
-        known = f"only known to ±{100 * part:.0f} % (95 %)" if part < 1 else "unknown"
-        if dark is not None and dark.shows_read:
-            warnings.append(f"read noise is {known}; take more dark frames (`dark`)")
-        else:
-            instead = "; take dark frames (`dark`)" if dark is None else " either"
-            why = f"because {noise.source} hardly show it{instead}"
-            warnings.append(f"read noise is {known}, {why}")
+    error = SIGMAS * max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
+    if error > _GOOD_READ:
+        why = f", because {noise.source} hardly show it"
+        if dark is None:
+            why += "; take dark frames (`dark`)"
+        elif dark.shows_read:
+            why = "; take more dark frames (`dark`)"
+        known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
+        warnings.append(f"read noise is {known}{why}")
     return warnings
 
 
-def conclude_shading(seen: Measurements) -> Part | None:
+def conclude_shading(measured: Measurements) -> Part | None:
     """Return how light falls off, for each plane, and a warning if its error is that of an assumed
     black level.
     """
-    found = seen.shading
-    if found is None:
+    result = measured.shading
+    if result is None:
         return None
-    gain, error, warnings = found.shading, found.error, []
-    if not seen.assumed().black_measured:  # light that is black in truth does not fall off
-        error = float(np.hypot(error, found.error_of_black(black_error(seen))))
+    shading, error, warnings = result.shading, result.error, []
+    if not measured.assumed().black_measured:  # light that is black in truth does not fall off
+        error = float(np.hypot(error, result.error_of_black(black_error(measured))))
         warnings.append(
             "shading was measured with a black level that is assumed, and so is only known to "
-            f"±{100 * error:.2g} % in the "
-            "corners (standard error); take dark frames (`dark`)"
+            f"±{100 * error:.2g} % in the corners (standard error); take dark frames (`dark`)"
         )
-    facts: dict[str, Any] = {"frames": found.frames, "standard_error": float(f"{error:.2g}")}
-    if gain:
-        facts |= {"stops": round(gain.stops, 3), "colour": round(gain.colour, 4)}
-        facts |= {"residual": gain.residual, "focal_length": gain.focal_length}
-    return Part("shading", facts, {"shading": gain}, warnings, result=found)
+    facts: dict[str, Any] = {"frames": result.frames, "standard_error": float(f"{error:.2g}")}
+    if shading:
+        facts |= {"stops": round(shading.stops, 3), "colour": round(shading.colour, 4)}
+        facts |= {"residual": shading.residual, "focal_length": shading.focal_length}
+    return Part("shading", facts, {"shading": shading}, warnings, result=result)
 
 
 def rounded(values: DoubleArray) -> list[float]:

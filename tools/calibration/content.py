@@ -97,8 +97,8 @@ def _has_steps(clear: np.ndarray, brightest: float) -> bool:
     error = robust_deviation(samples - middle[..., None]) * np.sqrt(np.pi / (rows * columns))
     light = np.log(np.maximum(middle, max(0.02 * brightest, 1e-6)))
     steps, ratios = (
-        np.abs(np.concatenate([np.diff(each, axis=axis).ravel() for axis in (0, 1)]))
-        for each in (middle, light)
+        np.abs(np.concatenate([np.diff(values, axis=axis).ravel() for axis in (0, 1)]))
+        for values in (middle, light)
     )
     large = (steps > max(_LEAST_STEP, _NOISE * error)) & (ratios > _STEP)
     return bool(large.sum() > _STEPS * large.size)
@@ -108,10 +108,8 @@ def check_dark(mosaic: Mosaic) -> None:
     """Raise InputError if a frame that is given as dark shows a scene or an evenly lit surface."""
     content = Content.of(mosaic)
     if content.is_scene:
-        raise InputError(
-            "is not dark: it shows a scene; cover the lens (a shot of the chart is given without "
-            "`dark`)"
-        )
+        advice = "cover the lens (a shot of the chart is given without `dark`)"
+        raise InputError(f"is not dark: it shows a scene; {advice}")
     if content.level > _NOT_DARK:
         level = f"its median is {100 * content.level:.0f} % of full scale"
         raise InputError(f"is not dark: {level}; cover the lens (flat frames go by `flat`)")
@@ -138,24 +136,17 @@ def why_no_chart(mosaic: Mosaic) -> str:
     """Return why a frame in which no chart was found shows none, "" if that is nothing in
     particular.
     """
-    content = Content.of(mosaic)
+    content, kind, remedy = Content.of(mosaic), "", "so that white reads about three quarters"
     if content.brightest < _DIM:
-        if content.is_dark(black_measured=False):
-            return (
-                "no ColorChecker was found: it is dark; a dark frame, or a folder of them, "
-                "is given by `dark`"
-            )
-        reading = f"its brightest places read {100 * max(content.brightest, 0):.1f} % of full scale"
-        return (
-            f"it is too dark for a chart: {reading}; expose more, so that white reads about "
-            "three quarters"
-        )
-    if content.clipped > _OVEREXPOSED:
-        part = f"{100 * content.clipped:.0f} % of its panchromatic samples are clipped"
-        return f"it is over-exposed: {part}; expose less, so that white reads about three quarters"
-    if not content.is_scene:
-        return (
-            "no ColorChecker was found: it shows an even surface; a flat frame, or a folder "
-            "of them, is given by `flat`"
-        )
-    return ""
+        if not content.is_dark(black_measured=False):
+            percent = f"{100 * max(content.brightest, 0):.1f} %"
+            reading = f"its brightest places read {percent} of full scale"
+            return f"it is too dark for a chart: {reading}; expose more, {remedy}"
+        kind = "is dark; a dark frame, or a folder of them, is given by `dark`"
+    elif content.clipped > _OVEREXPOSED:
+        percent = f"{100 * content.clipped:.0f} %"
+        reading = f"{percent} of its panchromatic samples are clipped"
+        return f"it is over-exposed: {reading}; expose less, {remedy}"
+    elif not content.is_scene:
+        kind = "shows an even surface; a flat frame, or a folder of them, is given by `flat`"
+    return kind and f"no ColorChecker was found: it {kind}"

@@ -104,17 +104,16 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         black[plane] = values[good].mean()
         error[plane] = values[good].std() / np.sqrt(max(good.sum(), 1))
         samples = stack[:, here][:, good]
-        levels = samples.mean(axis=1)
+        levels = samples.mean(axis=1, keepdims=True)
+        variance = float(samples.var(ddof=1))
         if len(frames) > 1:
-            # What a whole frame drifts by is no read noise.
-            samples -= samples.mean(axis=1, keepdims=True)
-            variance = float(samples.var(axis=0, ddof=1).sum()) / max(good.sum() - 1, 1)
-        else:
-            variance = float(samples.var(ddof=1))
+            # The common drift of a frame is no read noise.
+            variance = float((samples - levels).var(axis=0, ddof=1).sum())
+            variance /= max(good.sum() - 1, 1)
         read[plane] = np.sqrt(max(variance - ROUNDING, 0.0))
         # What whole frames drift by is an error of the black level that samples of one frame do not
         # show, and few frames hardly.
-        usual = _USUAL_DRIFT_FRAMES * (_USUAL_DRIFT * np.sqrt(variance)) ** 2
+        usual = _USUAL_DRIFT_FRAMES * _USUAL_DRIFT**2 * variance
         squares = ((levels - levels.mean()) ** 2).sum() + usual
         drift = squares / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
         error[plane] = np.hypot(error[plane], np.sqrt(drift / len(frames)))
@@ -141,8 +140,8 @@ def _check_alike(samples: DoubleArray) -> None:
         if values[high] > limit:
             raise InputError(
                 f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of "
-                f"frame {high + 1} {values[high]:.4g}: "
-                "they have another gain or exposure, or light fell in; take all in the same way"
+                f"frame {high + 1} {values[high]:.4g}: they have another gain or exposure, or "
+                "light fell in; take all in the same way"
             )
 
 
@@ -167,14 +166,12 @@ def _check_light(
     sure = variance.mean() * np.sqrt(2 / samples)
     agrees = slope * np.ptp(lift) > 4 * sure and float(np.corrcoef(lift, variance)[0, 1]) > _IN_LINE
     if np.ptp(black) > limit and black[-1] - black[:-1].mean() > limit / 2 and agrees:
-        every = list(zip(letters, black, noise, strict=True))
-        levels = ", ".join(f"{letter} {level:.1f}" for letter, level, _ in every)
-        noises = ", ".join(f"{letter} {each:.2f}" for letter, _, each in every)
+        levels = ", ".join(map("{} {:.1f}".format, letters, black))
+        noises = ", ".join(map("{} {:.2f}".format, letters, noise))
         raise InputError(
             f"dark frames: light fell in: their levels are {levels} codes, with a noise of "
-            f"{noises}: both rise from filter to "
-            "filter as they do in light, most in W, which sees all colours; cover lens and "
-            "viewfinder, and take them in the dark"
+            f"{noises}: both rise from filter to filter as they do in light, most in W, which sees "
+            "all colours; cover lens and viewfinder, and take them in the dark"
         )
     parts = []
     for window in tiles(planes):
@@ -184,9 +181,8 @@ def _check_light(
     usual = float(np.median([part for part, _ in parts]))
     most, (rows, columns) = max(parts, key=lambda part: part[0])
     if most - usual > max(limit, CLIP * float(noise.max()) / np.sqrt(frames * LEAST_SAMPLES)):
+        place = f"row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}"
         raise InputError(
-            f"dark frames: light fell in around row {(rows.start + rows.stop) // 2}, column "
-            f"{(columns.start + columns.stop) // 2}: "
-            f"W is {most - usual:.1f} codes further above the other filters there than "
-            "elsewhere; cover lens and viewfinder"
+            f"dark frames: light fell in around {place}: W is {most - usual:.1f} codes further "
+            "above the other filters there than elsewhere; cover lens and viewfinder"
         )

@@ -23,12 +23,12 @@ lights, by its name.
 KINDS = "shots", "dark", "flat"
 
 
-def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]:
-    """Sort the given files by kind; returns also what was found and left out in folders.
+def sort_files(requested: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]:
+    """Sort files by kind; returns also what was found and left out in folders.
 
     Parameters
     ----------
-    given : Mapping[str, Sequence[str]]
+    requested : Mapping[str, Sequence[str]]
         Files, and folders with DNGs in them or below: of each of `KINDS`, then of the charts under
         each of two lights. Of shots, what is named dark* or flat*, or lies in a subfolder of such a
         name, is a dark or a flat frame.
@@ -38,19 +38,19 @@ def sort_files(given: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]
     InputError
         For a folder that cannot be read or has no DNG, and for a shot under neither light.
     """
-    files: Files = {kind: [] for kind in given}
+    files: Files = {kind: [] for kind in requested}
     searches = []
-    for known, sources in given.items():
-        found = search(sources, DNGS)
-        for folder, what in found.failures:
-            raise InputError(f"{folder}: {what}")
-        searches.append(found)
-        for source in found.sources:
-            parts = source.below.parts if source.below and known == "shots" else ()
+    for kind, sources in requested.items():
+        result = search(sources, DNGS)
+        for folder, fault in result.failures:
+            raise InputError(f"{folder}: {fault}")
+        searches.append(result)
+        for source in result.sources:
+            parts = source.below.parts if source.below and kind == "shots" else ()
             names = [part.lower() for part in reversed(parts)]
-            kinds = (kind for name in names for kind in KINDS[1:] if name.startswith(kind))
-            files[next(kinds, known)].append(source.name)
-    if len(given) > len(KINDS) and files["shots"]:
+            kinds = (other for name in names for other in KINDS[1:] if name.startswith(other))
+            files[next(kinds, kind)].append(source.name)
+    if len(requested) > len(KINDS) and files["shots"]:
         raise InputError(
             f"{files['shots'][0]}: shows a chart under neither light; name it after one of the "
             "two `chart_light`"
@@ -99,11 +99,9 @@ def check_same(path: Path, old: Camera, base: Mosaic) -> None:
         old.check_size(base.shape)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    if old.calibration.white_level != base.calibration.white_level:
-        raise InputError(
-            f"{path}: the shots have white level {base.calibration.white_level}, the camera file "
-            f"{old.calibration.white_level}"
-        )
+    known, stated = old.calibration.white_level, base.calibration.white_level
+    if known != stated:
+        raise InputError(f"{path}: the shots have white level {stated}, the camera file {known}")
 
 
 def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path | None:
@@ -131,11 +129,8 @@ def _text(value: Any, indent: str = "") -> str:
         fields = ((json.dumps(key), _text(entry, deeper)) for key, entry in value.items())
         rows = [f"{deeper}{name}: {text}" for name, text in fields]
         return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
-    if (
-        isinstance(value, list | tuple)
-        and value
-        and isinstance(value[0], list | tuple | str | dict)
-    ):
+    is_list = isinstance(value, list | tuple) and value
+    if is_list and isinstance(value[0], list | tuple | str | dict):
         rows = [f"{deeper}{_text(entry, deeper)}" for entry in value]
         return "[\n" + ",\n".join(rows) + f"\n{indent}]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -113,15 +113,15 @@ class Assumed:
         even : bool, optional
             Whether these frames have measured shading, if only that there is none.
         """
-        steady = _STEADY * 2.0 ** (calibration.bits - 12)
+        drift = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
         stated = measured.get("black_level", {}).get("standard_error")
-        black, is_measured = np.maximum(_UNKNOWN_BLACK * level, 4 * steady), True
+        black, is_measured = np.maximum(_UNKNOWN_BLACK * level, 4 * drift), True
         if dark is not None:
-            black = np.hypot(dark.black_error, steady)
+            black = np.hypot(dark.black_error, drift)
         elif stated is not None:
             errors = numbers("measured.black_level.standard_error", stated, len(level))
-            black = np.hypot(np.array(errors), steady)
+            black = np.hypot(errors, drift)
         else:
             is_measured = False
         colour = np.full(len(calibration.channels), _KNOWN_COLOUR)
@@ -130,7 +130,7 @@ class Assumed:
             # of panchromatic light too. Flat frames do not tell these apart, and with that share
             # gamma itself changes towards the corners.
             *colours, panchromatic = calibration.shading.sketch
-            falls = np.array([float(np.abs(panchromatic / each - 1).max()) for each in colours])
+            falls = np.array([np.abs(panchromatic / gain - 1).max() for gain in colours])
             return cls(black, is_measured, np.hypot(colour, falls), _KNOWN_COLOUR)
         if even or "shading" in measured:
             return cls(black, is_measured, colour, _KNOWN_COLOUR)
@@ -172,8 +172,10 @@ def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
     colours : DoubleArray
         (N, C), levels of the channels.
     places : DoubleArray
-        (N, 2), row and column from the middle of the frame, in halves of its diagonal.
+        (N, 2), row and column from the middle of the frame, in halves of its diagonal; or (1, 2),
+        one place of all.
     """
+    places = np.broadcast_to(places, (len(colours), 2))
     square = (places**2).sum(axis=1, keepdims=True)
     shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:])
     one = np.ones((len(colours), 1))
@@ -241,25 +243,24 @@ class GammaFit:
         see `Assumed.precision`.
         """
         gamma = np.ones(self._channels)
-        found, covariance = self.right_hand_side, self.information
+        solution, covariance = self.right_hand_side, self.information
         for _ in range(2):  # how much shading matters depends on gamma
             prior = self.assumed.precision(gamma, self.calibration, offset=offset)
-            known = self.information + prior
-            root = 1 / np.sqrt(np.maximum(np.diag(known), 1e-30))
+            posterior = self.information + prior
+            root = 1 / np.sqrt(np.maximum(np.diag(posterior), 1e-30))
             scale = np.outer(root, root)
-            covariance = np.linalg.pinv(known * scale, hermitian=True) * scale
-            found = covariance @ self.right_hand_side
-            gamma = found[: len(gamma)]
-        return found, covariance
+            covariance = np.linalg.pinv(posterior * scale, hermitian=True) * scale
+            solution = covariance @ self.right_hand_side
+            gamma = solution[: len(gamma)]
+        return solution, covariance
 
     @cached_property
     def _at_charts(self) -> tuple[DoubleArray, DoubleArray]:
-        found, covariance = self._solved()
+        solution, covariance = self._solved()
         one = np.eye(self._channels)
-        terms = [unknowns(one, np.tile(place, (len(one), 1))) for place in self.where]
-        there = np.mean(terms, axis=0)
-        there[:, len(one)] = 0.0  # the offset is no part of gamma
-        return there @ found, there @ covariance @ there.T
+        terms = np.mean([unknowns(one, place[None]) for place in self.where], axis=0)
+        terms[:, len(one)] = 0.0  # the offset is no part of gamma
+        return terms @ solution, terms @ covariance @ terms.T
 
     @property
     def gamma(self) -> DoubleArray:
@@ -282,13 +283,12 @@ class GammaFit:
 
         The error includes that of the black level only where dark frames have measured it.
         """
-        found, covariance = self._solved(offset=False)
-        place = self._channels
-        prior = 0.0
+        solution, covariance = self._solved(offset=False)
+        index, prior = self._channels, 0.0
         if self.assumed.black_measured:
-            prior = 1 / self.assumed.precision(found[:place], self.calibration)[place, place]
-        variance = max(covariance[place, place], 0.0) * self.widened + prior
-        return float(found[place]), float(np.sqrt(variance))
+            prior = 1 / self.assumed.precision(solution[:index], self.calibration)[index, index]
+        variance = max(covariance[index, index], 0.0) * self.widened + prior
+        return float(solution[index]), float(np.sqrt(variance))
 
     @property
     def black_deviation(self) -> float:
@@ -300,6 +300,12 @@ class GammaFit:
     def half_width(self) -> DoubleArray:
         """Half widths of the 95 % intervals, (C,)."""
         return stdtrit(self.freedom, (1 + CONFIDENCE) / 2) * np.sqrt(np.diag(self.covariance))
+
+    @property
+    def words(self) -> str:
+        """Gamma of each channel with its interval, for people."""
+        pairs = zip(self.gamma, self.half_width, strict=True)
+        return ", ".join(f"{value:.3g} ± {half:.2g}" for value, half in pairs)
 
     @property
     def worst(self) -> float:
@@ -339,45 +345,42 @@ def fit_gamma(
         raise InputError(f"gamma: {why}, and {least} good ones are needed: {remedy}{_INSTEAD}")
     problem = _Problem(level, colours, places.where, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
-    found = np.zeros(problem.terms.shape[1])
-    found[:channels] = _start(colours[used], level[used], problem.variance[used])
-    information = prior = np.zeros(0)
+    solution, prior = problem.start(used), np.zeros(0)
     for _ in range(_ROUNDS):
-        prior = assumed.precision(found[:channels], calibration)
-        found = problem.solved(used, found, prior, spread)
-        information = problem.information(used, found) / spread**2
-        score = problem.scores(found)
-        told, *_ = np.linalg.lstsq(information + prior, information, rcond=None)
-        freedom = max(float(used.sum() - np.trace(told)), 1.0)
+        prior = assumed.precision(solution[:channels], calibration)
+        solution = problem.solve(used, solution, prior, spread)
+        information = problem.information(used, solution) / spread**2
+        score = problem.scores(solution)
+        # the share of each unknown that the places determine
+        determined, *_ = np.linalg.lstsq(information + prior, information, rcond=None)
+        freedom = max(float(used.sum() - np.trace(determined)), 1.0)
         spread = max(1.0, float(np.sqrt((score[used] ** 2).sum() / freedom)))
         kept = exposed & (np.abs(score) <= _REJECT * max(1.0, robust_deviation(score[used])))
         if kept.sum() < least or (kept == used).all():
             break
         used = kept
-    information = problem.information(used, found) / spread**2
+    information = problem.information(used, solution) / spread**2
     condition = float(np.linalg.cond(colours[used] / level[used, None]))
     if condition > (worst := max(_WORST_CONDITION, _PER_CHANNEL * channels)):
         why = "greys, or too few colours"
         if channels > _VISIBLE:
-            why += (
-                f", or {channels} channels that are mixtures of fewer, as in light of three "
-                "primaries (a screen, an RGB picture)"
-            )
+            why += f", or {channels} channels that are mixtures of fewer, as in light of three "
+            why += "primaries (a screen, an RGB picture)"
         raise InputError(
             f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most "
             f"{worst:.0f}): {why}; {_INSTEAD}"
         )
     return GammaFit(
         information=information,
-        right_hand_side=(information + prior) @ found,
+        right_hand_side=(information + prior) @ solution,
         assumed=assumed,
         calibration=calibration,
         freedom=freedom,
         level=level,
-        predicted=problem.terms @ found,
+        predicted=problem.terms @ solution,
         used=used,
         condition=condition,
-        spread=float(np.sqrt((problem.scores(found)[used] ** 2).sum() / freedom)),
+        spread=float(np.sqrt((problem.scores(solution)[used] ** 2).sum() / freedom)),
         where=places.where.mean(axis=0, keepdims=True),
     )
 
@@ -410,22 +413,21 @@ def fit_with_derived(
         As `fit_gamma`.
     """
 
-    def seen(level: DoubleArray, variance: DoubleArray) -> PlaceSamples:
+    def with_levels(level: DoubleArray, variance: DoubleArray) -> PlaceSamples:
         mean, spread, count = places.mean.copy(), places.variance.copy(), places.count.copy()
         mean[:, derived], spread[:, derived], count[:, derived] = level, variance, 1
         return replace(places, mean=mean, variance=spread, count=count)
 
     for _ in range(2):
         error = _EXPECTED * (np.abs(expected) + _EXPECTED * expected.max())
-        fit = fit_gamma(seen(expected, error**2), calibration, assumed)
+        fit = fit_gamma(with_levels(expected, error**2), calibration, assumed)
         others = np.delete(fit.gamma, derived)
         unit = float(fit.gamma[derived] / others.mean())
         expected = expected * unit
     colours = np.delete(places.mean[:, :-1], derived, axis=1)
     level = (places.mean[:, -1] - colours @ others) / others.mean()
-    return replace(fit, limit=_WORST_DERIVED), seen(
-        level, places.variance[:, -1] / others.mean() ** 2
-    )
+    variance = places.variance[:, -1] / others.mean() ** 2
+    return replace(fit, limit=_WORST_DERIVED), with_levels(level, variance)
 
 
 class _Problem:
@@ -440,34 +442,41 @@ class _Problem:
         self.level, self.colours, self.places, self.variance = level, colours, places, variance
         self.terms = unknowns(colours, places)
 
-    def scores(self, found: DoubleArray) -> DoubleArray:
-        """Return the residual of each place in standard deviations, (N,)."""
-        total = _total(self.variance, found[: self.colours.shape[1]])
-        return (self.level - self.terms @ found) / np.sqrt(total)
+    def start(self, used: BoolArray) -> DoubleArray:
+        """Return unknowns (P,) to begin with: gamma by weighted least squares, 0 for the others."""
+        colours, level = self.colours[used], self.level[used]
+        weight = 1 / np.sqrt(self.variance[used].sum(axis=1))
+        gamma, *_ = np.linalg.lstsq(colours * weight[:, None], level * weight, rcond=None)
+        return np.pad(np.maximum(gamma, 1e-2), (0, self.terms.shape[1] - gamma.size))
 
-    def solved(
+    def scores(self, solution: DoubleArray) -> DoubleArray:
+        """Return the residual of each place in standard deviations, (N,)."""
+        total = _total(self.variance, solution[: self.colours.shape[1]])
+        return (self.level - self.terms @ solution) / np.sqrt(total)
+
+    def solve(
         self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float
     ) -> DoubleArray:
         """Return the likeliest unknowns (P,), with Huber's loss for the places; prior: (P, P),
         diagonal.
         """
-        strict = np.sqrt(np.diag(prior))
-        assumed = strict > 0
+        precision = np.sqrt(np.diag(prior))
 
-        def residuals(found: DoubleArray) -> DoubleArray:
-            score = self.scores(found)[used] / spread
+        def residuals(solution: DoubleArray) -> DoubleArray:
+            score = self.scores(solution)[used] / spread
             score = np.sign(score) * np.sqrt(2 * huber(_HUBER, score))
-            return np.concatenate([score, (strict * found)[assumed]])
+            return np.concatenate([score, (precision * solution)[precision > 0]])
 
         return least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
 
-    def information(self, used: BoolArray, found: DoubleArray) -> DoubleArray:
+    def information(self, used: BoolArray, solution: DoubleArray) -> DoubleArray:
         """Return what the places tell, (P, P), from the most likely true channels: noisy ones
         spread more than the true ones.
         """
-        gamma = found[: self.colours.shape[1]]
+        gamma = solution[: self.colours.shape[1]]
         total = _total(self.variance, gamma)
-        pull = self.variance[:, :-1] * gamma * ((self.level - self.terms @ found) / total)[:, None]
+        residual = (self.level - self.terms @ solution) / total
+        pull = self.variance[:, :-1] * gamma * residual[:, None]
         likely = unknowns(self.colours + pull, self.places)[used]
         return (likely / total[used, None]).T @ likely
 
@@ -504,27 +513,17 @@ def _total(variance: DoubleArray, gamma: DoubleArray) -> DoubleArray:
     return variance[:, -1] + variance[:, :-1] @ gamma**2
 
 
-def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
-    """Return gamma (C,) by weighted least squares."""
-    weight = 1 / np.sqrt(variance.sum(axis=1))
-    start, *_ = np.linalg.lstsq(colours * weight[:, None], level * weight, rcond=None)
-    return np.maximum(start, 1e-2)
-
-
 def combined(fits: Sequence[GammaFit]) -> GammaFit:
     """Combine independent fits with the same calibration and assumptions: what they assume counts
-    once.
+    once. Levels and residuals remain those of the first.
     """
     if len(fits) == 1:
         return fits[0]
-    whole = replace(
+    joined = replace(
         fits[0],
         information=np.sum([fit.information for fit in fits], axis=0),
         right_hand_side=np.sum([fit.right_hand_side for fit in fits], axis=0),
         freedom=sum(fit.freedom for fit in fits),
-        level=np.concatenate([fit.level for fit in fits]),
-        predicted=np.concatenate([fit.predicted for fit in fits]),
-        used=np.concatenate([fit.used for fit in fits]),
         condition=min(fit.condition for fit in fits),
         spread=max(fit.spread for fit in fits),
         where=np.concatenate([fit.where for fit in fits]),
@@ -534,13 +533,13 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
     # sets them apart less than this allows.
     chi2 = 0.0
     for fit in fits:
-        there = replace(fit, where=whole.where)
-        difference = there.gamma - whole.gamma
-        likely = stdtrit(fit.freedom, (1 + CONFIDENCE) / 2) / ndtri((1 + CONFIDENCE) / 2)
-        chi2 += float(difference @ np.linalg.solve(there.covariance * likely**2, difference))
-    freedom = len(whole.gamma) * (len(fits) - 1)
+        there = replace(fit, where=joined.where)
+        difference = there.gamma - joined.gamma
+        wider = stdtrit(fit.freedom, (1 + CONFIDENCE) / 2) / ndtri((1 + CONFIDENCE) / 2)
+        chi2 += float(difference @ np.linalg.solve(there.covariance * wider**2, difference))
+    freedom = len(joined.gamma) * (len(fits) - 1)
     rare = max(float(chdtrc(freedom, chi2)), 1e-300)  # so that it is 37 deviations at most
-    return replace(whole, contradiction=-float(ndtri(rare)), widened=max(1.0, chi2 / freedom))
+    return replace(joined, contradiction=-float(ndtri(rare)), widened=max(1.0, chi2 / freedom))
 
 
 def check_determined(fit: GammaFit) -> None:
@@ -548,10 +547,7 @@ def check_determined(fit: GammaFit) -> None:
     `GammaFit.limit`.
     """
     if fit.gamma.min() <= 0 or fit.worst > fit.limit:
-        pairs = zip(fit.gamma, fit.half_width, strict=True)
-        figures = ", ".join(f"{value:.3g} ± {half:.2g}" for value, half in pairs)
         raise InputError(
-            f"gamma is only known to be {figures}, and {100 * fit.limit:.0f} % are needed: "
-            f"{_INSTEAD}; "
-            "more light or more shots help too"
+            f"gamma is only known to be {fit.words}, and {100 * fit.limit:.0f} % are needed: "
+            f"{_INSTEAD}; more light or more shots help too"
         )

@@ -197,10 +197,10 @@ def measure_frames(
     session.dark(files["dark"])
     session.flat(files["flat"])
     session.shots(files["shots"], corners)
-    session.seen.lights = tuple(kind for kind in files if kind not in KINDS)
-    for light in session.seen.lights:
+    session.measured.lights = tuple(kind for kind in files if kind not in KINDS)
+    for light in session.measured.lights:
         session.shots(files[light], light=light)
-    return session.seen
+    return session.measured
 
 
 def measure_chart(
@@ -252,7 +252,7 @@ class Session:
     Parameters
     ----------
     read : Callable[[str], Mosaic], optional
-        Reads a frame. `seen` is what was measured so far.
+        Reads a frame. `measured` is what was measured so far.
     """
 
     def __init__(
@@ -272,26 +272,27 @@ class Session:
                 self._known["black_level"] = old.calibration.black_level
         self._paths: dict[bytes, tuple[str, str]] = {}  # digest of the samples -> path, kind
         self._base_path, self._has_shot = "", False
-        self.seen = Measurements(chart_colours, old=old)
+        self.measured = Measurements(chart_colours, old=old)
 
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
         frames = self._unshaded(paths, "dark", check_dark)
-        if frames:
-            try:
-                dark = self.seen.dark = measure_dark([mosaic for _, mosaic in frames])
-            except InputError as error:
-                self._skip(paths, error)
-            else:
-                self._known["black_level"] = tuple(dark.black.tolist())
-                self._console.say(dark.words)
-                path, first = frames[0]
-                if self._is_far(first.calibration):
-                    stated = figures(first.calibration.black_level)
-                    other = "states another black level than the dark frames show"
-                    self._console.note(f"{path} {other}: {stated} codes")
-        if self.seen.dark is None:  # what refused frames state is not the camera's
-            self.seen.base = None
+        try:
+            dark = measure_dark([mosaic for _, mosaic in frames]) if frames else None
+        except InputError as error:
+            self._skip(paths, error)
+            dark = None
+        if dark is None:
+            self.measured.base = None  # what refused frames state is not the camera's
+            return
+        self.measured.dark = dark
+        self._known["black_level"] = tuple(dark.black.tolist())
+        self._console.say(dark.words)
+        path, first = frames[0]
+        if self._is_far(first.calibration):
+            stated = figures(first.calibration.black_level)
+            fault = "states another black level than the dark frames show"
+            self._console.note(f"{path} {fault}: {stated} codes")
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
@@ -305,17 +306,17 @@ class Session:
         """Measure the shading of flat frames; what a shot states of its shading does not count any
         more.
         """
-        if self.seen.base is not None:
-            self.seen.base = without_shading(self.seen.base)
+        if self.measured.base is not None:
+            self.measured.base = without_shading(self.measured.base)
         before = self._known.setdefault("shading", None)
         try:
-            self.seen.shading = measure_shading(frames)
+            self.measured.shading = measure_shading(frames)
         except InputError as error:
             kept = ", and the one before is kept" if before else ""
-            self.seen.remarks.append(f"no shading was measured{kept}: {error}")
+            self.measured.remarks.append(f"no shading was measured{kept}: {error}")
         else:
-            self._known["shading"] = self.seen.shading.shading
-            self._console.say(self.seen.shading.words)
+            self._known["shading"] = self.measured.shading.shading
+            self._console.say(self.measured.shading.words)
 
     def _measure_noise(self, paths: Sequence[str], frames: list[tuple[str, Mosaic]]) -> None:
         """Measure the noise of flat frames, which only pairs of them show."""
@@ -323,14 +324,16 @@ class Session:
             flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
             calibration = frames[0][1].calibration
             # Frames that do not show it are refused here, where they can be named.
-            noise_of_flats(flats, calibration, self.seen.dark, self.seen.assumed(calibration).black)
+            noise_of_flats(
+                flats, calibration, self.measured.dark, self.measured.assumed(calibration).black
+            )
         except InputError as error:
-            if self.seen.shading is None:
+            if self.measured.shading is None:
                 self._skip(paths, error)
             else:
-                self.seen.remarks.append(f"no noise was measured: {error}")
+                self.measured.remarks.append(f"no noise was measured: {error}")
             return
-        self.seen.flats = flats
+        self.measured.flats = flats
         for index in unpaired:
             why = "it is clipped, or no other flat frame has its exposure"
             self._console.note(f"{frames[index][0]} tells no noise: {why}")
@@ -344,34 +347,32 @@ class Session:
             See `ShotMeasurement`, the other arguments: see `measure_frames`.
         """
 
-        def measured(path: str) -> ShotMeasurement:
+        def measure(path: str) -> ShotMeasurement:
             (mosaic, stated), name = self._read(path, "shot"), Path(path).name
             shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
             if shading and (zoomed := shading.zoomed(focal_length)):
                 self._console.note(f"{path}: {zoomed}")
-            assumed = self.seen.assumed(mosaic.calibration)
+            assumed = self.measured.assumed(mosaic.calibration)
             try:
-                return measure_chart(name, mosaic, self.seen.chart_colours, corners, assumed)
+                return measure_chart(name, mosaic, self.measured.chart_colours, corners, assumed)
             except InputError as error:
                 why = why_no_chart(mosaic) or str(error)
                 if self._is_far(stated):
-                    why += (
-                        "; or the dark frames are to blame: they show black level "
-                        f"{figures(self._known['black_level'])}, the "
-                        f"shot states {figures(stated.black_level)} codes"
-                    )
+                    black = figures(self._known["black_level"])
+                    why += f"; or the dark frames are to blame: they show black level {black}, the "
+                    why += f"shot states {figures(stated.black_level)} codes"
                 raise InputError(why) from None
 
-        for shot in self._each(paths, "shot", measured):
+        for shot in self._process(paths, "shot", measure):
             gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"
             self._console.say(f"{shot.name}: chart at {shot.chart.place}, {gamma}")
             white = shot.places.mean[_WHITE, -1]
             if white < _DIM:
-                self.seen.remarks.append(
+                self.measured.remarks.append(
                     f"{shot.name} is dark: its white patch reads {100 * white:.1f} % of full "
                     "scale; expose more, up to 75 %"
                 )
-            self.seen.shots.append(replace(shot, light=light))
+            self.measured.shots.append(replace(shot, light=light))
 
     def _is_far(self, stated: SensorCalibration) -> bool:
         """True if the black level that a frame states is far from the one that was measured."""
@@ -387,7 +388,7 @@ class Session:
             mosaic, _ = self._read(path, kind, check)
             return path, without_shading(mosaic)
 
-        return list(self._each(paths, kind, read))
+        return list(self._process(paths, kind, read))
 
     def _read(
         self, path: str, kind: str, check: Check = lambda _: None
@@ -399,7 +400,7 @@ class Session:
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
-        stated, base = mosaic.calibration.without_estimates(), self.seen.base
+        stated, base = mosaic.calibration.without_estimates(), self.measured.base
         sensor = self._sensor or stated.sensor or (base.calibration.sensor if base else "")
         stated = replace(stated, sensor=sensor)
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
@@ -414,12 +415,12 @@ class Session:
                 which = f"it is given twice, as {before} and as {kind}"
             raise InputError(f"{which}: a copy adds nothing; leave it out")
         self._paths[digest] = path, kind
-        self.seen.stated_defects |= set(stated.defects)
-        if self.seen.base is None:
+        self.measured.stated_defects |= set(stated.defects)
+        if self.measured.base is None:
             self._base_path = path
-        if self.seen.base is None or (kind == "shot" and not self._has_shot):
+        if self.measured.base is None or (kind == "shot" and not self._has_shot):
             # A shot of the chart states colours and noise, where others may not.
-            self.seen.base = mosaic
+            self.measured.base = mosaic
         self._has_shot |= kind == "shot"
         return mosaic, stated
 
@@ -427,9 +428,9 @@ class Session:
         """Raise InputError unless a frame has size, pattern and levels of the first one: as they
         are stated.
         """
-        if self.seen.base is None:
+        if self.measured.base is None:
             return
-        ours, first = _facts(mosaic), _facts(self.seen.base)
+        ours, first = _facts(mosaic), _facts(self.measured.base)
         # Dark frames measure it, whatever a frame states.
         if kind == "dark" or "black_level" in self._known:
             del ours["black level"]
@@ -437,12 +438,11 @@ class Session:
             if fact != first[name] and (name != "sensor" or (fact and first[name])):
                 raise InputError(
                     f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all "
-                    "frames have to be from one camera, "
-                    "with the same settings"
+                    "frames have to be from one camera, with the same settings"
                 )
 
-    def _each(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
-        """Yield what `work` makes of each frame that it can use, with a record; the others are
+    def _process(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
+        """Yield the result of `work` for each frame that it can use, with a record; the others are
         skipped.
         """
         for path in paths:
@@ -460,7 +460,7 @@ class Session:
         """Say and record why these frames are skipped."""
         path, why = " ".join(paths), reason(error)
         line = why if path in why else f"{path}: {why}"
-        self.seen.skipped.append(without_folders(line, paths))
+        self.measured.skipped.append(without_folders(line, paths))
         self._console.error(f"skipped {line}", cause=error)
         self._console.record(source=path, ok=False, error=" ".join(why.split()))
 

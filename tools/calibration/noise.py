@@ -172,8 +172,10 @@ class NoiseResult:
         full_scale : float
             Scene units at the white level.
         """
-        shot, read = zip(*((line.shot, line.read) for line in self.lines), strict=True)
-        return NoiseModel(*(tuple(full_scale * value for value in each) for each in (shot, read)))
+        return NoiseModel(
+            tuple(full_scale * line.shot for line in self.lines),
+            tuple(full_scale * line.read for line in self.lines),
+        )
 
     @property
     def uncertainty(self) -> float:
@@ -210,16 +212,14 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
     lit = sorted((level, index) for index, level in enumerate(brightness) if 0 < level < CLIPPED)
     pairs: list[tuple[int, int]] = []
     while len(lit) > 1:
-        (level, first), (other, second) = lit[:2]
-        if other <= level * (1 + _SAME_EXPOSURE):
-            pairs.append((first, second))
-        del lit[: 2 if other <= level * (1 + _SAME_EXPOSURE) else 1]
+        level, first = lit.pop(0)
+        if lit[0][0] <= level * (1 + _SAME_EXPOSURE):
+            pairs.append((first, lit.pop(0)[1]))
     unpaired = sorted(set(range(len(frames))).difference(*pairs))
     if not pairs:
         raise InputError(
             "flat frames: no two unclipped frames have the same exposure; take two of each, at "
-            "several exposures up to three "
-            "quarters of full scale"
+            "several exposures up to three quarters of full scale"
         )
     frames_of = [(levels[first], levels[second]) for first, second in pairs]
     points = [_grouped(_pair_points(*pair, planes, white + 1)) for pair in frames_of]
@@ -258,12 +258,8 @@ def noise_of_flats(
     lines = []
     for plane, full in enumerate(span.tolist()):
         read = None if known is None else float(known.read[plane] / full)
-        mean, variance, count = (
-            points.mean[:, plane],
-            points.variance[:, plane],
-            points.count[:, plane],
-        )
-        line = fit_photon_transfer(mean, variance, count, read)
+        mean, variance = points.mean[:, plane], points.variance[:, plane]
+        line = fit_photon_transfer(mean, variance, points.count[:, plane], read)
         # Black that is off stretches the levels, and moves the line's intercept.
         moved = 0.0 if black_error is None else line.shot * float(black_error[plane] / full)
         if known is None:
@@ -279,15 +275,12 @@ def noise_of_flats(
         fault = "show less noise than rounding to codes hides"
     elif not noise.uncertainty <= _WORST_NOISE:
         part = f"±{100 * noise.uncertainty:.0f} %" if noise.uncertainty < 1 else "±100 % or more"
-        fault = (
-            f"tell the noise at full scale only to {part}, and {100 * _WORST_NOISE:.0f} % "
-            "are allowed"
-        )
+        allowed = f"{100 * _WORST_NOISE:.0f} % are allowed"
+        fault = f"tell the noise at full scale only to {part}, and {allowed}"
     if fault:
         raise InputError(
             f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, "
-            "up to three quarters of full "
-            "scale, and dark frames (`dark`)"
+            "up to three quarters of full scale, and dark frames (`dark`)"
         )
     return noise
 
@@ -345,7 +338,7 @@ def _dead(
     by chance, nor a dead one as bright: half the light is DEFECT deviations of the noise away from
     both. Where many pixels are dark the light is uneven.
     """
-    found: list[tuple[int, int]] = []
+    dead: list[tuple[int, int]] = []
     blind, bright = 0, one + two
     for window in tiles(planes):
         top, left = window[0].start, window[1].start
@@ -358,5 +351,5 @@ def _dead(
             if noisy or low.sum() > max(_MOST_DEAD * number, 2):
                 blind += number
             else:
-                found += [(top + row, left + column) for row, column in np.argwhere(low).tolist()]
-    return tuple(found), blind / planes.size
+                dead += [(top + row, left + column) for row, column in np.argwhere(low).tolist()]
+    return tuple(dead), blind / planes.size

@@ -66,11 +66,11 @@ def check_order(path: Path, reference: DoubleArray, usual: DoubleArray) -> None:
     wrong = np.flatnonzero(own - matched > _EXCHANGED)
     if matched.mean() < _OF_THE_SAME_CHART and wrong.size:
         one = int(wrong[0])
+        own_name, true_name = (f"{_name(patch)} ({NAMES[patch]})" for patch in (one, places[one]))
         raise InputError(
-            f"{path}: the colour of {_name(one)} ({NAMES[one]}) is that of "
-            f"{_name(int(places[one]))} ({NAMES[places[one]]}) on a "
-            f"ColorChecker, and {wrong.size} patches are elsewhere in all; correct names or "
-            "order: A1 to F1, A2 to F2, ... F4"
+            f"{path}: the colour of {own_name} is that of {true_name} on a ColorChecker, and "
+            f"{wrong.size} patches are elsewhere in all; correct names or order: A1 to F1, A2 to "
+            "F2, ... F4"
         )
 
 
@@ -93,13 +93,13 @@ def _reference(text: str) -> DoubleArray:
     if not np.isfinite(values).all():
         raise InputError("a colour is not a finite number")
     labels = [name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields]
-    every = [_order([row[fields.index(label)] for row in rows]) for label in labels]
-    orders = [order for order in every if order]
-    if labels and not orders:
-        wanted = f"each of the patches A1 to F4 (or 1 to {PATCHES}) once"
-        raise InputError(f"{' or '.join(labels)} does not name {wanted}")
+    named = [_order([row[fields.index(label)] for row in rows]) for label in labels]
+    order = next(filter(None, named), [])
+    if labels and not order:
+        expected = f"each of the patches A1 to F4 (or 1 to {PATCHES}) once"
+        raise InputError(f"{' or '.join(labels)} does not name {expected}")
     ordered = np.empty_like(values)
-    ordered[orders[0] if orders else list(range(PATCHES))] = values
+    ordered[order or list(range(PATCHES))] = values
     _check_light(text)
     return _checked(_scaled(ordered) if columns == _COLUMNS[0] else _from_lab(ordered))
 
@@ -112,8 +112,7 @@ def _scaled(values: DoubleArray) -> DoubleArray:
             return values / scale
     raise InputError(
         f"the white patch (A4) has XYZ_Y {white:g}, expected about 0.9 (of 0 to 1) or 90 (of 0 "
-        "to 100), relative to perfect white; "
-        "divide all by what that reads, or correct the order"
+        "to 100), relative to perfect white; divide all by what that reads, or correct the order"
     )
 
 
@@ -182,7 +181,8 @@ def _order(names: list[str]) -> list[int]:
     """Return the index in reading order of each patch, [] unless the names are those of all
     patches.
     """
-    places = [(name[1].upper(), int(name[2])) for each in names if (name := _PLACE.fullmatch(each))]
+    matches = filter(None, map(_PLACE.fullmatch, names))
+    places = [(match[1].upper(), int(match[2])) for match in matches]
     by_column = [(number - 1) * COLUMNS + "ABCDEF".index(letter) for letter, number in places]
     by_row = ["ABCDEF".index(letter) * COLUMNS + number - 1 for letter, number in places]
     numbered = [int(name) - 1 for name in names if re.fullmatch(r"[0-9]{1,3}", name)]

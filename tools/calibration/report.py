@@ -4,6 +4,7 @@ and how well they fit.
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,44 +30,42 @@ _EDGE = "#1f1f1c"
 _OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
-def write_report(result: Result, made: Mapping[str, str]) -> bytes:
+def write_report(result: Result, provenance: Mapping[str, str]) -> bytes:
     """Return the content of the page's file.
 
     Parameters
     ----------
     result
         Of the calibration.
-    made
+    provenance
         Date, program, ...
     """
-    camera, seen, parts = result.camera, result.seen, result.parts
+    camera, measured = result.camera, result.measured
     told = () if result.refusal else result.contradictions  # a refusal names them already
-    found = {name: part.result for name, part in parts.items() if part.result is not None}
+    fits = {name: part.result for name, part in result.parts.items() if part.result is not None}
+    plots = {"gamma": partial(_plot_residuals, result)}
+    if "noise" in fits:
+        plots["noise"] = partial(_plot_transfer, fits["noise"], measured.planes)
     return render_page(
         _TEMPLATE,
         title=f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
-        made=", ".join(made.values()),
+        made=", ".join(provenance.values()),
         verdict=result.verdict.capitalize(),
         tone=_TONES[result.verdict],
         refusal=result.refusal,
         warnings=[*told, *result.warnings],
-        skipped=seen.skipped,
-        planes=seen.planes,
-        shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in seen.shots],
-        gamma=found.get("gamma"),
-        residuals=embed_plot(lambda axes: _plot_residuals(axes, result))
-        if "gamma" in found
-        else "",
+        skipped=measured.skipped,
+        planes=measured.planes,
+        shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in measured.shots],
+        gamma=fits.get("gamma"),
+        noise=fits.get("noise"),
+        plots={name: embed_plot(plot) for name, plot in plots.items() if name in fits},
         colours=[
             (chart, _patches(chart), _differences(chart), _glow(chart.fit.light))
-            for chart in found.get("colour", ())
+            for chart in fits.get("colour", ())
         ],
-        noise=found.get("noise"),
-        transfer=embed_plot(lambda axes: _plot_transfer(axes, found["noise"], seen.planes))
-        if "noise" in found
-        else "",
-        dark=seen.dark,
-        shading=seen.shading,
+        dark=measured.dark,
+        shading=measured.shading,
         camera=camera,
         document=json.dumps(camera.to_json(), indent=1, ensure_ascii=False) if camera else "",
         figures=figures,
@@ -75,12 +74,12 @@ def write_report(result: Result, made: Mapping[str, str]) -> bytes:
     )
 
 
-def _plot_residuals(axes: "Axes", result: Result) -> None:
+def _plot_residuals(result: Result, axes: "Axes") -> None:
     """Plot how far the luminance of every patch is off that of Eq. 7, in per cent; those that were
     left out are crosses.
     """
-    colours = np.array(_css_colours(xyz_to_lab(result.seen.chart_colours)))
-    for fit in (shot.fit for shot in result.seen.shots):
+    colours = np.array(_css_colours(xyz_to_lab(result.measured.chart_colours)))
+    for fit in (shot.fit for shot in result.measured.shots):
         percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
         for here, marker in ((fit.used, "o"), (~fit.used, "X")):
             x, y, fill = fit.level[here], percent[here], colours[here]
@@ -89,7 +88,7 @@ def _plot_residuals(axes: "Axes", result: Result) -> None:
     axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
 
 
-def _plot_transfer(axes: "Axes", noise: NoiseResult, planes: str) -> None:
+def _plot_transfer(noise: NoiseResult, planes: str, axes: "Axes") -> None:
     """Plot variance over mean, with a line per plane."""
     for plane, (letter, line) in enumerate(zip(planes, noise.lines, strict=True)):
         colour, mean = _PLANES.get(letter, _OTHER), noise.points.mean[:, plane]
@@ -124,7 +123,7 @@ def _differences(chart: ChartColours) -> list[tuple[str, str, str]]:
         ("matrix, corrected for uneven light", fit.difference),
         ("the same, each patch predicted from the others", fit.left_out),
     ]
-    return [(name, f"{each.mean():.2f}", f"{each.max():.2f}") for name, each in rows]
+    return [(name, f"{errors.mean():.2f}", f"{errors.max():.2f}") for name, errors in rows]
 
 
 def _glow(light: DoubleArray) -> list[tuple[float, int]]:

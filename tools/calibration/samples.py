@@ -116,7 +116,7 @@ def _moments(
     shading = np.ones(values.size)
     if fitted[0] > 0:
         shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0)
-    own = [plane == each for each in range(number)]
+    own = (plane == index for index in range(number))
     return np.array([_robust(values[here], shading[here]) for here in own], np.float64).T
 
 

@@ -88,13 +88,12 @@ class ShadingResult:
     @property
     def words(self) -> str:
         """The shading, for people."""
-        seen = f"{self.frames} flat frame{'s' * (self.frames > 1)}"
-        if self.shading is None:
-            return f"no shading: {seen}, even to ±{100 * self.error:.2g} % (standard error)"
-        lens = self.shading
-        left = f"{100 * lens.residual:.2g} %" if lens.residual else "none beyond noise"
-        known = f"known to ±{100 * self.error:.2g} % (standard error) from {seen}, residual: {left}"
-        return f"shading: {lens.words}, {known}"
+        frames = f"{self.frames} flat frame{'s' * (self.frames > 1)}"
+        error = f"to ±{100 * self.error:.2g} % (standard error)"
+        if (lens := self.shading) is None:
+            return f"no shading: {frames}, even {error}"
+        residual = f"{100 * lens.residual:.2g} %" if lens.residual else "none beyond noise"
+        return f"shading: {lens.words}, known {error} from {frames}, residual: {residual}"
 
 
 class _Tiles(NamedTuple):
@@ -133,8 +132,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     if min(shape) < least:
         raise InputError(
             f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it "
-            f"takes {least}, "
-            f"{_FEWEST_TILES * _TILE} periods of the pattern"
+            f"takes {least}, {_FEWEST_TILES * _TILE} periods of the pattern"
         )
     focal = _common_focal_length(frames)
     light, parts = _mean_of_unclipped(frames)
@@ -152,16 +150,15 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     if residual > _RESIDUAL:
         raise InputError(
             f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth "
-            f"shading, {100 * _RESIDUAL:.1f} % are "
-            "allowed; take an evenly lit surface without texture, out of focus"
+            f"shading, {100 * _RESIDUAL:.1f} % are allowed; take an evenly lit surface without "
+            "texture, out of focus"
         )
     calibration = frames[0][1].calibration
     codes = left.light.mean(axis=1) * (calibration.white_level - np.array(calibration.black_level))
     gains = shading.sketch.max(axis=(1, 2)).astype(np.float64)
-    found: Shading | None = replace(shading, residual=float(f"{residual:.2g}"))
-    if float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error):
-        found = None
-    return ShadingResult(found, len(parts), error, codes, gains)
+    is_even = float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error)
+    rounded = None if is_even else replace(shading, residual=float(f"{residual:.2g}"))
+    return ShadingResult(rounded, len(parts), error, codes, gains)
 
 
 def _common_focal_length(frames: Sequence[Named]) -> float | None:
@@ -203,8 +200,8 @@ def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, 
         share, letter, name = min(clipped)
         raise InputError(
             f"flat frames: all are clipped; {name} is least so, in {100 * share:.2g} % of the "
-            f"samples of {letter}; expose less, so "
-            "that the brightest read about three quarters of full scale"
+            f"samples of {letter}; expose less, so that the brightest read about three quarters of "
+            "full scale"
         )
     return total / len(parts), parts
 
@@ -222,9 +219,8 @@ def _check_alike(parts: dict[str, DoubleArray]) -> None:
         if unlike > _OTHERWISE:
             raise InputError(
                 f"flat frames: the light of {name} falls off in another way than that of all "
-                f"together, by {100 * unlike:.1f} %, "
-                f"{100 * _OTHERWISE:.0f} % are allowed; take all with the same lens, focal "
-                "length, aperture and light"
+                f"together, by {100 * unlike:.1f} %, {100 * _OTHERWISE:.0f} % are allowed; take "
+                "all with the same lens, focal length, aperture and light"
             )
 
 
@@ -249,7 +245,7 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
             # Second differences do not see light that falls off.
             error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _FLOOR * mean)
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
-            undone = float(gain[window][rows, columns].mean())
+            undone = gain[window][rows, columns].mean()
             measured[:, plane, number] = *middle, undone, mean, error
     return _Tiles((down, right), *measured)
 
@@ -279,13 +275,12 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
     if not error <= _WORST:
         raise InputError(
             f"flat frames: they are too dark, and tell the shading only to ±{100 * error:.1f} % "
-            "(standard error), "
-            f"{100 * _WORST:.0f} % are allowed; expose more, up to three quarters of full scale, "
-            "or take more"
+            f"(standard error), {100 * _WORST:.0f} % are allowed; expose more, up to three "
+            "quarters of full scale, or take more"
         )
     middle = [np.array([(length - 1) / 2]) for length in size]
     scaled = [(gain / _values(gain, size, *middle)[0]).tolist() for gain in (*gains, panchromatic)]
-    rounded = [[[float(f"{each:.{_DIGITS}g}") for each in row] for row in gain] for gain in scaled]
+    rounded = [[[float(f"{x:.{_DIGITS}g}") for x in row] for row in gain] for gain in scaled]
     return replace(shading, gain=rounded), error  # type: ignore[arg-type]
 
 
@@ -310,14 +305,14 @@ def _spline(
     smooth = np.concatenate(thirds) / rough
     weighted = design / errors[:, None]
     inverse = np.linalg.inv(weighted.T @ weighted + smooth.T @ smooth)
-    found = inverse @ (weighted.T @ (1 / errors))
+    control_points = inverse @ (weighted.T @ (1 / errors))
     variance = ((design @ inverse) * design).sum(axis=1)
-    return found.reshape(points), float(variance.max() ** 0.5)
+    return control_points.reshape(points), float(variance.max() ** 0.5)
 
 
 def _design(size: Size, points: Size, rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
     """Return the weights of all control points at N places, (N, points)."""
-    down, right = (basis(*each) for each in zip(size, points, (rows, columns), strict=True))
+    down, right = map(basis, size, points, (rows, columns))
     return (down[:, :, None] * right[:, None, :]).reshape(len(rows), -1)
 
 
@@ -349,8 +344,8 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     y, x = (rows - (size[0] - 1) / 2) / half, (columns - (size[1] - 1) / 2) / half
     gains = [_values(np.array(points), size, rows, columns) for points in shading.gain]
 
-    def around(
-        centre: DoubleArray, seen: DoubleArray, weight: DoubleArray, *more: DoubleArray
+    def fit_around(
+        centre: DoubleArray, level: DoubleArray, weight: DoubleArray, *more: DoubleArray
     ) -> tuple[DoubleArray, DoubleArray]:
         """Fit what falls off around a centre; returns the residuals and the coefficients, those of
         `more` last.
@@ -359,49 +354,48 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
         square = down**2 + right**2
         terms = [np.ones_like(x), down**2, right**2, square**2, square**3, *more]
         design = np.stack(terms, axis=1) * weight[:, None]
-        found, *_ = np.linalg.lstsq(design, seen * weight, rcond=None)
-        residuals: DoubleArray = design @ found - seen * weight
-        return residuals, found.astype(np.float64)
+        coefficients = np.linalg.lstsq(design, level * weight, rcond=None)[0].astype(np.float64)
+        residuals: DoubleArray = design @ coefficients - level * weight
+        return residuals, coefficients
 
-    def tilted(
-        centre: DoubleArray, seen: DoubleArray, weight: DoubleArray
+    def fit_tilt(
+        centre: DoubleArray, level: DoubleArray, weight: DoubleArray
     ) -> tuple[float, str, float]:
         """Return by how much one side is brighter, as a share, which side that is, and the sum of
         the squared residuals.
         """
-        residuals, found = around(centre, seen, weight, y, x)
-        down, right = found[-2:] * size / half
-        vertical = abs(down) > abs(right)
-        side = ("bottom" if down > 0 else "top") if vertical else ("right" if right > 0 else "left")
+        residuals, coefficients = fit_around(centre, level, weight, y, x)
+        down, right = coefficients[-2:] * size / half
+        side = "right" if right > 0 else "left"
+        if abs(down) > abs(right):
+            side = "bottom" if down > 0 else "top"
         return float(np.expm1(np.hypot(down, right))), side, float(np.square(residuals).sum())
 
-    seen, *weights = np.log(tiles.light / tiles.gain)[-1], *(tiles.light / tiles.error)
-    tilt, side, squares = tilted(np.zeros(2), seen, weights[-1])
+    level, weights = np.log(tiles.light / tiles.gain)[-1], tiles.light / tiles.error
+    tilt, side, squares = fit_tilt(np.zeros(2), level, weights[-1])
 
-    def missed(centre: DoubleArray) -> DoubleArray:
-        return around(centre, seen, weights[-1])[0]
+    def residuals_around(centre: DoubleArray) -> DoubleArray:
+        return fit_around(centre, level, weights[-1])[0]
 
-    displaced = least_squares(missed, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
+    displaced = least_squares(residuals_around, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
     away = float(np.hypot(*displaced.x)) / 2
     clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
     if clearly and away > _CENTRE:
         raise InputError(
             f"flat frames: the light falls off around a place that is {100 * away:.0f} % of the "
-            "diagonal off the middle, "
-            f"{100 * _CENTRE:.0f} % are allowed; is the lens or the light askew?"
+            f"diagonal off the middle, {100 * _CENTRE:.0f} % are allowed; is the lens or the "
+            "light askew?"
         )
     tilts = {"": (0.0 if clearly else tilt, side)}
     # With little fall-off both centres are possible.
     centres = [np.zeros(2), displaced.x] if away <= _CENTRE else [np.zeros(2)]
     for letter, gain, weight in zip(letters, gains[:-1], weights[:-1], strict=True):
-        coloured = [tilted(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres]
+        coloured = [fit_tilt(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres]
         tilts[f" in {letter}, compared with W"] = min(coloured)
     for which, (tilt, side) in tilts.items():
         if tilt > _TILT:
             raise InputError(
                 f"flat frames: the light is tilted{which}: {100 * tilt:.1f} % brighter at the "
-                f"{side} of the sensor than opposite, "
-                f"{100 * _TILT:.0f} % are allowed; take an evenly lit surface, and turn the "
-                "camera by half a turn to see what is "
-                "the light's"
+                f"{side} of the sensor than opposite, {100 * _TILT:.0f} % are allowed; take an "
+                "evenly lit surface, and turn the camera by half a turn to see what is the light's"
             )

@@ -52,19 +52,14 @@ def connected() -> list[str]:
     InputError
         Without Aravis.
     """
-    aravis, _ = libraries()
+    aravis, _ = load_aravis()
     aravis.update_device_list()
-    about = (
-        aravis.get_device_vendor,
-        aravis.get_device_model,
-        aravis.get_device_protocol,
-        aravis.get_device_address,
-    )
-    return [
-        f"{GENICAM}{aravis.get_device_id(number)}  "
-        + ", ".join(filter(None, (each(number) for each in about)))
-        for number in range(aravis.get_n_devices())
-    ]
+    lines = []
+    for number in range(aravis.get_n_devices()):
+        names = ("vendor", "model", "protocol", "address")
+        facts = filter(None, (getattr(aravis, f"get_device_{name}")(number) for name in names))
+        lines.append(f"{GENICAM}{aravis.get_device_id(number)}  {', '.join(facts)}")
+    return lines
 
 
 class GenicamCamera:
@@ -94,7 +89,7 @@ class GenicamCamera:
     def __init__(
         self, source: str, pixel_format: str | None, settings: Mapping[str, float | None]
     ) -> None:
-        self._aravis, self._error = libraries()
+        self._aravis, self._error = load_aravis()
         self._source = source
         self._closed, self._gone = threading.Event(), threading.Event()
         # held while a thread is in Aravis: none may be there when the program ends
@@ -115,10 +110,10 @@ class GenicamCamera:
             # A program that was killed may have left it sending to nobody; as long as it does, it
             # sends nothing to anybody else.
             self._camera.stop_acquisition()
-            self._format(pixel_format)
-            for option, (feature, units) in SETTINGS.items():
-                if (wanted := settings[option]) is not None:
-                    self._set(option, feature, wanted, units)
+            self._choose_format(pixel_format)
+            for option, value in settings.items():
+                if value is not None:
+                    self._set(option, value)
             if self._camera.is_feature_available("AcquisitionMode"):
                 self._camera.set_acquisition_mode(self._aravis.AcquisitionMode.CONTINUOUS)
             self._describe()
@@ -140,10 +135,9 @@ class GenicamCamera:
         """
         with self._answers(), self._using:
             self._stream = self._camera.create_stream(None)
+            size = self._camera.get_payload()
             for _ in range(_BUFFERS):
-                self._stream.push_buffer(
-                    self._aravis.Buffer.new_allocate(self._camera.get_payload())
-                )
+                self._stream.push_buffer(self._aravis.Buffer.new_allocate(size))
             self._camera.start_acquisition()
         quiet = _SILENCE + (self.metadata.exposure_time or 0.0)
         whole, patience = 0, monotonic() + quiet
@@ -152,20 +146,17 @@ class GenicamCamera:
             if frame is not None:
                 whole, patience = whole + 1, monotonic() + quiet
                 yield frame
-            elif monotonic() > patience and not self._gone.is_set():
-                lost, patience = (
-                    f"{self._incomplete} incomplete ones" if self._incomplete else "none at all",
-                    float("inf"),
-                )
-                reason = (
-                    "does it wait for a trigger, or does a firewall or a slow network keep "
-                    "frames back?"
-                )
-                note(f"{self._source}: no whole frame for {quiet:.0f} seconds, {lost}: {reason}")
             elif self._gone.is_set():
                 reason = "it was unplugged, has no power, or another program has taken it"
                 raise InputError(
                     f"{self._source}: the camera is gone after {whole} whole frames: {reason}"
+                )
+            elif monotonic() > patience:
+                patience = float("inf")
+                lost = f"{self._incomplete} incomplete ones" if self._incomplete else "none at all"
+                note(
+                    f"{self._source}: no whole frame for {quiet:.0f} seconds, {lost}: does it wait "
+                    "for a trigger, or does a firewall or a slow network keep frames back?"
                 )
 
     def _next(self) -> RawFrame | None:
@@ -179,9 +170,9 @@ class GenicamCamera:
                 self._unread += max(self._last - number - 1, 0)
             whole = buffer.get_status() == self._aravis.BufferStatus.SUCCESS
             self._incomplete += not whole
-            frame = (
-                RawFrame.now(buffer.get_image_data()[: self.layout.frame_bytes]) if whole else None
-            )
+            frame = None
+            if whole:
+                frame = RawFrame.now(buffer.get_image_data()[: self.layout.frame_bytes])
             self._stream.push_buffer(buffer)
             return frame
 
@@ -207,27 +198,22 @@ class GenicamCamera:
         try:
             yield
         except self._error as error:
-            raise InputError(
-                f"{self._source}: {error.message}; {GENICAM} alone lists the cameras"
-            ) from None
+            advice = f"{GENICAM} alone lists the cameras"
+            raise InputError(f"{self._source}: {error.message}; {advice}") from None
 
-    def _format(self, wanted: str | None) -> None:
+    def _choose_format(self, requested: str | None) -> None:
         """Choose the format, and read size, stride, bits and filters."""
         camera = self._camera
-        offered = list(camera.dup_available_pixel_formats_as_strings())
-        name = wanted or camera.get_pixel_format_as_string()
-        usable = [each for each in offered if _is_known(each)]
+        name = requested or camera.get_pixel_format_as_string()
+        usable = list(filter(_is_known, camera.dup_available_pixel_formats_as_strings()))
         if name not in usable:
-            choice = (
-                f"choose one with `pixel_format`: {', '.join(usable)}"
-                if usable
-                else "nor can others that it offers"
-            )
+            choice = f"choose one with `pixel_format`: {', '.join(usable)}"
             raise InputError(
-                f"{self._source}: the camera's format {name!r} cannot be used; {choice}"
+                f"{self._source}: the camera's format {name!r} cannot be used; "
+                f"{choice if usable else 'nor can others that it offers'}"
             )
-        if wanted:
-            camera.set_pixel_format_from_string(wanted)
+        if requested:
+            camera.set_pixel_format_from_string(requested)
         key, self.bits = format_named(name)
         region, payload = camera.get_region(), camera.get_payload()
         self.layout = layout = FrameLayout(region.width, region.height, key)
@@ -236,34 +222,29 @@ class GenicamCamera:
         elif payload % region.height == 0 and payload > layout.frame_bytes:
             self.layout = replace(layout, stride=payload // region.height)
         if payload < self.layout.frame_bytes:
-            raise InputError(
-                f"{self._source}: a frame has {payload} bytes, but {self.layout.size}; set a "
-                "width that 8 divides"
-            )
-        self.pattern: CfaPattern | None = (
-            read_pattern(found[1]) if (found := _FILTERS.fullmatch(name)) else None
-        )
+            fault = f"a frame has {payload} bytes, but {self.layout.size}"
+            raise InputError(f"{self._source}: {fault}; set a width that 8 divides")
+        filters = _FILTERS.fullmatch(name)
+        self.pattern: CfaPattern | None = read_pattern(filters[1]) if filters else None
         self._name = name
 
-    def _set(self, option: str, feature: str, wanted: float, units: float) -> None:
-        camera = self._camera
+    def _set(self, option: str, value: float) -> None:
+        camera, (feature, units) = self._camera, SETTINGS[option]
         if not getattr(camera, f"is_{feature}_available")():
             raise InputError(f"{self._source}: the camera has no setting for `{option}`")
         if self._is_automatic(feature):
             getattr(camera, f"set_{feature}_auto")(self._aravis.Auto.OFF)
         lowest, highest = getattr(camera, f"get_{feature}_bounds")()
-        if not lowest <= wanted * units <= highest:
+        if not lowest <= value * units <= highest:
             bounds = f"{lowest / units:g} to {highest / units:g}"
-            raise InputError(f"{self._source}: `{option}` is {wanted:g}; the camera takes {bounds}")
-        getattr(camera, f"set_{feature}")(wanted * units)
+            raise InputError(f"{self._source}: `{option}` is {value:g}; the camera takes {bounds}")
+        getattr(camera, f"set_{feature}")(value * units)
 
     def _is_automatic(self, feature: str) -> bool:
-        if (
-            feature == "frame_rate"
-            or not getattr(self._camera, f"is_{feature.removesuffix('_time')}_auto_available")()
-        ):
+        name, camera = feature.removesuffix("_time"), self._camera
+        if feature == "frame_rate" or not getattr(camera, f"is_{name}_auto_available")():
             return False
-        return bool(getattr(self._camera, f"get_{feature}_auto")() != self._aravis.Auto.OFF)
+        return bool(getattr(camera, f"get_{feature}_auto")() != self._aravis.Auto.OFF)
 
     def _describe(self) -> None:
         """Read what the camera has made of its settings; a value that it changes by itself is left
@@ -271,30 +252,30 @@ class GenicamCamera:
         """
         camera = self._camera
 
-        def value(feature: str) -> float | None:
-            is_set = getattr(camera, f"is_{feature}_available")() and not self._is_automatic(
-                feature
-            )
-            return getattr(camera, f"get_{feature}")() if is_set else None
+        def read(feature: str) -> float | None:
+            if not getattr(camera, f"is_{feature}_available")() or self._is_automatic(feature):
+                return None
+            return float(getattr(camera, f"get_{feature}")())
 
-        time, gain, rate = (value(feature) for feature, _ in SETTINGS.values())
+        time, gain, rate = (read(feature) for feature, _ in SETTINGS.values())
         node = self._device.get_feature("Gain")
         unit = (node.get_unit() or "") if hasattr(node, "get_unit") else ""
-        told = [f"gain {gain:g} {unit}".rstrip()] if gain is not None else []
-        told += [f"{rate:g} frames a second"] if rate else []
+        settings = [f"gain {gain:g} {unit}".rstrip()] if gain is not None else []
+        settings += [f"{rate:g} frames a second"] if rate else []
         make, model = camera.get_vendor_name() or "", camera.get_model_name() or ""
         seconds = time / _MICROSECONDS if time else None
+        # As in libcamera's DNGs, the gain 1 is ISO 100; a gain of unknown unit says nothing.
+        iso = round(100 * 10 ** (gain / 20)) if gain is not None and unit == "dB" else None
         self.metadata = CaptureMetadata(
             make=make,
             model=model,
-            description=", ".join(told),
+            description=", ".join(settings),
             exposure_time=seconds,
-            # As in libcamera's DNGs, the gain 1 is ISO 100; a gain of unknown unit says nothing.
-            iso=round(100 * 10 ** (gain / 20)) if gain is not None and unit == "dB" else None,
+            iso=iso,
         )
         size = f"{self.layout.width} x {self.layout.height} {self._name}"
-        told = [f"exposure {seconds:g} s", *told] if seconds else told
-        self.about = f"{make} {model}: " + ", ".join([size, *told])
+        exposure = [f"exposure {seconds:g} s"] if seconds else []
+        self.about = f"{make} {model}: " + ", ".join([size, *exposure, *settings])
 
 
 def _is_known(pixel_format: str) -> bool:
@@ -303,7 +284,7 @@ def _is_known(pixel_format: str) -> bool:
     return False
 
 
-def libraries() -> tuple[Any, Any]:
+def load_aravis() -> tuple[Any, Any]:
     """Aravis, and the class of its errors.
 
     Raises
@@ -318,9 +299,8 @@ def libraries() -> tuple[Any, Any]:
         gi.require_version("Aravis", "0.8")
         from gi.repository import Aravis, GLib
     except (ImportError, ValueError) as error:
-        raise InputError(
-            f"{GENICAM} needs Aravis 0.8 and PyGObject ({error}): {_INSTALL}"
-        ) from None
+        needed = f"{GENICAM} needs Aravis 0.8 and PyGObject"
+        raise InputError(f"{needed} ({error}): {_INSTALL}") from None
     finally:
         sys.path.remove(_DEBIAN)
     return Aravis, GLib.Error

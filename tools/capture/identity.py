@@ -12,7 +12,7 @@ picture of something known does.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -71,8 +71,8 @@ _MORE_COLOURS = "CDEFHIJK"
 
 _NOTHING = (
     "the frame shows no pattern of filters: it is too dark, too even or too small, or there are "
-    "none. Photograph something with "
-    "many colours in good light, not overexposed; the larger the frame the better"
+    "none. Photograph something with many colours in good light, not overexposed; the larger the "
+    "frame the better"
 )
 _EXCHANGED = "RGB"
 
@@ -144,34 +144,29 @@ def identify(codes: CodeArray) -> Identity | None:
     True
     """
     folds = _Folds(codes)
-    found = _period(folds)
-    if found is None:
+    repeating = _find_period(folds)
+    if repeating is None:
         return None
-    period, certainty = found
+    period, certainty = repeating
     quarters = folds.quarters(period)
-    light = quarters.mean(axis=(0, 1)).reshape(period, period)
-    if np.diff(np.sort(light, axis=None)).max() < _GAP * np.ptp(light):
+    levels = quarters.mean(axis=(0, 1)).reshape(period, period)
+    if np.diff(np.sort(levels, axis=None)).max() < _GAP * np.ptp(levels):
         return None
-    alike = _are_alike(quarters, _bright(light).ravel())
-    open_tile = np.full(light.shape, UNKNOWN), 0.0
-    name, letters, separation = _named(folds, light, alike) or (
-        "",
-        *(_kinds(quarters, light) if alike else open_tile),
-    )
-    if not name and separation and not _is_sum(folds.levels(period), letters.ravel()):
-        letters, separation = open_tile
-    if name == "Bayer" and _sees_more(folds.levels(period), (letters == "G").ravel()):
+    alike = _are_alike(quarters, _bright(levels).ravel())
+    name, letters, separation = "", np.full(levels.shape, UNKNOWN), 0.0
+    if named := _find_named(folds, levels, alike):
+        name, letters, separation = named
+    elif alike:
+        kinds, apart = _join_sites(quarters, levels)
+        if not apart or _is_sum(folds.levels(period), kinds.ravel()):
+            letters, separation = kinds, apart
+    if name == "Bayer" and _sees_all_light(folds.levels(period), (letters == "G").ravel()):
         name, letters = CLEAR[0], np.where(letters == "G", PANCHROMATIC, letters)
-    if not name and alike and period == 2 and (bright := _bright(light)).sum() == 3:
+    if not name and alike and period == 2 and (bright := _bright(levels)).sum() == 3:
         name, letters = CLEAR[2], np.where(bright, PANCHROMATIC, "R")
     times = len(letters) // period
-    return Identity(
-        tuple("".join(row) for row in letters.tolist()),
-        name,
-        certainty,
-        separation,
-        np.tile(light, (times, times)),
-    )
+    tile = tuple("".join(row) for row in letters.tolist())
+    return Identity(tile, name, certainty, separation, np.tile(levels, (times, times)))
 
 
 def facts_of(codes: CodeArray) -> dict[str, Any]:
@@ -183,56 +178,49 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
     InputError
         That says what to photograph if the frame shows no pattern.
     """
-    found = identify(codes)
-    if found is None:
+    identity = identify(codes)
+    if identity is None:
         raise InputError(_NOTHING)
-    others = _exchanged(found.tile)
-    clear = np.array([[letter == PANCHROMATIC for letter in row] for row in found.tile])
-    gap = (
-        float(found.light[clear].min() - found.light[~clear].max()) / float(np.ptp(found.light))
-        if clear.any()
-        else None
-    )
+    tile, levels = identity.tile, identity.light
+    others = _exchange_colours(tile)
+    clear, gap = np.array([[letter == PANCHROMATIC for letter in row] for row in tile]), None
+    if clear.any():
+        gap = float(levels[clear].min() - levels[~clear].max()) / float(np.ptp(levels))
     return {
         "width": codes.shape[1],
         "height": codes.shape[0],
-        "period": found.period,
-        "certainty": round(found.certainty, 1),
+        "period": identity.period,
+        "certainty": round(identity.certainty, 1),
         "panchromatic": np.argwhere(clear).tolist(),
         "gap": gap and round(gap, 2),
-        "letters": list(found.tile),
-        "separation": round(found.separation, 1),
-        "name": found.name or None,
-        "dense": found.name in DENSE,
-        "open": UNKNOWN in "".join(found.tile),
-        "light": found.light.round(4).tolist(),
-        "pattern": _described(found.tile),
+        "letters": list(tile),
+        "separation": round(identity.separation, 1),
+        "name": identity.name or None,
+        "dense": identity.name in DENSE,
+        "open": UNKNOWN in "".join(tile),
+        "light": levels.round(4).tolist(),
+        "pattern": _describe(tile),
         "exchangeable": bool(others),
-        "alternatives": [each for tile in others if (each := _described(tile))],
+        "alternatives": list(filter(None, map(_describe, others))),
     }
 
 
-def _exchanged(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _exchange_colours(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The tiles that would fit as well: colours with equally many sites are exchanged. Two colours
     among clear sites are red, and blue or green.
     """
-    sites = Counter("".join(tile))
-    if tuple(sorted(sites, key="WRB".find)) == (PANCHROMATIC, "R", "B") and len(tile) == 2:
+    sites, others = Counter("".join(tile)), []
+    if sites.keys() == {PANCHROMATIC, "R", "B"} and len(tile) == 2:
         pairs = ("BR", "RG", "GR")
         return [tuple(row.translate(str.maketrans("RB", pair)) for row in tile) for pair in pairs]
-    orders = (
-        order
-        for order in permutations(_EXCHANGED)
-        if all(sites[a] == sites[b] for a, b in zip(_EXCHANGED, order, strict=True))
-    )
-    tiles = (
-        tuple(row.translate(str.maketrans(_EXCHANGED, "".join(order))) for row in tile)
-        for order in orders
-    )
-    return [each for each in tiles if each != tile]
+    for order in permutations(_EXCHANGED):
+        if all(sites[a] == sites[b] for a, b in zip(_EXCHANGED, order, strict=True)):
+            table = str.maketrans(_EXCHANGED, "".join(order))
+            others.append(tuple(row.translate(table) for row in tile))
+    return [other for other in others if other != tile]
 
 
-def _described(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:
+def _describe(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:
     """Name, or letters, and origin of `pattern_of` a tile."""
     pattern = pattern_of(tile)
     return (pattern.name.casefold() or "/".join(pattern.tile), pattern.origin) if pattern else None
@@ -246,9 +234,9 @@ class _Folds:
 
     def __init__(self, codes: CodeArray) -> None:
         self.periods = [
-            each
-            for each in _PERIODS
-            if np.prod([size // self._side(each) for size in codes.shape]) >= _FEW
+            period
+            for period in _PERIODS
+            if np.prod([size // self._side(period) for size in codes.shape]) >= _FEW
         ]
         self._parts = cache(lambda side: Tiles.of(codes, side, _PARTS))
         self._flat = cache(lambda side, window: self._parts(side).flattened(window))
@@ -275,25 +263,24 @@ class _Folds:
         return max(_SMALLEST, 4 * period)
 
 
-def _period(folds: _Folds) -> tuple[int, float] | None:
+def _find_period(folds: _Folds) -> tuple[int, float] | None:
     """The smallest period that explains what any does, and its certainty in standard errors; None
     if none is certain.
     """
-    energies = {each: _common(folds.quarters(each)) for each in folds.periods}
-    sure = [
-        each
-        for each, energy in energies.items()
+    energies = {period: _common(folds.quarters(period)) for period in folds.periods}
+    certain = [
+        period
+        for period, energy in energies.items()
         if _errors(energy) > _CERTAIN and energy.mean() > _SHOWN
     ]
-    if not sure:
+    if not certain:
         return None
-    likely = max(sure, key=lambda each: float(energies[each].mean()))
-    found = min(
-        each for each in energies if likely % each == 0 and not _explains_more(folds, likely, each)
-    )
-    longer = (each for each in energies if each > found and each % found == 0)
-    found = next((each for each in longer if _explains_more(folds, each, found)), found)
-    return (found, _errors(energies[found])) if found in sure else None
+    likely = max(certain, key=lambda period: float(energies[period].mean()))
+    divisors = (period for period in energies if likely % period == 0)
+    best = next(period for period in divisors if not _explains_more(folds, likely, period))
+    longer = (period for period in energies if period > best and period % best == 0)
+    best = next((period for period in longer if _explains_more(folds, period, best)), best)
+    return (best, _errors(energies[best])) if best in certain else None
 
 
 def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
@@ -308,7 +295,9 @@ def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
     return False
 
 
-def _named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Letters, float] | None:
+def _find_named(
+    folds: _Folds, light: DoubleArray, alike: bool
+) -> tuple[str, Letters, float] | None:
     """Name, letters (K, K) and separation of the tile with a name that fits best; None if none
     does.
 
@@ -319,27 +308,28 @@ def _named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Letters
     """
     period = len(light)
     likely: dict[str, Letters] = {}
-    for side in (each for each in folds.periods if alike and each % period == 0):
+    for side in (side for side in folds.periods if alike and side % period == 0):
         repeated = np.tile(light, (side // period, side // period))
+        bright = _bright(repeated)
         fitting = [
-            each
-            for each in _known(side, repeated)
-            if np.array_equal(each[1] == PANCHROMATIC, _bright(repeated))
+            (name, tile)
+            for name, tile in _known_tiles(side, repeated)
+            if np.array_equal(tile == PANCHROMATIC, bright)
         ]
-        if found := _best(folds.quarters(side), fitting, sure=side > period):
-            return found
+        if best := _choose_best(folds.quarters(side), fitting, sure=side > period):
+            return best
         likely |= dict(fitting)
-    dense = [each for each in _known(period, light) if PANCHROMATIC not in each[1]]
-    found = _best(folds.quarters(period), dense, sure=True)
-    if found and found[2] > _DENSE_APART:
-        return found
+    dense = [pair for pair in _known_tiles(period, light) if PANCHROMATIC not in pair[1]]
+    best = _choose_best(folds.quarters(period), dense, sure=True)
+    if best and best[2] > _DENSE_APART:
+        return best
     if len(likely) != 1:
         return None
     ((name, tile),) = likely.items()
     return name, np.where(tile == PANCHROMATIC, PANCHROMATIC, UNKNOWN), 0.0
 
 
-def _best(
+def _choose_best(
     quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: bool
 ) -> tuple[str, Letters, float] | None:
     """The tile whose sites of a colour read most alike, and its separation; None if another one may
@@ -351,46 +341,41 @@ def _best(
     kinds = {
         (tile[..., None, None] == tile).tobytes(): (name, tile) for name, tile in reversed(tiles)
     }
-    spreads = {key: _spread(quarters, tile.ravel()) for key, (_, tile) in kinds.items()}
-    best = min(spreads, key=lambda each: float(spreads[each].mean()), default=b"")
-    if not spreads or any(
-        _errors(spreads[other] - spreads[best]) < _BETTER for other in spreads if other != best
-    ):
+    spreads = [(_spread(quarters, tile.ravel()), name, tile) for name, tile in kinds.values()]
+    spreads.sort(key=lambda scored: float(scored[0].mean()))
+    if not spreads or any(_errors(other - spreads[0][0]) < _BETTER for other, *_ in spreads[1:]):
         return None
-    name, tile = kinds[best]
+    _, name, tile = spreads[0]
     separation = _separation(quarters, tile.ravel(), sure)
     return (name, tile, separation) if separation > _APART else None
 
 
-def _known(period: int, light: DoubleArray) -> Iterator[tuple[str, Letters]]:
+def _known_tiles(period: int, light: DoubleArray) -> list[tuple[str, Letters]]:
     """Name and letters of the tiles with this period, wherever they begin; those whose green is
     brightest come first.
     """
-    known = [
+    rows_of = [
         (name, letters.split("/"))
         for name, letters in (TILES | DENSE).items()
         if name not in ("paper", *CLEAR)
     ]
     if period in PERIODS:
         blocks = [CfaPattern.bayer(period, order).tile for order in ("RGGB", "GRBG")]
-        known += [(name_of(blocks[0]), [*tile]) for tile in blocks]
-    tiles = [(name, np.array([[*row] for row in rows])) for name, rows in known]
-    begun = [
-        (name, np.roll(tile, step, (0, 1)))
-        for name, tile in tiles
-        if len(tile) == period
-        for step in np.ndindex(tile.shape)
+        rows_of += [(name_of(blocks[0]), [*tile]) for tile in blocks]
+    tiles = [
+        (name, np.roll([[*row] for row in rows], step, (0, 1)))
+        for name, rows in rows_of
+        if len(rows) == period
+        for step in np.ndindex(period, period)
     ]
-    yield from sorted(begun, key=lambda each: -float(light[each[1] == "G"].mean()))
+    return sorted(tiles, key=lambda pair: -float(light[pair[1] == "G"].mean()))
 
 
 def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:
     """True if the brightest sites may have one filter: panchromatic ones read the same."""
     within = _spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC))
-    beside = _energy(
-        quarters[..., bright].mean(axis=2, keepdims=True)
-        - quarters[..., ~bright].mean(axis=2, keepdims=True)
-    )
+    one, other = (quarters[..., kind].mean(axis=2, keepdims=True) for kind in (bright, ~bright))
+    beside = _energy(one - other)
     return _errors(within) < _SURE or float(within.mean()) < _UNLIKE * float(beside.mean())
 
 
@@ -401,14 +386,13 @@ def _is_sum(levels: DoubleArray, letters: Letters) -> bool:
     Yellow ones, which can be as bright, read less where there is more cyan and as much of magenta
     and green.
     """
-    kinds = [
-        levels[:, letters == letter].mean(axis=1) for letter in (PANCHROMATIC, *_colours(letters))
-    ]
+    names = (PANCHROMATIC, *_colours(letters))
+    kinds = (levels[:, letters == name].mean(axis=1) for name in names)
     clear, *colours = (kind - kind.mean() for kind in kinds)
     return bool((np.linalg.lstsq(np.stack(colours, axis=1), clear)[0] > 0).all())
 
 
-def _sees_more(levels: DoubleArray, sites: BoolArray) -> bool:
+def _sees_all_light(levels: DoubleArray, sites: BoolArray) -> bool:
     """True if these sites see all light: from part to part they change `_ALL_LIGHT` times as much
     as the mean of the others.
     """
@@ -416,7 +400,7 @@ def _sees_more(levels: DoubleArray, sites: BoolArray) -> bool:
     return bool(these > _ALL_LIGHT * others)
 
 
-def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
+def _join_sites(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
     """Letters (K, K) of a tile without a name, and their separation: as many kinds of colours as
     are certainly apart.
 
@@ -427,26 +411,21 @@ def _kinds(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
     letters = np.where(bright, PANCHROMATIC, UNKNOWN)
     usual = max(2 * float(_spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC)).mean()), 1e-6)
     sites = np.flatnonzero(~bright)
-    # of groups, a row each
-    apart, members = (
-        _differences(quarters)[np.ix_(sites, sites)],
-        np.eye(len(sites), dtype=np.bool_),
-    )
+    apart = _differences(quarters)[np.ix_(sites, sites)]
+    members = np.eye(len(sites), dtype=np.bool_)  # of groups, a row each
     while len(members) > 1:
-        shares = members / members.sum(axis=1, keepdims=True)
-        means = shares @ apart @ shares.T
+        weights = members / members.sum(axis=1, keepdims=True)
+        means = weights @ apart @ weights.T
         np.fill_diagonal(means, np.inf)
         first, second = sorted(np.unravel_index(int(means.argmin()), means.shape))
-        nearest = _energy(quarters[..., sites] @ (shares[[first]] - shares[[second]]).T)
+        nearest = _energy(quarters[..., sites] @ (weights[[first]] - weights[[second]]).T)
         separation = float(nearest.mean()) / usual
         if separation > 1 and _errors(nearest) > _DOUBT:
             if len(members) > len(_MORE_COLOURS) or separation < _APART or _errors(nearest) < _SURE:
                 break
             names = _COLOURS if len(members) == len(_COLOURS) else _MORE_COLOURS
-            groups = sorted(
-                (sites[member] for member in members),
-                key=lambda group: (-len(group), -level[group].mean()),
-            )
+            groups = [sites[member] for member in members]
+            groups.sort(key=lambda group: (-len(group), -level[group].mean()))
             for letter, group in zip(names, groups, strict=False):
                 letters[group] = letter
             return letters.reshape(light.shape), separation
@@ -461,13 +440,11 @@ def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
 
     sure: 0 unless that is certain.
     """
-    kinds = [
+    kinds = (
         quarters[..., letters == letter].mean(axis=2, keepdims=True) for letter in _colours(letters)
-    ]
-    apart = min(
-        (_energy(first - second) for first, second in combinations(kinds, 2)),
-        key=lambda each: float(each.mean()),
     )
+    energies = (_energy(first - second) for first, second in combinations(kinds, 2))
+    apart = min(energies, key=lambda energy: float(energy.mean()))
     if sure and _errors(apart) < _SURE:
         return 0.0
     return float(apart.mean()) / max(2 * float(_spread(quarters, letters).mean()), 1e-6)
@@ -476,10 +453,8 @@ def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
 def _spread(quarters: DoubleArray, letters: Letters) -> DoubleArray:
     """Variance of the sites of a colour about their mean, in each part, (parts,)."""
     kinds = [quarters[..., letters == letter] for letter in _colours(letters)]
-    energies = sum(
-        _energy(kind - kind.mean(axis=2, keepdims=True)) * kind.shape[2] for kind in kinds
-    )
-    return np.asarray(energies / max(sum(kind.shape[2] - 1 for kind in kinds), 1))
+    residuals = np.concatenate([kind - kind.mean(axis=2, keepdims=True) for kind in kinds], axis=2)
+    return _energy(residuals) * residuals.shape[2] / max(residuals.shape[2] - len(kinds), 1)
 
 
 def _colours(letters: Letters) -> list[str]:
@@ -494,9 +469,8 @@ def _bright(light: DoubleArray) -> BoolArray:
 
 def _differences(quarters: DoubleArray) -> DoubleArray:
     """Energy of the difference of any two sites, (K K, K K)."""
-    products = (quarters[:, 0].T @ quarters[:, 3] + quarters[:, 1].T @ quarters[:, 2]) / (
-        2 * len(quarters)
-    )
+    products = quarters[:, 0].T @ quarters[:, 3] + quarters[:, 1].T @ quarters[:, 2]
+    products /= 2 * len(quarters)
     own = np.diag(products)
     return own[:, None] + own - products - products.T
 

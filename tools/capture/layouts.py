@@ -7,7 +7,7 @@ resemble themselves most.
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ Reading = tuple[str, int, int]
 """Format, stride in bytes, and bytes before the first sample."""
 
 
-def first_frame(given: SourceOptions) -> tuple[Bytes, FrameLayout]:
+def first_frame(options: SourceOptions) -> tuple[Bytes, FrameLayout]:
     """Read the first frame of a file or stream as it is described; returns its bytes and their
     layout.
 
@@ -41,12 +41,12 @@ def first_frame(given: SourceOptions) -> tuple[Bytes, FrameLayout]:
     InputError
         For what cannot be read, and for a description that does not fit.
     """
-    layout, _ = layout_of(given)
-    if given.source == STREAM:
+    layout, _ = layout_of(options)
+    if options.source == STREAM:
         recording()
         with standard_input() as stream:
             return next(read_frames(stream, layout)).data, layout
-    with opened_file(given.source, sys.maxsize, "a raw frame") as file:
+    with opened_file(options.source, sys.maxsize, "a raw frame") as file:
         layout.check_recording(file.seek(0, os.SEEK_END))
         file.seek(0)
         data = file.read(layout.frame_bytes)
@@ -68,13 +68,13 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
         The layout in which they show no tile.
     """
     for readings in _readings(data, layout):
-        found = []
+        named = []
         for reading in readings:
             identity = identify(_read_as(data, layout, *reading))
             if identity and identity.name:
-                found.append((identity.certainty, identity.name, reading))
-        if found:
-            _, tile, reading = max(found)
+                named.append((identity.certainty, identity.name, reading))
+        if named:
+            _, tile, reading = max(named)
             return _advice(layout, *reading, tile)
     return ""
 
@@ -83,31 +83,20 @@ def _readings(data: Bytes, layout: FrameLayout) -> Iterator[list[Reading]]:
     """Yield the likely readings of a frame, then less likely ones: strides that are a little
     off.
     """
-    declared, others = layout.format, [name for name in FORMATS if name != layout.format]
+    declared, group = layout.format, FORMATS[layout.format].length
     # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two
     # resemble each other even more.
     likely = likely_strides(data, layout.stride)[:_LIKELY]
     repeats = [part for stride in likely for part in (stride, stride // 2)]
-    tight = FrameLayout(layout.width, 1, declared).stride
-    strides = list(dict.fromkeys([layout.stride, tight, *repeats]))
-    without_padding = [(name, FrameLayout(layout.width, 1, name).stride, 0) for name in others]
-    yield [
-        *((name, stride, 0) for name in FORMATS for stride in strides),
-        *(reading for reading in without_padding if reading[1] not in strides),
-        *(
-            (declared, stride, skip)
-            for stride in strides
-            for skip in range(1, FORMATS[declared].length)
-        ),
-    ]
-    reach = _NEAR * FORMATS[declared].length
-    shifts = [shift for shift in range(-reach, reach + 1) if shift]
-    yield [
-        (declared, stride + shift, 0)
-        for stride in repeats
-        for shift in shifts
-        if stride + shift > 0
-    ]
+    tight = {name: FrameLayout(layout.width, 1, name).stride for name in FORMATS}
+    strides = list(dict.fromkeys([layout.stride, tight[declared], *repeats]))
+    first = [(name, stride, 0) for name in FORMATS for stride in strides]
+    first += [(name, tight[name], 0) for name in FORMATS]
+    first += [(declared, stride, skip) for stride in strides for skip in range(1, group)]
+    yield list(dict.fromkeys(first))
+    shifts = range(-_NEAR * group, _NEAR * group + 1)
+    near = ((declared, stride + shift, 0) for stride in repeats for shift in shifts if shift)
+    yield [reading for reading in near if reading[1] > 0]
 
 
 def _read_as(data: Bytes, layout: FrameLayout, name: str, stride: int, skipped: int) -> CodeArray:
@@ -133,10 +122,8 @@ def _advice(layout: FrameLayout, name: str, stride: int, skipped: int, tile: str
     if width < layout.width:
         options.append(f"`width={width}` or less")
     if skipped:
-        options.append(
-            f"a stream without {skipped} bytes (or whole groups of samples more) before the "
-            "first sample"
-        )
+        bytes_before = f"{skipped} bytes (or whole groups of samples more)"
+        options.append(f"a stream without {bytes_before} before the first sample")
     return f"likely {' '.join(options)}, which shows the tile {tile}"
 
 
@@ -150,11 +137,11 @@ def likely_strides(data: Bytes, stride: int) -> list[int]:
     stride
         The declared one, bytes; those from a third of it to three times it are found.
     """
-    whole = np.frombuffer(data, np.uint8)
-    start = max((len(whole) - _BYTES) // 4 * 2, 0)
-    part = whole[start : start + min(_BYTES, len(whole) // 2 * 2)]
+    every = np.frombuffer(data, np.uint8)
+    start = max((len(every) - _BYTES) // 4 * 2, 0)
+    middle = every[start : start + min(_BYTES, len(every) // 2 * 2)]
     heights: dict[int, float] = {}
-    for words in (part, part.view("<u2"), part.view(">u2")):
+    for words in (middle, middle.view("<u2"), middle.view(">u2")):
         for lag, height in _repeats(words, stride // words.itemsize):
             distance = lag * words.itemsize
             heights[distance] = max(height, heights.get(distance, 0.0))
@@ -163,10 +150,8 @@ def likely_strides(data: Bytes, stride: int) -> list[int]:
         """Two rows further down the picture resembles itself too, and may even do so a little
         more.
         """
-        shorter: Sequence[int] = [
-            height for height in heights if height < lag and lag % height == 0
-        ]
-        return any(heights[each] > _HALF * heights[lag] for each in shorter)
+        divisors = (other for other in heights if other < lag and lag % other == 0)
+        return any(heights[divisor] > _HALF * heights[lag] for divisor in divisors)
 
     return sorted((lag for lag in heights if not is_multiple(lag)), key=lambda lag: -heights[lag])
 

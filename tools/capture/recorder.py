@@ -74,17 +74,13 @@ class Recorder:
         OutputError
             When a file cannot be written.
         """
-        frames, sensor, burst = (
-            self._source.frames(stopped, refused, note),
-            self._source.sensor,
-            self._burst,
-        )
+        frames, burst = self._source.frames(stopped, refused, note), self._burst
         if burst:  # all frames may wait: none is dropped, and no more are read
             frames = islice(frames, burst)
         self._queue = queue = FrameQueue(
             frames, burst or _DEPTH, wait=self._source.waits, stopped=stopped
         )
-        to = sensor, self._preview, self._shots
+        to = self._source.sensor, self._preview, self._shots
         for outcome in capture_burst(queue, burst, *to) if burst else capture(queue, *to):
             if isinstance(outcome, Saved):
                 yield outcome

@@ -96,15 +96,11 @@ class ViewfinderServer(ThreadingTCPServer):
                 self.address_family = socket.AF_INET6
             super().__init__(address, _Handler)
         except ValueError:
-            raise InputError(
-                f"{address[0]!r} is not the address of a network interface, such as 127.0.0.1 or "
-                "0.0.0.0"
-            ) from None
+            expected = "the address of a network interface, such as 127.0.0.1 or 0.0.0.0"
+            raise InputError(f"{address[0]!r} is not {expected}") from None
         except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise OutputError(
-                f"{address[0]} port {address[1]}: nothing can be served there ({reason})"
-            ) from None
+            fault = f"nothing can be served there ({getattr(error, 'strerror', None) or error})"
+            raise OutputError(f"{address[0]} port {address[1]}: {fault}") from None
 
     @property
     def url(self) -> str:
@@ -139,12 +135,8 @@ class _Handler(BaseHTTPRequestHandler):
         origin = self.headers.get("Origin")
         # A proxy may speak TLS and pass another Host on: then the page's own name is one of those
         # that were allowed.
-        allowed = (
-            origin is None
-            or origin == f"http://{self.headers['Host']}"
-            or _host_of(origin) in self.server.hosts
-        )
-        if not allowed:
+        is_ours = origin in (None, f"http://{self.headers['Host']}")
+        if not (is_ours or _host_of(origin or "") in self.server.hosts):
             self._refuse(HTTPStatus.FORBIDDEN, "shots are taken from the camera's own page")
         elif self.path != "/capture":
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
@@ -152,11 +144,8 @@ class _Handler(BaseHTTPRequestHandler):
             try:
                 shot = self.server.finder.shoot()
             except PanchromaError as error:
-                status = (
-                    HTTPStatus.INSUFFICIENT_STORAGE
-                    if isinstance(error, OutputError)
-                    else HTTPStatus.CONFLICT
-                )
+                is_full = isinstance(error, OutputError)
+                status = HTTPStatus.INSUFFICIENT_STORAGE if is_full else HTTPStatus.CONFLICT
                 # Clients need not know where on this machine the shots are.
                 self._refuse(status, str(error).replace(f"{self.server.finder.folder}{os.sep}", ""))
             else:
@@ -164,10 +153,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _stream(self) -> None:
         if not self.server.seats.acquire(timeout=_FREED):
-            self._refuse(
-                HTTPStatus.SERVICE_UNAVAILABLE,
-                f"{_VIEWERS} people look through this camera already",
-            )
+            reason = f"{_VIEWERS} people look through this camera already"
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, reason)
             return
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 from io import FileIO
 from itertools import count
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from ...device import Preview
 from ...device.capture import PreviewMaker, Sensor
@@ -141,7 +141,7 @@ def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None)
     return lambda mosaic: cast(ByteArray, preview.run(mosaic))
 
 
-def open_source(given: SourceOptions, described: Described) -> FrameSource:
+def open_source(options: SourceOptions, described: Described) -> FrameSource:
     """Open the requested source of frames.
 
     Raises
@@ -149,66 +149,55 @@ def open_source(given: SourceOptions, described: Described) -> FrameSource:
     InputError
         If there is no such source, or if a part of its description does not go with it.
     """
-    if given.source == STREAM or given.source.startswith((_BUILTIN, GENICAM)):
-        given.refuse(["new"], "only a folder can already contain frames")
-    if given.source.startswith(_BUILTIN):
-        given.refuse([field.name for field in fields(given)[1:]], "the built-in sensor has its own")
-        camera, pattern = described(None)
-        return _builtin(given.source, camera, pattern)
-    if given.source.startswith(GENICAM):
-        given.refuse(["width", "height", "stride"], "the camera says it")
-        plugged = GenicamCamera(
-            given.source, given.pixel_format, {name: getattr(given, name) for name in SETTINGS}
-        )
+    source = options.source
+    if source == STREAM or source.startswith((_BUILTIN, GENICAM)):
+        options.refuse(["new"], "only a folder can already contain frames")
+    if source.startswith(_BUILTIN):
+        names = [field.name for field in fields(options)[1:]]
+        options.refuse(names, "the built-in sensor has its own")
+        return _builtin(source, *described(None))
+    if source.startswith(GENICAM):
+        options.refuse(["width", "height", "stride"], "the camera says it")
+        settings = {name: getattr(options, name) for name in SETTINGS}
+        plugged = GenicamCamera(source, options.pixel_format, settings)
         camera, pattern = described(plugged.pattern)
         if plugged.pattern not in (None, pattern):
             raise InputError(
-                f"{given.source}: the camera says where its filters are; leave `pattern`, "
-                "`period` and `origin` out"
+                f"{source}: the camera says where its filters are; leave `pattern`, `period` and "
+                "`origin` out"
             )
-        opened: Opened = lambda stopped, _, note: plugged.frames(stopped, note)  # noqa: E731
-        source = _source(given, plugged.layout, plugged.bits, opened, camera, pattern)
-        sensor, notes = (
-            replace(source.sensor, metadata=plugged.metadata),
-            (plugged.about, *source.notes),
+        sensor, notes = _described(options, plugged.layout, plugged.bits, camera, pattern)
+        return FrameSource(
+            replace(sensor, metadata=plugged.metadata),
+            lambda stopped, _, note: plugged.frames(stopped, note),
+            waits=False,
+            notes=(plugged.about, *notes),
+            checks=not options.unchecked,
+            lost=plugged.lost,
+            close=plugged.close,
         )
-        return replace(source, sensor=sensor, notes=notes, lost=plugged.lost, close=plugged.close)
-    given.refuse(SETTINGS, "only a connected camera, genicam:ID, can be set")
-    if given.source != STREAM and not Path(given.source).is_dir():
-        raise InputError(
-            f"{given.source}: is not a folder; SOURCE is such a folder, -, genicam:ID or "
-            "builtin:WIDTHxHEIGHT@FPS"
-        )
+    options.refuse(SETTINGS, "only a connected camera, genicam:ID, can be set")
+    if source != STREAM and not Path(source).is_dir():
+        expected = "SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS"
+        raise InputError(f"{source}: is not a folder; {expected}")
     camera, pattern = described(None)
-    layout, bits = layout_of(given)
-    opened, waits = _unplugged(given, layout)
-    return replace(_source(given, layout, bits, opened, camera, pattern), waits=waits)
+    layout, bits = layout_of(options)
+    opened, waits = _open_unplugged(options, layout)
+    sensor, notes = _described(options, layout, bits, camera, pattern)
+    return FrameSource(sensor, opened, waits, notes, checks=not options.unchecked)
 
 
-def _unplugged(given: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]:
-    """Standard input or a folder; and whether it waits."""
-    if given.source != STREAM:
-        folder = Path(given.source)
+def _open_unplugged(options: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]:
+    """Return the way to open standard input or a folder; and whether it waits."""
+    if options.source != STREAM:
+        folder, only_new = Path(options.source), options.new
         return lambda stopped, refused, _: watch_folder(
-            folder, layout, refused, only_new=given.new, stopped=stopped
+            folder, layout, refused, only_new=only_new, stopped=stopped
         ), True
     length = recording()
-    if length is not None and not given.unchecked:
+    if length is not None and not options.unchecked:
         layout.check_recording(length, ". If they are right, add `unchecked`")
     return lambda *_: read_frames(standard_input(), layout), length is not None
-
-
-def _source(
-    given: SourceOptions,
-    layout: FrameLayout,
-    bits: int,
-    opened: Opened,
-    camera: Camera | None,
-    pattern: CfaPattern,
-) -> FrameSource:
-    """A source that does not wait, of the sensor that is described."""
-    sensor, notes = _described(given, layout, bits, camera, pattern)
-    return FrameSource(sensor, opened, False, notes, checks=not given.unchecked)
 
 
 def recording() -> int | None:
@@ -216,10 +205,8 @@ def recording() -> int | None:
     does not wait.
     """
     if sys.stdin is None or sys.stdin.isatty():
-        raise InputError(
-            "-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o "
-            "- | panchroma ..."
-        )
+        example = "pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ..."
+        raise InputError(f"-: no frames can come on standard input; {example}")
     status = os.fstat(sys.stdin.fileno())
     return status.st_size if stat.S_ISREG(status.st_mode) else None
 
@@ -236,7 +223,7 @@ def standard_input() -> FileIO:
     return open(descriptor, "rb", buffering=0, closefd=False)
 
 
-def layout_of(given: SourceOptions) -> tuple[FrameLayout, int]:
+def layout_of(options: SourceOptions) -> tuple[FrameLayout, int]:
     """The layout of the frames that is described, and the bits of a sample.
 
     Raises
@@ -244,20 +231,16 @@ def layout_of(given: SourceOptions) -> tuple[FrameLayout, int]:
     InputError
         That names what is missing.
     """
-    width, height, pixel_format = given.width, given.height, given.pixel_format
+    width, height, pixel_format = options.width, options.height, options.pixel_format
     if width is None or height is None or pixel_format is None:
-        missing = [
-            f"`{name}`"
-            for name in ("width", "height", "pixel_format")
-            if getattr(given, name) is None
-        ]
+        names = ("width", "height", "pixel_format")
+        missing = ", ".join(f"`{name}`" for name in names if getattr(options, name) is None)
         raise InputError(
-            f"{given.source}: frames have no header; describe them with {', '.join(missing)} "
-            "(and `stride`). "
-            "rpicam-raw prints these values when it starts"
+            f"{options.source}: frames have no header; describe them with {missing} (and "
+            "`stride`). rpicam-raw prints these values when it starts"
         )
     name, bits = format_named(pixel_format)
-    return FrameLayout(width, height, name, given.stride), bits
+    return FrameLayout(width, height, name, options.stride), bits
 
 
 def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None:
@@ -268,71 +251,60 @@ def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None
         return
     shape, known = (layout.height, layout.width), camera.calibration
     size = camera.size or (known.shading.size if known.shading else None)
-    least = (
-        tuple(max(places, default=0) + 1 for places in zip(*known.defects, strict=True))
-        if known.defects
-        else (0, 0)
-    )
+    least = tuple(max(places) + 1 for places in zip(*known.defects, strict=True)) or (0, 0)
     if size in (None, shape) and least[0] <= shape[0] and least[1] <= shape[1]:
         return
     (rows, columns), words = (size, "") if size else (least, " or more")
     raise InputError(
         f"{source}: the frames have {layout.width} x {layout.height} pixels, those of the camera "
-        f"file {columns} x {rows}{words}; "
-        "give the right `width`, `height` and `stride`, or, if this is a window of the sensor or "
-        "another mode of it, measure a "
-        'camera file for it, or take a copy of this one without "size", "shading" and "defects"'
+        f"file {columns} x {rows}{words}; give the right `width`, `height` and `stride`, or, if "
+        "this is a window of the sensor or another mode of it, measure a camera file for it, or "
+        'take a copy of this one without "size", "shading" and "defects"'
     )
 
 
 def _described(
-    given: SourceOptions, layout: FrameLayout, bits: int, camera: Camera | None, pattern: CfaPattern
+    options: SourceOptions,
+    layout: FrameLayout,
+    bits: int,
+    camera: Camera | None,
+    pattern: CfaPattern,
 ) -> tuple[Sensor, tuple[str, ...]]:
     """Return the sensor that is described, and notes."""
     if camera:
-        for said in ("sensor_bits", "black"):
-            if getattr(given, said) is not None:
-                raise InputError(f"`{said}` does not go with `camera`: the camera file says it")
-        _check_size(given.source, camera, layout)
+        for name in ("sensor_bits", "black"):
+            if getattr(options, name) is not None:
+                raise InputError(f"`{name}` does not go with `camera`: the camera file says it")
+        _check_size(options.source, camera, layout)
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
-    bits, gamma = given.sensor_bits or bits, usual_gamma(pattern)
-    calibration = SensorCalibration.of_bits(
-        bits, headroom=False, channels=pattern.channels, gamma=gamma
-    )
-    if given.black is not None:
-        most = calibration.white_level // 2
-        if not 0 <= given.black <= most:
-            raise InputError(
-                f"`black` is {given.black}, expected a code from 0 to {most}, half of the range"
-            )
-        calibration = replace(
-            calibration, black_level=(float(given.black),) * len(calibration.black_level)
-        )
-    black, white = calibration.black_level[0], calibration.white_level
-    assumed = (
-        f"black level {black:.0f} and white level {white} are"
-        if given.black is None
-        else f"white level {white} is"
-    )
-    return Sensor(layout, pattern, calibration), (
-        f"no `camera`: {assumed} assumed, and the white balance is estimated",
-    )
+    facts: dict[str, Any] = {"channels": pattern.channels, "gamma": usual_gamma(pattern)}
+    calibration = SensorCalibration.of_bits(options.sensor_bits or bits, headroom=False, **facts)
+    white, black = calibration.white_level, options.black
+    assumed = f"white level {white} is"
+    if black is None:
+        assumed = f"black level {calibration.black_level[0]:.0f} and white level {white} are"
+    elif 0 <= black <= white // 2:
+        levels = (float(black),) * len(calibration.black_level)
+        calibration = replace(calibration, black_level=levels)
+    else:
+        expected = f"a code from 0 to {white // 2}, half of the range"
+        raise InputError(f"`black` is {black}, expected {expected}")
+    note = f"no `camera`: {assumed} assumed, and the white balance is estimated"
+    return Sensor(layout, pattern, calibration), (note,)
 
 
 def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
-    found = re.fullmatch(r"builtin:(\d{1,5})x(\d{1,5})@(\d{1,4}(?:\.\d{1,3})?)", source)
-    rate = float(found[3]) if found else 0.0
-    if not found or not rate:
-        raise InputError(
-            f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example "
-            "builtin:1200x800@10"
-        )
+    match = re.fullmatch(r"builtin:(\d{1,5})x(\d{1,5})@(\d{1,4}(?:\.\d{1,3})?)", source)
+    rate = float(match[3]) if match else 0.0
+    if not match or not rate:
+        example = "write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10"
+        raise InputError(f"{source!r} is not a built-in sensor; {example}")
     try:
         calibration = built_in_sensor(pattern, camera)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    layout = FrameLayout(int(found[1]), int(found[2]), "u16")
+    layout = FrameLayout(int(match[1]), int(match[2]), "u16")
     _check_size(source, camera, layout)
     sensor = Sensor(layout, pattern, calibration)
     return FrameSource(sensor, lambda *_: _moving_frames(sensor, rate), waits=False)
@@ -344,11 +316,9 @@ def _moving_frames(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
     The first turn is simulated as fast as the machine can; later turns repeat its frames at the
     full rate.
     """
-    layout = sensor.layout
+    layout, shape = sensor.layout, (sensor.layout.height, sensor.layout.width)
     frames = min(max(_MEMORY // layout.frame_bytes, _LEAST_FRAMES), _MOST_FRAMES)
-    simulated = moving_scene(
-        sensor.pattern, sensor.calibration, (layout.height, layout.width), frames
-    )
+    simulated = moving_scene(sensor.pattern, sensor.calibration, shape, frames)
     turn: list[bytes] = []
     due = time.monotonic()
     for number in count():

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import pairwise
 from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
@@ -55,9 +54,7 @@ class View:
         Part of its samples at the white level, 0 to 1.
     mosaic : Mosaic
         The frame that it shows.
-    taken : datetime
-        When that was, with time zone.
-    is_checked : bool
+    taken, is_checked : datetime, bool
         See `RawFrame`.
     """
 
@@ -68,7 +65,7 @@ class View:
     clipped: float
     mosaic: Mosaic
     taken: datetime
-    is_checked: bool = False
+    is_checked: bool
 
 
 class Viewfinder:
@@ -98,15 +95,7 @@ class Viewfinder:
         self._shooting = threading.Lock()
         self.doubtful = DoubtfulShots()
 
-    def show(
-        self,
-        picture: ByteArray,
-        mosaic: Mosaic,
-        taken: datetime,
-        arrived: float,
-        *,
-        is_checked: bool = False,
-    ) -> None:
+    def show(self, picture: ByteArray, mosaic: Mosaic, frame: RawFrame) -> None:
         """Make a picture the latest view.
 
         Parameters
@@ -114,19 +103,18 @@ class Viewfinder:
         picture : ByteArray
             Preview of the mosaic, uint8 sRGB (h, w, 3).
         mosaic : Mosaic
-            The frame that it shows; `shoot` saves it.
-        taken, arrived, is_checked : datetime, float, bool, optional
-            See `RawFrame`.
+            The samples of the frame; `shoot` saves them.
+        frame : RawFrame
+            The frame that it shows.
         """
-        jpeg = _jpeg(picture)
+        jpeg = encode_view(picture)
         clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
-            self._view = View(
-                picture, jpeg, number, now - arrived, clipped, mosaic, taken, is_checked
-            )
-            if is_checked:
+            latency, facts = now - frame.arrived, (frame.taken, frame.is_checked)
+            self._view = View(picture, jpeg, number, latency, clipped, mosaic, *facts)
+            if frame.is_checked:
                 self.doubtful.clear()
             self._shown.append(now)
             while len(self._shown) > _LEAST_SHOWN and self._shown[0] < now - _SPAN:
@@ -142,13 +130,13 @@ class Viewfinder:
         seconds : float | None, optional
             To wait at most; None = without end.
         """
+
+        def is_newer() -> bool:
+            return self._view is not None and self._view.number > number
+
         with self._changed:
-            self._changed.wait_for(
-                lambda: self.closed or (self._view is not None and self._view.number > number),
-                seconds,
-            )
-            newer = self._view is not None and self._view.number > number
-            return self._view if newer and not self.closed else None
+            self._changed.wait_for(lambda: self.closed or is_newer(), seconds)
+            return self._view if is_newer() and not self.closed else None
 
     def status(self) -> dict[str, Any]:
         """Return the figures for the page."""
@@ -157,17 +145,13 @@ class Viewfinder:
         rows, columns = view.mosaic.shape if view else (0, 0)
         # Judged by the camera's own interval: exposures may be longer than any fixed span, and so
         # is the wait for the first one.
-        intervals = [
-            later - earlier
-            for earlier, later in pairwise(times if len(times) > 1 else [self._begun, *times])
-        ]
-        silent = not times or monotonic() - times[-1] > max(_SPAN, _MISSED * max(intervals))
+        intervals = np.diff(times if len(times) > 1 else [self._begun, *times])
+        silent = not times or monotonic() - times[-1] > max(_SPAN, _MISSED * intervals.max())
+        known = not silent and len(times) > 1
         return {
             "frames": view.number if view else 0,
-            "silent": silent,
-            "fps": 0.0
-            if silent or len(times) < 2
-            else 1 / max(sum(intervals) / len(intervals), _TICK),
+            "silent": bool(silent),
+            "fps": 1 / max(float(intervals.mean()), _TICK) if known else 0.0,
             "latency_ms": 1e3 * view.latency if view else 0.0,
             "dropped": self._dropped(),
             "clipped": view.clipped if view else 0.0,
@@ -251,11 +235,15 @@ class LiveView:
         if stopped():
             return
         if not self._source.waits:
-            raise InputError(
-                f"the camera has ended after {self.finder.status()['frames']} pictures; start it "
-                "again"
-            )
+            pictures = f"{self.finder.status()['frames']} pictures"
+            raise InputError(f"the camera has ended after {pictures}; start it again")
         note("the recording has ended")
+
+
+def encode_view(picture: ByteArray) -> bytes:
+    """Return a picture, uint8 sRGB (h, w, 3), as a JPEG file."""
+    options: Any = {"level": _QUALITY, "subsampling": "420"}
+    return bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), **options))
 
 
 def fitting_scale(width: int, pattern: CfaPattern) -> int:
@@ -288,7 +276,7 @@ def show_frames(
     refused : Refused
         Called with the reason for each frame that does not fit the sensor.
     """
-    balance, shown = SteadyWhite(), None
+    balance, job = SteadyWhite(), None
     # encodes, on one core, while the next preview is made
     with ThreadPoolExecutor(1, "show") as pool:
         for frame in frames:
@@ -298,21 +286,8 @@ def show_frames(
             except InputError as error:
                 refused(error)
                 continue
-            if shown is not None:
-                shown.result()
-            shown = pool.submit(
-                finder.show,
-                picture,
-                mosaic,
-                frame.taken,
-                frame.arrived,
-                is_checked=frame.is_checked,
-            )
-        if shown is not None:
-            shown.result()
-
-
-def _jpeg(picture: ByteArray) -> bytes:
-    return bytes(
-        imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=_QUALITY, subsampling="420")
-    )
+            if job is not None:
+                job.result()
+            job = pool.submit(finder.show, picture, mosaic, frame)
+        if job is not None:
+            job.result()

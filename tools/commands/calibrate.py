@@ -193,4 +193,4 @@ def _write(
     console.say(f"{output}: {described}; {verdict}")
     facts = {"verdict": verdict, "warnings": [*result.contradictions, *result.warnings]}
     console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)
-    return FAILED if result.seen.skipped else 0
+    return FAILED if result.measured.skipped else 0

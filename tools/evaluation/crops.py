@@ -156,15 +156,17 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     truth = scene.rgb[crop.part]
     stops = _stops(scene.rgb, (truth / np.array(transform.white)).astype(np.float32))
 
-    def displayed(rgb: FloatArray) -> ByteArray:
+    def display(rgb: FloatArray) -> ByteArray:
         # A gain of the light, because a negative exposure leaves white what is burnt out, and it
         # may differ.
         return quantise(transform.apply(rgb * np.float32(2.0**stops)), 8).astype(np.uint8)
 
-    pictures = [Rendered("truth", displayed(truth), whole_psnr(truth, truth))]
-    for name, picture in zip(crop.methods, render_crop(study, crop, scene.rgb), strict=True):
-        title, error = study.method(name).title, whole_psnr(picture, truth)
-        pictures.append(Rendered(title, displayed(picture), error))
+    titles = ("truth", *(study.method(name).title for name in crop.methods))
+    renderings = (truth, *render_crop(study, crop, scene.rgb))
+    pictures = (
+        Rendered(title, display(picture), whole_psnr(picture, truth))
+        for title, picture in zip(titles, renderings, strict=True)
+    )
     return Exhibit(crop, tuple(pictures), stops)
 
 
@@ -198,17 +200,20 @@ def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, Fl
     are left out.
     """
     study = figures.study
-    here = [cell for cell in figures.results if (cell.scene, cell.level) == (scene, level)]
-    found = {cell.method: figures.results[cell] for cell in here if cell.tile in (None, study.tile)}
-    own, rival = found.get(study.ours or ""), _rival(figures, scene, level)
+    measures = {
+        cell.method: result
+        for cell, result in figures.results.items()
+        if (cell.scene, cell.level) == (scene, level) and cell.tile in (None, study.tile)
+    }
+    own, rival = measures.get(study.ours or ""), _rival(figures, scene, level)
     if own is None:
         return {}
     scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0), WRONG_HUE: own.hues.copy()}
-    if rival is None:
-        return scores
-    ours, theirs = (np.maximum(each.errors, _INVISIBLE) for each in (own, found[rival]))
-    lead = np.log10(theirs / ours)
-    return {AHEAD: lead, BEHIND: -lead, **scores}
+    if rival is not None:
+        theirs = np.maximum(measures[rival].errors, _INVISIBLE)
+        lead = np.log10(theirs / np.maximum(own.errors, _INVISIBLE))
+        scores |= {AHEAD: lead, BEHIND: -lead}
+    return scores
 
 
 def _rival(figures: Figures, scene: SceneInfo, level: Protocol) -> str | None:
@@ -223,9 +228,9 @@ def _crop(
     """
     rows, columns = (np.array(window_origins(size)) for size in (scene.rows, scene.columns))
     row, column = np.unravel_index(int(scores[why].argmax()), scores[why].shape)
-    overlaps = abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW
+    overlaps = np.ix_(abs(rows - rows[row]) < WINDOW, abs(columns - columns[column]) < WINDOW)
     for squares in scores.values():
-        squares[np.ix_(*overlaps)] = 0.0
+        squares[overlaps] = 0.0
     size = [min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns)]
     methods = tuple(filter(None, (figures.study.ours, _rival(figures, scene, level))))
     return Crop(scene, level, why, methods, int(rows[row]), int(columns[column]), *size)
@@ -241,8 +246,8 @@ def _stops(scene: FloatArray, balanced: FloatArray) -> float:
     scene: its light, (H, W, 3).
     balanced: light of the crop, (h, w, 3), 1 = display white.
     """
-    whole = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
+    brightest = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
     crop = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
-    brightened = max(log2(_BRIGHT / max(whole, _DARKEST)), 0.0)
+    brightened = max(log2(_BRIGHT / max(brightest, _DARKEST)), 0.0)
     stops = min(brightened, log2(_CROP_BRIGHT / max(crop, _DARKEST)))
     return min(max(stops, -_MOST_STOPS), _MOST_STOPS)

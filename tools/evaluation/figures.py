@@ -1,5 +1,6 @@
 """Figures of an evaluation, per scene and pooled, and who is ahead by how much."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from math import isnan, nan
 from typing import NamedTuple
@@ -140,16 +141,17 @@ class Figures:
     def __init__(self, study: Study, results: Mapping[Cell, Measures]) -> None:
         self.study, self.results = study, results
         self.groups = [name for name in SETS if any(cell.scene.group == name for cell in results)]
-        pools, alone = dict[_Key, list[Measures]](), dict[_Key, list[Measures]]()
+        pools, single = defaultdict[_Key, list[Measures]](list), dict[_Key, list[Measures]]()
         for cell, measures in results.items():
-            group, what = cell.scene.group, (cell.method, cell.tile)
-            pools.setdefault((Place(group, cell.level), *what), []).append(measures)
-            alone[Place(group, cell.level, cell.scene.name), *what] = [measures]
-        self._found: dict[_Key, Figure] = {}
-        for key, parts in (pools | alone).items():
-            if key in alone or len(parts) == len(self.scenes(key[0].group)):
-                self._found[key] = Figure(*key, len(parts), _values(parts))
-        self.rows = list(self._found.values())
+            place, method = Place(cell.scene.group, cell.level), (cell.method, cell.tile)
+            pools[place, *method].append(measures)
+            single[place._replace(scene=cell.scene.name), *method] = [measures]
+        self._figures = {
+            key: Figure(*key, len(parts), _values(parts))
+            for key, parts in (pools | single).items()
+            if key in single or len(parts) == len(self.scenes(key[0].group))
+        }
+        self.rows = list(self._figures.values())
 
     def scenes(self, group: str) -> list[str]:
         """Return the names of the scenes of a set."""
@@ -158,13 +160,13 @@ class Figures:
     def of(self, place: Place, method: str) -> Figure | None:
         """Return the figures of a method, with the study's pattern; None if there are none."""
         tile = self.study.tile if self.study.method(method).ours else None
-        return self._found.get((place, method, tile))
+        return self._figures.get((place, method, tile))
 
     def best(self, place: Place, criterion: Criterion, names: Sequence[str]) -> str | None:
         """Return the best of some methods by a criterion; None where none has a figure."""
         scores = {name: criterion.score(self.of(place, name)) for name in names}
-        known = [name for name in names if not isnan(scores[name])]
-        return max(known, key=lambda name: scores[name], default=None)
+        measured = [name for name in names if not isnan(scores[name])]
+        return max(measured, key=scores.__getitem__, default=None)
 
     def lead(self, place: Place, criterion: Criterion = RGB) -> Lead | None:
         """Return how much better ours is than the best rival; None if one of them has no such
@@ -186,14 +188,15 @@ def _values(parts: Sequence[Measures]) -> dict[str, float | None]:
     """`Figure.values` of some pictures; a single one's quantiles are exact."""
     values: dict[str, float | None] = {}
     for plane, name in enumerate(PLANES):
-        pooled = Histogram.pooled([each.patches[plane] for each in parts])
-        found = pooled.quantiles() if len(parts) > 1 else parts[0].quality[plane]
-        for quantile, value in zip(QUANTILES, found, strict=True):
+        quantiles = parts[0].quality[plane]
+        if len(parts) > 1:
+            quantiles = Histogram.pooled([part.patches[plane] for part in parts]).quantiles()
+        for quantile, value in zip(QUANTILES, quantiles, strict=True):
             values[f"{name}_q{round(100 * quantile)}"] = value
-    whole = np.mean([each.psnr for each in parts], axis=0).tolist()
-    values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
-    values["wrong_hue"] = float(np.mean([each.wrong_hue or 0.0 for each in parts]))
-    seen, true = np.sum([part.kept for part in parts], axis=0)
-    for place, (one, all_) in enumerate(zip(seen, true, strict=True), 1):
-        values[f"kept_{place}"] = float(one / all_) if all_ else None
+    means = np.mean([part.psnr for part in parts], axis=0).tolist()
+    values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), means, strict=True)
+    values["wrong_hue"] = float(np.mean([part.wrong_hue or 0.0 for part in parts]))
+    rendered, true = np.sum([part.kept for part in parts], axis=0)
+    for place, (numerator, energy) in enumerate(zip(rendered, true, strict=True), 1):
+        values[f"kept_{place}"] = float(numerator / energy) if energy else None
     return values

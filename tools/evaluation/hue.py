@@ -57,12 +57,12 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     white = np.maximum(shades_of_grey(truth) or truth.mean(axis=(0, 1), dtype=np.float64), _DARKEST)
     balanced = [picture * (white.mean() / white) for picture in (rendered, truth)]
     inner = (slice(BORDER, -BORDER),) * 2
-    seen, true = (gaussian_filter(each, _BLUR, axes=(0, 1))[inner] for each in balanced)
-    luminance = true.mean(axis=2)
-    seen, true = seen - seen.mean(axis=2, keepdims=True), true - luminance[..., None]
-    coloured = np.square(true).mean(axis=2) > _LEAST_COLOUR**2
+    blurred = [gaussian_filter(picture, _BLUR, axes=(0, 1))[inner] for picture in balanced]
+    luminance = blurred[1].mean(axis=2)
+    colours = [picture - picture.mean(axis=2, keepdims=True) for picture in blurred]
+    coloured = np.square(colours[1]).mean(axis=2) > _LEAST_COLOUR**2
     place = np.searchsorted(np.quantile(luminance, PLACES[:-1]), luminance[coloured])
-    products = ((first * true).sum(axis=2)[coloured] for first in (seen, true))
+    products = ((colour * colours[1]).sum(axis=2)[coloured] for colour in colours)
     return np.stack([np.bincount(place, product, len(PLACES)) for product in products])
 
 

@@ -40,7 +40,7 @@ class Histogram(NamedTuple):
     @classmethod
     def pooled(cls, parts: Sequence["Histogram"]) -> "Histogram":
         """Histogram of all patches of all parts together."""
-        bins, counts = (np.concatenate(each) for each in zip(*parts, strict=True))
+        bins, counts = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         total = np.bincount(bins, counts, _BINS).astype(np.int64)
         bins = np.flatnonzero(total)
         return cls(bins, total[bins])
@@ -99,26 +99,25 @@ class Measures:
         InputError
             As `patch_psnr` does.
         """
-        maps, inner = patch_psnr(rendered, truth), (slice(BORDER, -BORDER),) * 2
-        wrong, wrong_share = np.zeros(truth.shape[:2], bool), None
-        kept = np.zeros((2, len(PLACES)))
+        maps, share = patch_psnr(rendered, truth), None
+        wrong, kept = np.zeros(truth.shape[:2], bool), np.zeros((2, len(PLACES)))
         if set(RGB) <= set(channels):
             places = [channels.index(letter) for letter in RGB]
-            shown = rendered[..., places], truth[..., places]
-            wrong, kept = wrong_hue(*shown), colour_kept(*shown)
-            wrong_share = float(wrong[inner].mean())
+            colours = rendered[..., places], truth[..., places]
+            wrong, kept = wrong_hue(*colours), colour_kept(*colours)
+            share = float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean())
         whole = whole_psnr(rendered, truth, BORDER)
         patches = tuple(map(Histogram.of, maps))
         errors = np.square(rendered.astype(np.float64) - truth).mean(axis=2)
         squares = map(_window_means, (errors, wrong.astype(np.float64)))
-        return cls(Quality.of(maps), whole, wrong_share, kept, patches, *squares)
+        return cls(Quality.of(maps), whole, share, kept, patches, *squares)
 
     def encode(self) -> bytes:
         """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
-        for plane, part in zip(PLANES, self.patches, strict=True):
-            arrays |= {f"{plane}_{name}": each for name, each in part._asdict().items()}
+        for plane, patches in zip(PLANES, self.patches, strict=True):
+            arrays |= {f"{plane}_{name}": array for name, array in patches._asdict().items()}
         whole = np.array([*self.psnr, self.wrong_hue], float)  # None becomes NaN
         np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **arrays)
         return buffer.getvalue()

@@ -50,8 +50,8 @@ def build_page(
         title="Is the sparse-colour camera better?",
         summary=describe(figures),
         groups=groups,
-        pairs=[_shown(each) for why in (AHEAD, BEHIND) for each in _clearest(exhibits, why)],
-        worst=[_shown(exhibit) for exhibit in exhibits if exhibit.crop.why not in (AHEAD, BEHIND)],
+        pairs=[_describe(item) for why in (AHEAD, BEHIND) for item in _clearest(exhibits, why)],
+        worst=[_describe(item) for item in exhibits if item.crop.why not in (AHEAD, BEHIND)],
         failures=failures,
         facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": study.seed},
         conditions=study.protocol.conditions,
@@ -79,8 +79,7 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     study, levels = figures.study, figures.study.levels
     places = levels[0].places(levels)
     for name, colour in zip(study.methods, cycle(_COLOURS)):
-        found = [figures.of(Place(group, level), name) for level in levels]
-        medians = [CRITERIA[plane].score(figure) for figure in found]
+        medians = [CRITERIA[plane].score(figures.of(Place(group, level), name)) for level in levels]
         style = "o-" if study.method(name).ours else "s--"
         width = 2.4 if name == study.ours else 1.3
         axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
@@ -94,34 +93,32 @@ def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
     """Return the exhibit of a reason in which ours and the best rival differ most, if there is
     one.
     """
-    found = [each for each in exhibits if each.crop.why == why]
 
     def difference(exhibit: Exhibit) -> float:
         _, ours, rival = exhibit.pictures
         return abs(ours.psnr[0] - rival.psnr[0])
 
-    return sorted(found, key=difference, reverse=True)[:1]
+    chosen = [exhibit for exhibit in exhibits if exhibit.crop.why == why]
+    return sorted(chosen, key=difference, reverse=True)[:1]
 
 
-def _shown(exhibit: Exhibit) -> dict[str, Any]:
+def _describe(exhibit: Exhibit) -> dict[str, Any]:
     """Return the template's variables for an exhibit."""
-    crop, (_, *made) = exhibit.crop, exhibit.pictures
+    crop, (_, *rendered) = exhibit.crop, exhibit.pictures
     where = f"{crop.scene.name}, {crop.level.text}, {crop.place}"
     if exhibit.stops:
-        where += (
-            f", {'brightened' if exhibit.stops > 0 else 'darkened'} by "
-            f"{abs(exhibit.stops):.1f} stops"
-        )
-    pictures = [(part.title, part.psnr, embed_picture(part.pixels)) for part in exhibit.pictures]
+        change = "brightened" if exhibit.stops > 0 else "darkened"
+        where += f", {change} by {abs(exhibit.stops):.1f} stops"
+    pictures = [(item.title, item.psnr, embed_picture(item.pixels)) for item in exhibit.pictures]
     return {
         "title": f"{crop.why[:1].upper()}{crop.why[1:]}",
         "where": where,
-        "look": _look(*(part.psnr for part in made)) if len(made) == 2 else "",
+        "look": _advise(*(item.psnr for item in rendered)) if len(rendered) == 2 else "",
         "pictures": pictures,
     }
 
 
-def _look(ours: Psnr, rival: Psnr) -> str:
+def _advise(ours: Psnr, rival: Psnr) -> str:
     """Return what to look at: the plane in which the better picture saves most of the other's mean
     squared error.
     """

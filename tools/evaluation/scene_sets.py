@@ -5,7 +5,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from ..batch.folders import search
 from ..io.scene import Scene
 from ..simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 from .metrics import BORDER, PSNR_PATCH
+from .tiles import unique_name
 
 # Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8
 # bits) is not a measurement of light: it is linearised, but never pooled with what sensors
@@ -93,10 +93,10 @@ class Reading:
         """
         for _ in range(2):
             try:
-                scene, _, found = _loaded(info.source, self)
+                scene, _, pixels = _loaded(info.source, self)
             except InputError as error:
                 raise InputError(f"{info.source}: {error}") from None
-            if found == info.digest:
+            if pixels == info.digest:
                 return scene
             _loaded.cache_clear()  # the file may have been another one when it was kept in memory
         changed = "the picture has changed since the evaluation began; run it again"
@@ -108,24 +108,23 @@ class Reading:
         Raises InputError, without the name of the source, if it cannot be read or is too small.
         """
         _loaded.cache_clear()
-        scene, origin, found = _loaded(source, self)
+        scene, origin, pixels = _loaded(source, self)
         group = MEASURED if self.linear else _group(source, scene)
-        neutral = _neutral(scene, group)
-        name, (rows, columns) = scene.name, scene.shape
-        return SceneInfo(source, name, group, found, rows, columns, neutral, scene.notes, origin)
+        facts = (scene.name, group, pixels, *scene.shape, _neutral(scene, group))
+        return SceneInfo(source, *facts, scene.notes, origin)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
 def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int], str]:
     """The scene, cut, and `origin` and `digest` of its `SceneInfo`."""
     scene = load_scene(source, linear=reading.linear)
-    origin = [_kept(size, reading.largest).start for size in scene.shape]
+    rows, columns = (_kept(size, reading.largest).start for size in scene.shape)
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST_SIDE:
-        rows, columns = scene.shape
+        size = f"{scene.shape[1]} x {scene.shape[0]} pixels"
         least = f"{_LEAST_SIDE} each way at least, for one patch within the border"
-        raise InputError(f"{columns} x {rows} pixels are too few: {least}")
-    return replace(scene, rgb=rgb), (origin[0], origin[1]), digest(rgb)
+        raise InputError(f"{size} are too few: {least}")
+    return replace(scene, rgb=rgb), (rows, columns), digest(rgb)
 
 
 def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
@@ -163,10 +162,10 @@ def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
     InputError
         For a folder that cannot be read, or has no scene.
     """
-    found = search(sources, ENDINGS, output=output, is_file=is_drawn, set_aside=set_aside)
-    for folder, what in found.failures:
-        raise InputError(f"{folder}: {what}")
-    return list(dict.fromkeys(source.name for source in found.sources)), found.left_out
+    result = search(sources, ENDINGS, output=output, is_file=is_drawn, set_aside=set_aside)
+    for folder, fault in result.failures:
+        raise InputError(f"{folder}: {fault}")
+    return list(dict.fromkeys(source.name for source in result.sources)), result.left_out
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
@@ -175,17 +174,14 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
     """
     kept: dict[str, SceneInfo] = {}
     remarks = []
-    taken: set[str] = set()
     for scene in scenes:
         if scene.digest in kept:
             same = f"the same pixels as {kept[scene.digest].source}"
             remarks.append(f"{scene.source}: has {same} and is measured once")
-            continue
-        numbered = (f"{scene.name} ({number})" for number in count(2))
-        names = chain((scene.name, Path(scene.source).name), numbered)
-        name = next(name for name in names if name not in taken)
-        taken.add(name)
-        kept[scene.digest] = replace(scene, name=name)
+        else:
+            names = (scene.name, Path(scene.source).name)
+            name = unique_name(names, [other.name for other in kept.values()])
+            kept[scene.digest] = replace(scene, name=name)
     return list(kept.values()), remarks
 
 

@@ -256,11 +256,10 @@ def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
     InputError
         Where there is none.
     """
-    kept = {cell: _kept(folder, cell) for cell in study.cells()}
-    found = {cell: measures for cell, measures in kept.items() if measures is not None}
-    if not found:
+    results = {cell: kept for cell in study.cells() if (kept := _kept(folder, cell)) is not None}
+    if not results:
         raise InputError("nothing could be measured; the lines above say why")
-    return found
+    return results
 
 
 def _kept(folder: Path, cell: Cell) -> Measures | None:

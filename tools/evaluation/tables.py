@@ -49,17 +49,17 @@ def method_table(figures: Figures, group: str) -> Table:
     """Return the table of a set: at each noise level a row for each method and pattern, a column
     for each of CRITERIA.
     """
-    study, table = figures.study, Table(["", *(each.title for each in CRITERIA)], [], [])
+    study, table = figures.study, Table(["", *(column.title for column in CRITERIA)], [], [])
     for level in study.levels:
-        found = [row for row in figures.rows if row.place == Place(group, level)]
-        scores = np.array([[criterion.score(figure) for criterion in CRITERIA] for figure in found])
+        rows = [row for row in figures.rows if row.place == Place(group, level)]
+        scores = np.array([[criterion.score(figure) for criterion in CRITERIA] for figure in rows])
         table.rows.append([level.text])
         table.best.append([])
         highest = scores == np.fmax.reduce(scores, initial=np.nan)
-        for figure, best in zip(found, highest, strict=True):
+        for figure, best in zip(rows, highest, strict=True):
             pattern = f", {figure.tile.name}" if figure.tile and len(study.tiles) > 1 else ""
             title = study.method(figure.method).title + pattern
-            table.rows.append([title, *(each.text(figure) for each in CRITERIA)])
+            table.rows.append([title, *(criterion.text(figure) for criterion in CRITERIA)])
             table.best.append((np.flatnonzero(best) + 1).tolist())
     return table
 
@@ -83,21 +83,15 @@ def describe(figures: Figures) -> str:
     """Return the scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
+    levels = ", ".join(level.text for level in study.levels)
     return (
-        f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera "
-        "under the same light; "
-        f"{study.protocol.summary}; {', '.join(level.text for level in study.levels)}."
+        f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera under "
+        f"the same light; {study.protocol.summary}; {levels}."
     )
 
 
-def rows(figures: Figures) -> list[dict[str, Any]]:
-    """Return one flat object per figure, sets (scene None) before scenes; PSNR quantiles are
-    PLANE_q10 to PLANE_q75.
-    """
-    return [_row(row) for row in figures.rows]
-
-
 def _row(figure: Figure) -> dict[str, Any]:
+    """Return the flat object of a figure; the scene of a set is None."""
     (group, level, scene), tile = figure.place, figure.tile
     row: dict[str, Any] = {"group": group, "scene": scene, "level": level.level}
     row |= {"method": figure.method, "period": tile and tile.period}
@@ -110,10 +104,10 @@ def encode_csv(figures: Figures) -> bytes:
     """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 4
     decimals.
     """
-    text, found = io.StringIO(), rows(figures)
-    writer = csv.DictWriter(text, list(found[0]), lineterminator="\n")
+    text, rows = io.StringIO(), [_row(figure) for figure in figures.rows]
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    for row in found:
+    for row in rows:
         row["scene"] = row["scene"] or _POOLED
         writer.writerow({name: _cell(value) for name, value in row.items()})
     return text.getvalue().encode()
@@ -175,7 +169,7 @@ def encode_json(
         "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
         "methods": methods,
         "verdict": {group: _verdict(figures, group) for group in figures.groups},
-        "figures": rows(figures),
+        "figures": [_row(figure) for figure in figures.rows],
         "failed": failures,
         "left_out": left_out,
     }
@@ -192,11 +186,10 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
 def _level(figures: Figures, group: str, level: Protocol) -> dict[str, Any]:
     place, methods = Place(group, level), figures.study.methods
     lead, scenes = figures.lead(place), figures.leads(group, level)
+    winners = {criterion.name: figures.best(place, criterion, methods) for criterion in CRITERIA}
     return {
         "level": level.level,
-        "winner": {
-            criterion.name: figures.best(place, criterion, methods) for criterion in CRITERIA
-        },
+        "winner": winners,
         "best_rival": lead and lead.rival,
         "margin_rgb": lead and round(lead.value, 4),
         "scenes_won": sum(scene.value >= EVEN for scene in scenes),

@@ -52,12 +52,6 @@ class Team:
     jobs: int
     memory: int
 
-    def processes(self, pixels: int) -> int:
-        """Number of processes that fit into the memory when the largest scene has `pixels` pixels;
-        at least 1.
-        """
-        return max(1, min(self.jobs, self.memory // needed_memory(pixels)))
-
     def read(
         self, sources: Sequence[str], output: Path, reading: Reading
     ) -> tuple[list[SceneInfo], list[str], list[str]]:
@@ -158,7 +152,8 @@ class Team:
         if not items:
             return []
         ended: dict[T, R | PanchromaError | MemoryError] = {}
-        count, note = min(self.processes(pixels), len(items)), self.console.note
+        fitting, note = max(1, self.memory // needed_memory(pixels)), self.console.note
+        count = min(self.jobs, fitting, len(items))
         call = partial(_call, function)
         with ExitStack() as stack:
             progress = stack.enter_context(self.console.progress("evaluate"))

@@ -2,7 +2,7 @@
 before a scene.
 """
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, count
@@ -55,11 +55,8 @@ class Tile:
     @property
     def period(self) -> int | None:
         """K of the paper's pattern; None for any other."""
-        return (
-            self.pattern.period
-            if self.pattern == CfaPattern.bayer(self.pattern.period, ORDER)
-            else None
-        )
+        period = self.pattern.period
+        return period if self.pattern == CfaPattern.bayer(period, ORDER) else None
 
     @property
     def panchromatic_share(self) -> float:
@@ -98,7 +95,12 @@ def distinct_tiles(tiles: Iterable[Tile]) -> tuple[Tile, ...]:
     for tile in tiles:
         filters_of(tile.pattern)
         if all(tile.pattern != other.pattern for other in by_name.values()):
-            names = chain([tile.name], (f"{tile.name} ({number})" for number in count(2)))
-            name = next(name for name in names if name not in by_name)
+            name = unique_name([tile.name], by_name)
             by_name[name] = replace(tile, name=name)
     return tuple(by_name.values())
+
+
+def unique_name(names: Sequence[str], taken: Container[str]) -> str:
+    """Return the first of some names that is not taken, or the first one with a number."""
+    numbered = (f"{names[0]} ({number})" for number in count(2))
+    return next(name for name in chain(names, numbered) if name not in taken)

@@ -41,8 +41,8 @@ def judge(figures: Figures, group: str) -> Verdict:
     else:
         tone, standing = "bad", "no better than the best Bayer rival"
     ours = figures.study.ours or ""
-    found = "; ".join(_lead(figures, lead) for lead in leads)
-    first = f"By the median PSNR of patches, {ours} is {standing}: {found}."
+    listed = "; ".join(_lead(figures, lead) for lead in leads)
+    first = f"By the median PSNR of patches, {ours} is {standing}: {listed}."
     return Verdict(tone, (first, _weakest(figures, group), _caveats(figures, group)))
 
 
@@ -59,8 +59,8 @@ def _weakest(figures: Figures, group: str) -> str:
     """Return the sentence on the largest loss on any scene, and on colour at the highest noise."""
     study, level = figures.study, figures.study.levels[-1]
     criteria = {RGB: "the median", TENTH: "the worst tenth", WHOLE: "the whole image"}
-    places = product(study.levels, criteria)
-    leads = [lead for each, criterion in places for lead in figures.leads(group, each, criterion)]
+    pairs = product(study.levels, criteria)
+    leads = [lead for noise, criterion in pairs for lead in figures.leads(group, noise, criterion)]
     worst = min(leads, key=lambda lead: lead.value)
     if worst.value <= -EVEN:
         loss = f"{-worst.value:.1f} dB in {criteria[worst.criterion]}"
@@ -71,11 +71,8 @@ def _weakest(figures: Figures, group: str) -> str:
     place = Place(group, level)
     if rival := figures.lead(place, HUE):
         own, theirs = figures.of(place, study.ours or ""), HUE.text(figures.of(place, rival.rival))
-        text += f"; at {level.text} {HUE.text(own)} % of its pixels show a wrong hue"
-        text += (
-            f" (best rival {theirs} %), and the darkest tenth keeps {KEPT.text(own)} % of "
-            "its colour"
-        )
+        text += f"; at {level.text} {HUE.text(own)} % of its pixels show a wrong hue (best rival "
+        text += f"{theirs} %), and the darkest tenth keeps {KEPT.text(own)} % of its colour"
     return f"{text}."
 
 
@@ -83,23 +80,23 @@ def _caveats(figures: Figures, group: str) -> str:
     """Return the sentence on the limits of the other two: few scenes, no strong rival, missing
     results.
     """
-    study, count, found = figures.study, len(figures.scenes(group)), []
+    study, count, limits = figures.study, len(figures.scenes(group)), []
     if count < FEW:
         chance = f"with fewer than {FEW} even being ahead on all of them may be chance"
-        found.append(f"{_scenes(count)} only, and {chance}")
+        limits.append(f"{_scenes(count)} only, and {chance}")
     noisy = any(level.noisy for level in study.levels)
     if noisy and not study.networks and _DENOISER not in study.rivals:
         method, why = methods()[_DENOISER], "it was not asked for"
         if method.missing:
             why = f"{method.missing} is not installed: {method.remedy}"
-        found.append(f"no rival denoises ({why})")
+        limits.append(f"no rival denoises ({why})")
     if not study.networks:
-        found.append("no rival is learned")
+        limits.append("no rival is learned")
     for name, level in product(study.methods, study.levels):
         if figures.of(Place(group, level), name) is None:
-            found.append(f"results of {name} are missing at {level.text}")
-    whole = "Every method was measured on every scene, denoising and learned rivals included."
-    return f"Mind: {'; '.join(found)}." if found else whole
+            limits.append(f"results of {name} are missing at {level.text}")
+    complete = "Every method was measured on every scene, denoising and learned rivals included."
+    return f"Mind: {'; '.join(limits)}." if limits else complete
 
 
 def _scenes(count: int) -> str:

@@ -23,9 +23,8 @@ def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
 def check_mosaic(mosaic: FloatArray) -> None:
     """Raise InputError unless a mosaic has two axes of at least two samples."""
     if mosaic.ndim != 2 or min(mosaic.shape) < 2:
-        raise InputError(
-            f"a Bayer mosaic has at least 2 rows and 2 columns; this one has shape {mosaic.shape}"
-        )
+        least = "a Bayer mosaic has at least 2 rows and 2 columns"
+        raise InputError(f"{least}; this one has shape {mosaic.shape}")
 
 
 def sample_bayer(rgb: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,18 +86,14 @@ class SimulatedBurst:
         if not 0 <= self.pixels <= MOST_PIXELS:
             raise InputError(f"`motion` is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
         if not 0 <= self.degrees <= MOST_DEGREES:
-            raise InputError(
-                f"the rotation is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}"
-            )
+            expected = f"expected 0 to {MOST_DEGREES:g}"
+            raise InputError(f"the rotation is {self.degrees} degrees, {expected}")
         if self.stops and len(self.stops) != self.frames:
-            raise InputError(
-                f"`bracket` has {len(self.stops)} figures for {self.frames} frames, expected one "
-                "for each"
-            )
+            counts = f"{len(self.stops)} figures for {self.frames} frames"
+            raise InputError(f"`bracket` has {counts}, expected one for each")
         if not all(abs(stop) <= MOST_STOPS for stop in self.stops):
-            raise InputError(
-                f"`bracket` is {self.stops} stops, expected -{MOST_STOPS:g} to {MOST_STOPS:g}"
-            )
+            expected = f"expected -{MOST_STOPS:g} to {MOST_STOPS:g}"
+            raise InputError(f"`bracket` is {self.stops} stops, {expected}")
 
     @property
     def largest(self) -> Motion:
@@ -149,10 +146,10 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     if pixel == 1:
         return rgb
     rows, columns = rgb.shape[0] // pixel, rgb.shape[1] // pixel
-    whole = rgb[: rows * pixel, : columns * pixel]
-    parts = [whole[row::pixel, column::pixel] for row in range(pixel) for column in range(pixel)]
-    mean: FloatArray = sum(parts, np.zeros((rows, columns, rgb.shape[2]), np.float32))
-    return mean / np.float32(pixel**2)
+    total: FloatArray = np.zeros((rows, columns, rgb.shape[2]), np.float32)
+    for row, column in np.ndindex(pixel, pixel):
+        total += rgb[row : rows * pixel : pixel, column : columns * pixel : pixel]
+    return total / np.float32(pixel**2)
 
 
 def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
@@ -206,31 +203,23 @@ def burst_frames(
     [(82, 132, 3), (82, 132, 3)]
     """
     # the centre of the scene is that of the frames
-    whole = [count // pixel * pixel for count in rgb.shape[:2]]
-    if not all(whole):
-        raise InputError(
-            f"the scene has {rgb.shape[1]} x {rgb.shape[0]} pixels: `reduce={pixel}` leaves "
-            "nothing of it"
-        )
-    scene = rgb[: whole[0], : whole[1]]
+    rows, columns = (count // pixel for count in rgb.shape[:2])
+    if not rows or not columns:
+        size = f"{rgb.shape[1]} x {rgb.shape[0]} pixels"
+        raise InputError(f"the scene has {size}: `reduce={pixel}` leaves nothing of it")
+    scene = rgb[: rows * pixel, : columns * pixel]
     margin = -(-reach(burst.largest.times(pixel), scene.shape) // pixel)
-    rows, columns = (count // pixel - 2 * margin for count in whole)
-    if min(rows, columns) < 1:
+    if min(rows, columns) <= 2 * margin:
         raise InputError(
             f"a burst with this motion loses {margin} pixels on each side of a scene of "
-            f"{whole[1] // pixel} x {whole[0] // pixel}: "
-            "nothing is left; take a larger picture, or less motion"
+            f"{columns} x {rows}: nothing is left; take a larger picture, or less motion"
         )
-    for number, motion in enumerate(tremor(burst, rng)):
+    inner = tuple(slice(margin * pixel, (size - margin) * pixel) for size in (rows, columns))
+    for motion, stops in zip(tremor(burst, rng), burst.stops or repeat(None), strict=False):
         light = scene
         if not motion.none:
             light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
-        light = light[
-            margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel
-        ]
-        yield SimulatedFrame(
-            reduced(light, pixel), motion, burst.stops[number] if burst.stops else None
-        )
+        yield SimulatedFrame(reduced(light[inner], pixel), motion, stops)
 
 
 def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
@@ -258,10 +247,8 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
     centre = (np.array(rgb.shape[:2]) - 1) / 2
     offset = centre - back @ (centre + motion.shift)
     result = np.empty_like(rgb)
-    for channel in range(rgb.shape[2]):
-        affine_transform(
-            rgb[..., channel], back, offset, output=result[..., channel], order=5, mode="nearest"
-        )
+    for light, output in zip(np.moveaxis(rgb, 2, 0), np.moveaxis(result, 2, 0), strict=True):
+        affine_transform(light, back, offset, output=output, order=5, mode="nearest")
     return result
 
 
@@ -289,10 +276,8 @@ def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) ->
     """
     described: dict[str, Any] = {
         "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y - "
-        "sin(a) x + down, "
-        "x' = cos(a) x + sin(a) y + across of a frame, from `centre`; a = degrees, "
-        "counter-clockwise; "
-        "pixels, rows down and columns to the right",
+        "sin(a) x + down, x' = cos(a) x + sin(a) y + across of a frame, from `centre`; a = "
+        "degrees, counter-clockwise; pixels, rows down and columns to the right",
         "centre": [(count - 1) / 2 for count in shape],
         "reference": next(iter(frames)),
         "frames": {

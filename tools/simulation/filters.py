@@ -89,15 +89,17 @@ class Filters:
         matrix, to_xyz, neutral = np.array(self.matrix), scene.camera_to_xyz, scene.neutral
         if np.array_equal(matrix, np.eye(len(scene.channels))):
             return to_xyz, neutral
-        seen = None if neutral is None else tuple((matrix @ neutral).tolist())
-        if to_xyz is None and not set(RGB) <= set(scene.channels):
-            return None, seen
+        white = None if neutral is None else tuple((matrix @ neutral).tolist())
+        if to_xyz is not None:
+            of_scene = np.array(to_xyz)
+        elif set(RGB) <= set(scene.channels):
+            of_scene = nominal_to_xyz(scene.channels, neutral)
+        else:
+            return None, white
         # Eq. 17 gives the filters' readings; the pseudo-inverse takes them back to the scene's
         # channels.
-        known = (
-            nominal_to_xyz(scene.channels, neutral) if to_xyz is None else np.array(to_xyz)
-        ) @ np.linalg.pinv(matrix)
-        return (as_rows(known) if np.linalg.matrix_rank(known) == 3 else None), seen
+        of_filters = of_scene @ np.linalg.pinv(matrix)
+        return (as_rows(of_filters) if np.linalg.matrix_rank(of_filters) == 3 else None), white
 
 
 def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
@@ -111,25 +113,20 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
         panchromatic pixels see.
     """
     channels, there = pattern.channels, scene.channels
-    sources = _mixtures(scene) | dict(zip(there, np.eye(len(there)), strict=True))
+    mixtures = _mixtures(scene)
+    sources = mixtures | dict(zip(there, np.eye(len(there)), strict=True))
     if missing := [letter for letter in channels if letter not in sources]:
+        others = f" (of which {_listed([*mixtures])} can be made)" if mixtures else ""
         raise InputError(
             f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}"
-            + (
-                f" (of which {_listed(others)} can be made)"
-                if (others := [source for source in sources if source not in there])
-                else ""
-            )
-            + "; use a scene with these channels, or another pattern"
+            f"{others}; use a scene with these channels, or another pattern"
         )
     passed = np.array([sources[channel] for channel in channels])
     gamma, notes = _weights(channels, passed, there)
     if composed := [letter for letter in channels if letter not in there]:
-        notes = (
-            f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's "
-            "red, green and blue",
-            *notes,
-        )
+        verb = "is" if len(composed) == 1 else "are"
+        note = f"{_listed(composed)} {verb} made from the scene's red, green and blue"
+        notes = (note, *notes)
     return Filters(channels, as_rows(passed / passed.sum(axis=1, keepdims=True)), gamma, notes)
 
 
@@ -139,12 +136,10 @@ def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
     """
     if not set(RGB) <= set(scene.channels):
         return {}
-    others = {
-        letter: through for letter, through in BROADBAND.items() if letter not in scene.channels
-    }
     return {
-        letter: np.array([float(channel in through) for channel in scene.channels])
-        for letter, through in others.items()
+        letter: np.array([float(channel in passed) for channel in scene.channels])
+        for letter, passed in BROADBAND.items()
+        if letter not in scene.channels
     }
 
 
@@ -159,27 +154,19 @@ def _weights(
     matrix = passed / passed.sum(axis=1, keepdims=True)
     weights = np.linalg.lstsq(matrix.T, np.ones(len(there)))[0]
     if weights.min() < _ROUNDING:
-        figures = ", ".join(
-            f"{letter} {weight:.3g}"
-            for letter, weight in zip(channels, weights.round(3) + 0.0, strict=True)
-        )
+        nearest = ", ".join(map("{} {:.3g}".format, channels, weights.round(3) + 0.0))
         raise InputError(
             f"panchromatic pixels see {' + '.join(there)}, and Eq. 7 needs positive weights of "
-            f"{_listed(channels)} that "
-            f"add up to it; there are none (the nearest: {figures}), choose other filters"
+            f"{_listed(channels)} that add up to it; there are none (the nearest: {nearest}), "
+            "choose other filters"
         )
-    seen = weights @ matrix
+    collected = weights @ matrix
     notes: tuple[str, ...] = ()
-    if np.abs(seen - 1).max() > _ROUNDING:
-        parts = " + ".join(
-            f"{share:.3g} {letter}"
-            for letter, share in zip(there, seen, strict=True)
-            if share > _ROUNDING
-        )
-        notes = (
-            f"no weights of {_listed(channels)} add up to all light: panchromatic pixels see "
-            f"{parts} of the scene",
-        )
+    if np.abs(collected - 1).max() > _ROUNDING:
+        pairs = zip(collected, there, strict=True)
+        total = " + ".join(f"{part:.3g} {letter}" for part, letter in pairs if part > _ROUNDING)
+        fault = f"no weights of {_listed(channels)} add up to all light"
+        notes = (f"{fault}: panchromatic pixels see {total} of the scene",)
     return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist()), notes
 
 

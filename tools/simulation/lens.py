@@ -74,23 +74,18 @@ class Lens:
         """
         if not (self.stops or self.percent):
             return calibration
-        return replace(
-            calibration,
-            shading=lens_shading(
-                self.stops, self.percent / 100, len(calibration.channels) + 1, shape
-            ),
-        )
+        planes = len(calibration.channels) + 1
+        shading = lens_shading(self.stops, self.percent / 100, planes, shape)
+        return replace(calibration, shading=shading)
 
 
 NO_LENS = Lens()
 
 
 def _error(figures: Sequence[float]) -> InputError:
-    return InputError(
-        f"`shading` is {','.join(map('{:g}'.format, figures))}, expected STOPS,PERCENT: 0 to "
-        f"{_MOST_STOPS:g} stops, "
-        f"0 to {_MOST_PERCENT:g} %, such as 2,15"
-    )
+    limits = f"0 to {_MOST_STOPS:g} stops, 0 to {_MOST_PERCENT:g} %, such as 2,15"
+    stated = ",".join(map("{:g}".format, figures))
+    return InputError(f"`shading` is {stated}, expected STOPS,PERCENT: {limits}")
 
 
 def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int]) -> Shading:
@@ -120,8 +115,8 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     square = ((shape[0] * place) ** 2)[:, None] + (shape[1] * place) ** 2
     square = square / (shape[0] ** 2 + shape[1] ** 2) * 4
     panchromatic = (1 + (2 ** (stops / 2) - 1) * square) ** 2
-    less = [*np.linspace(colour, -colour, planes - 1), 0.0]
-    return Shading([_points(panchromatic / (1 - each * square)) for each in less], shape)  # type: ignore[arg-type]
+    losses = [*np.linspace(colour, -colour, planes - 1), 0.0]
+    return Shading([_points(panchromatic / (1 - loss * square)) for loss in losses], shape)  # type: ignore[arg-type]
 
 
 def _points(gain: DoubleArray) -> Sequence[Sequence[float]]:

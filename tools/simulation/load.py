@@ -3,6 +3,7 @@
 import os
 import re
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -96,17 +97,16 @@ def load_scene(
     if meant := _misspelt(source):
         raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
     with text_name(Path(source)) as path:
-        return replace(
-            _in_file(path, linear, max_pixels, channels, registered), name=Path(source).stem
-        )
+        scene = _load_file(path, linear, max_pixels, channels, registered)
+    return replace(scene, name=Path(source).stem)
 
 
-def _in_file(path: Path, linear: bool, max_pixels: int, channels: str, registered: bool) -> Scene:
-    found, is_dng = file_kind(path)
-    if found:
+def _load_file(path: Path, linear: bool, max_pixels: int, channels: str, registered: bool) -> Scene:
+    picture_format, is_dng = file_kind(path)
+    if picture_format:
         with guarded(path):
-            picture = found.decode(path, max_pixels, channels)
-        gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
+            picture = picture_format.decode(path, max_pixels, channels)
+        gehlers = gehler_shi_scene(picture, path.stem) if picture_format.name == "PNG" else None
         return gehlers or picture_scene(picture, path.stem, linear=linear)
     with guarded(path):
         notes = remark_on_corrections(path) if is_dng else ()
@@ -130,22 +130,19 @@ def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
     """
     with text_name(path) as name:
         try:
-            found, _ = file_kind(name)
+            picture_format, _ = file_kind(name)
         except ForeignFileError:
             return read_dng(name, max_pixels=max_pixels).codes
-        if found is None:
+        if picture_format is None:
             return camera_raw_samples(name, max_pixels)
         with guarded(name):
-            pixels = found.decode(name, max_pixels, RGB).pixels
+            pixels = picture_format.decode(name, max_pixels, RGB).pixels
     if pixels.shape[2] != 1:
-        raise InputError(
-            "is a picture with several colours at each pixel; give the samples of the sensor, "
-            "one at each pixel"
-        )
+        remedy = "give the samples of the sensor, one at each pixel"
+        raise InputError(f"is a picture with several colours at each pixel; {remedy}")
     if pixels.dtype not in (np.uint8, np.uint16):
-        raise InputError(
-            f"its samples are {pixels.dtype}; those of a sensor are whole numbers of 8 or 16 bits"
-        )
+        expected = "those of a sensor are whole numbers of 8 or 16 bits"
+        raise InputError(f"its samples are {pixels.dtype}; {expected}")
     return pixels[..., 0].astype(np.uint16)
 
 
@@ -163,22 +160,18 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     with opened_file(path, sys.maxsize, "a picture or a camera RAW") as file:
         start = file.read(16)
     suffix = path.suffix.lower()
-    found = next((each for each in FORMATS if re.match(each.start, start, re.DOTALL)), None)
-    is_dng = False
-    if found is TIFF:
+    kinds = (kind for kind in FORMATS if re.match(kind.start, start, re.DOTALL))
+    kind, is_dng = next(kinds, None), False
+    if kind is TIFF:
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
-            raise ForeignFileError(
-                "this is a shot, sampled by the sparse-colour sensor already, and no scene; "
-                "render it"
-            )
-    elif found and suffix not in found.endings:
-        raise InputError(
-            f"is a {found.name} picture by its content; if that is right, rename it "
-            f"{path.stem}{found.endings[0]}"
-        )
-    if found and suffix in found.endings and not is_dng:
-        return found, False
+            fault = "this is a shot, sampled by the sparse-colour sensor already, and no scene"
+            raise ForeignFileError(f"{fault}; render it")
+    elif kind and suffix not in kind.endings:
+        remedy = f"if that is right, rename it {path.stem}{kind.endings[0]}"
+        raise InputError(f"is a {kind.name} picture by its content; {remedy}")
+    if kind and suffix in kind.endings and not is_dng:
+        return kind, False
     if not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
         raise InputError(NO_RAW.format("by its name and its first bytes"))
     return None, is_dng
@@ -193,25 +186,19 @@ def set_aside(paths: Sequence[str]) -> dict[str, str]:
     paths : Sequence[str]
         Files with `ENDINGS`.
     """
-    aside = {
-        path: "(the truth of a shot)"
-        for path in paths
-        if path.lower().endswith((TRUTH, TRUTH_PICTURE))
-    }
-    alike: dict[str, list[str]] = {}
+    truths = [path for path in paths if path.lower().endswith((TRUTH, TRUTH_PICTURE))]
+    aside = dict.fromkeys(truths, "(the truth of a shot)")
+    alike = defaultdict[str, list[str]](list)
     for path in paths:
-        alike.setdefault(Path(path).stem.lower(), []).append(path)
+        alike[Path(path).stem.lower()].append(path)
     for names in alike.values():
         if len(names) > 1:
             raws = [path for path in names if path.lower().endswith(_RAW_ENDINGS)]
             shots = [path for path in raws if _is_shot(path)]
             aside |= dict.fromkeys(shots, "(a shot of Panchroma, no scene)")
             if len(raws) > len(shots):
-                aside |= {
-                    path: "beside a camera RAW of the same name"
-                    for path in names
-                    if path not in raws
-                }
+                others = (path for path in names if path not in raws)
+                aside |= dict.fromkeys(others, "beside a camera RAW of the same name")
     return aside
 
 
@@ -244,15 +231,14 @@ def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     kind = source[: source.index(":") + 1]
     size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
     if not size:
-        raise InputError(
-            f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800"
-        )
+        form = f"{kind}WIDTHxHEIGHT, for example {kind}1200x800"
+        raise InputError(f"is not a built-in scene; write {form}")
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
     if kind in _DRAWN:
         return _DRAWN[kind](width, height)
-    wanted = scene_channels(channels)
-    there = RGB if set(wanted) <= set(RGB) else wanted
+    there = scene_channels(channels)
+    there = RGB if set(there) <= set(RGB) else there
     light = np.full((height, width, len(there)), _EVEN[kind], np.float32)
     return Scene(light, f"{kind[:-1]}-{width}x{height}", channels=there)
 
@@ -273,10 +259,8 @@ def text_name(path: Path) -> Iterator[Path]:
             link.symlink_to(path.absolute())
             yield link
     except OSError as error:
-        raise InputError(
-            f"its name is no text, and a link to it cannot be made ({error.strerror or error}); "
-            "rename it"
-        ) from None
+        fault = f"a link to it cannot be made ({error.strerror or error})"
+        raise InputError(f"its name is no text, and {fault}; rename it") from None
 
 
 def _inspect_tiff(path: Path) -> tuple[bool, bool]:
@@ -295,10 +279,8 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
         with tifffile.TiffFile(path, **PLAIN) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
-            private = [directory.tags.get(TAG["DNGPrivateData"]) for directory in directories]
-            is_shot = any(
-                tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private
-            )
+            private = (directory.tags.get(TAG["DNGPrivateData"]) for directory in directories)
+            is_shot = any(tag and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
             return is_shot, TAG["DNGVersion"] in first.tags
     # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
     except Exception:

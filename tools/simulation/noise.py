@@ -81,7 +81,7 @@ class Protocol:
         Raises InputError.
         """
         levels = dict.fromkeys(cls.usual if wanted is None else wanted)
-        return tuple(sorted(map(cls, levels), key=lambda each: each.noisiness))
+        return tuple(sorted(map(cls, levels), key=lambda protocol: protocol.noisiness))
 
     @classmethod
     def places(cls, levels: Sequence["Protocol"]) -> list[float]:
@@ -211,18 +211,16 @@ class SensorProtocol(Protocol):
     bits = _BITS
     conditions = (
         "both cameras expose pixels of the same sensor for the same time: "
-        f"{1 / TYPICAL_SHOT:,.0f} electrons per scene unit at "
-        f"exposure 1, read noise of {TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; "
-        "the Bayer camera amplifies more, "
-        "for its white is a third of the panchromatic pixel's; "
-        "in bright light it could expose longer instead, which is not tried here"
+        f"{1 / TYPICAL_SHOT:,.0f} electrons per scene unit at exposure 1, read noise of "
+        f"{TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; the Bayer camera amplifies "
+        "more, for its white is a third of the panchromatic pixel's; in bright light it could "
+        "expose longer instead, which is not tried here"
     )
 
     def __post_init__(self) -> None:
         if not 0 < self.level < np.inf:
-            raise InputError(
-                f"`light` is {self.level}, expected a positive factor; 1 is a full exposure"
-            )
+            expected = "expected a positive factor; 1 is a full exposure"
+            raise InputError(f"`light` is {self.level}, {expected}")
 
     @property
     def tick(self) -> str:
@@ -272,11 +270,9 @@ def chosen_protocol(levels: Mapping[str, Given | None]) -> tuple[type[Protocol],
     InputError
         Levels of both kinds are given.
     """
-    given = [option for option, level in levels.items() if level is not None]
-    if len(given) > 1:
-        both = " and ".join(f"`{option}`" for option in given)
+    chosen = [kind for kind in PROTOCOLS if levels.get(kind.option) is not None]
+    if len(chosen) > 1:
+        both = " and ".join(f"`{kind.option}`" for kind in chosen)
         raise InputError(f"{both} set different kinds of noise; give one of them")
-    for protocol in PROTOCOLS:
-        if protocol.option in given:
-            return protocol, levels[protocol.option]
-    return PaperProtocol, None
+    protocol = chosen[0] if chosen else PaperProtocol
+    return protocol, levels.get(protocol.option)

@@ -43,16 +43,12 @@ def read_pattern(text: str) -> CfaPattern:
         if not is_file and letters_of(text) is None and not _LETTERS.fullmatch(text):
             raise InputError(f"is not {EXPECTED}, and no file has this name{meant(text, TILES)}")
         if len(letters) > _MOST_LETTERS:
-            raise InputError(
-                f"{len(letters)} letters are more than the largest tile has, {PERIODS[-1]} x "
-                f"{PERIODS[-1]}"
-            )
+            most = f"the largest tile has, {PERIODS[-1]} x {PERIODS[-1]}"
+            raise InputError(f"{len(letters)} letters are more than {most}")
         return CfaPattern.of_letters(letters)
     except InputError as error:
-        said = str(error).removeprefix("pattern: ")
-        raise InputError(
-            f"{text}: {said}" if is_file else f"`pattern` {text[:_MOST_LETTERS]!r}: {said}"
-        ) from None
+        name = text if is_file else f"`pattern` {text[:_MOST_LETTERS]!r}"
+        raise InputError(f"{name}: {str(error).removeprefix('pattern: ')}") from None
 
 
 def _letters_in(name: str) -> str:

@@ -17,10 +17,8 @@ def homography(source: DoubleArray, destination: DoubleArray) -> DoubleArray:
     """
     (x, y), (u, v) = source.T, destination.T
     one, nil = np.ones_like(x), np.zeros_like(x)
-    across, down = (
-        [x, y, one, nil, nil, nil, -u * x, -u * y],
-        [nil, nil, nil, x, y, one, -v * x, -v * y],
-    )
+    across = [x, y, one, nil, nil, nil, -u * x, -u * y]
+    down = [nil, nil, nil, x, y, one, -v * x, -v * y]
     equations = np.concatenate([np.stack(across, axis=1), np.stack(down, axis=1)])
     return np.append(np.linalg.solve(equations, destination.T.ravel()), 1.0).reshape(3, 3)
 

@@ -38,10 +38,8 @@ def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration)
         When the three have different channels.
     """
     if rgb.ndim != 3 or rgb.shape[2] != len(pattern.channels):
-        raise InputError(
-            f"a scene of shape {rgb.shape} for a pattern with {len(pattern.channels)} channels "
-            f"({pattern.channels})"
-        )
+        channels = f"{len(pattern.channels)} channels ({pattern.channels})"
+        raise InputError(f"a scene of shape {rgb.shape} for a pattern with {channels}")
     calibration.check_pattern(pattern)
     with np.errstate(over="ignore"):  # a mosaic refuses infinite samples
         # Eq. 7

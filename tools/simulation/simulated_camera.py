@@ -114,14 +114,13 @@ class SimulatedCamera:
         InputError
             For any other number of bits.
         """
-        sensor = (
-            known.calibration if known else SensorCalibration(pattern.channels, sensor="simulated")
-        )
+        sensor = SensorCalibration(pattern.channels, sensor="simulated")
+        if known:
+            sensor = known.calibration
         if known is None or bits is not None:
+            bits, headroom = BITS if bits is None else bits, protocol.headroom
             # A sensor clips at white, so nothing lies above it.
-            levels = SensorCalibration.of_bits(
-                BITS if bits is None else bits, headroom=protocol.headroom, channels=sensor.channels
-            )
+            levels = SensorCalibration.of_bits(bits, headroom=headroom, channels=sensor.channels)
             sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
         return cls(pattern, sensor, known is not None, protocol, lens)
 
@@ -129,11 +128,9 @@ class SimulatedCamera:
         """The calibration for a scene: colours that it does not know follow from the scene and the
         filters.
         """
-        known = (
-            self.sensor
-            if self.measured
-            else replace(self.sensor, gamma=filters.gamma, noise=filters.noise)
-        )
+        known = self.sensor
+        if not self.measured:
+            known = replace(known, gamma=filters.gamma, noise=filters.noise)
         to_xyz, neutral = filters.colours(scene)
         if known.neutral is None:
             known = replace(known, neutral=neutral, neutral_estimated=scene.neutral_estimated)
@@ -160,9 +157,8 @@ class SimulatedCamera:
         frame = frame or SimulatedFrame(scene.rgb)
         filters = filters_for(self.pattern, scene)
         seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
-        calibration = self.lens.calibrated(
-            self.before(scene, filters), (seen.shape[0], seen.shape[1])
-        )
+        shape = seen.shape[0], seen.shape[1]
+        calibration = self.lens.calibrated(self.before(scene, filters), shape)
         metadata = frame.metadata(scene.metadata)
         if isinstance(self.protocol, PaperProtocol):
             light, sigma = _dimmed(seen, white), self.protocol.level
@@ -181,10 +177,8 @@ def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibra
         When its filters are unknown.
     """
     scene = builtin_scene(1, 1)
-    calibration = SimulatedCamera.of(pattern, camera).before(scene, filters_for(pattern, scene))
-    return (
-        calibration if calibration.noise else replace(calibration, noise=typical_noise(calibration))
-    )
+    known = SimulatedCamera.of(pattern, camera).before(scene, filters_for(pattern, scene))
+    return known if known.noise else replace(known, noise=typical_noise(known))
 
 
 def usual_gamma(pattern: CfaPattern) -> tuple[float, ...]:
@@ -209,9 +203,8 @@ def moving_scene(
     for number in count():
         angle = 2 * math.pi * number / turn
         top, left = round(swing * (1 - math.cos(angle))), round(swing * (1 + math.sin(angle)))
-        yield simulate_sensor(
-            light[top : top + height, left : left + width], pattern, calibration, 1.0, rng
-        )
+        window = light[top : top + height, left : left + width]
+        yield simulate_sensor(window, pattern, calibration, 1.0, rng)
 
 
 def scene_in_file(name: str, wanted: str, *, linear: bool, max_pixels: int) -> Scene:
@@ -239,10 +232,11 @@ def scene_in_array(
     InputError
         For what `decode_array` and `picture_scene` refuse.
     """
-    peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
-    decoded = (
-        decode_array(array, wanted) if channels is None else Decoded(array, peak, channels=channels)
-    )
+    if channels is None:
+        decoded = decode_array(array, wanted)
+    else:
+        peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
+        decoded = Decoded(array, peak, channels=channels)
     return picture_scene(decoded, "array", linear=linear)
 
 

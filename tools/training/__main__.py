@@ -27,18 +27,12 @@ def add_common(parser: argparse.ArgumentParser, steps: int) -> None:
     """
     folders = "photographs to learn from, in this folder or below"
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help=folders)
-    parser.add_argument(
-        "--steps", type=int, default=steps, help="of gradient descent (default: %(default)s)"
-    )
+    descent = "of gradient descent (default: %(default)s)"
+    parser.add_argument("--steps", type=int, default=steps, help=descent)
     variants = "examples made of each photograph (default: %(default)s)"
     parser.add_argument("--variants", type=int, default=4, help=variants)
-    parser.add_argument(
-        "-j",
-        "--jobs",
-        type=int,
-        default=processors(),
-        help="processes and threads (default: one per core)",
-    )
+    jobs = "processes and threads (default: one per core)"
+    parser.add_argument("-j", "--jobs", type=int, default=processors(), help=jobs)
 
 
 def main() -> int:
@@ -48,11 +42,8 @@ def main() -> int:
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="for the networks")
     tiles = f"a network for each; {EXPECTED} (default: K=4 K=6 K=8)"
     parser.add_argument("--pattern", nargs="+", default=["K=4", "K=6", "K=8"], help=tiles)
-    beginning = (
-        "begin with the weights of the network for this pattern; with --steps 0 only "
-        "round them again"
-    )
-    parser.add_argument("--start", help=beginning)
+    start = "begin with the weights of the network for this pattern"
+    parser.add_argument("--start", help=f"{start}; with --steps 0 only round them again")
     batch = "pieces of pictures in a step (default: %(default)s)"
     parser.add_argument("--batch", type=int, default=16, help=batch)
     parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
@@ -62,27 +53,19 @@ def main() -> int:
     console = Console()
     try:
         patterns = [_pattern(letters) for letters in arguments.pattern]
-        start = _pattern(arguments.start) if arguments.start else None
+        begun = _pattern(arguments.start) if arguments.start else None
         from .examples import photographs
 
         sources = tuple(photographs(arguments.folders))
         if len(sources) < _LEAST:
-            raise InputError(
-                f"{len(sources)} photographs found; at least {_LEAST} are needed to learn something"
-            )
+            needed = f"at least {_LEAST} are needed to learn something"
+            raise InputError(f"{len(sources)} photographs found; {needed}")
         from .run import Plan, train
 
         output = output_folder(arguments.output)
         for pattern in patterns:
-            plan = Plan(
-                sources,
-                pattern,
-                arguments.steps,
-                batch=arguments.batch,
-                variants=arguments.variants,
-                seed=arguments.seed,
-                start=start,
-            )
+            steps, batch, variants = arguments.steps, arguments.batch, arguments.variants
+            plan = Plan(sources, pattern, steps, batch, variants, seed=arguments.seed, start=begun)
             with console.progress(pattern.name or "/".join(pattern.tile)) as progress:
                 path = train(plan, output, arguments.jobs, progress, progress.remark)
             console.say(str(path))

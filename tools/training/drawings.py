@@ -43,10 +43,9 @@ def drawing(random: np.random.Generator) -> FloatArray:
         getattr(pen, kind)(**arguments, fill=number + 1)
     places, sums = np.asarray(numbers), np.zeros((SIZE, SIZE, 3), np.float32)
     table = np.array([np.zeros(3), *inks], np.float32)
-    for down in range(_FINE):
-        for across in range(_FINE):
-            seen = places[down::_FINE, across::_FINE]
-            sums += np.where((seen > 0)[..., None], table[seen], ground)
+    for down, across in np.ndindex(_FINE, _FINE):
+        marked = places[down::_FINE, across::_FINE]
+        sums += np.where((marked > 0)[..., None], table[marked], ground)
     return sums / np.float32(_FINE**2)
 
 
@@ -62,9 +61,8 @@ def colour(random: np.random.Generator) -> FloatArray:
 def _ground(random: np.random.Generator) -> FloatArray:
     kind = random.integers(3)
     if kind == 0:
-        leaves = dead_leaves(
-            SIZE, SIZE, SIZE * random.uniform(0.5, 2), int(random.integers(1 << 30))
-        )
+        scale, seed = SIZE * random.uniform(0.5, 2), int(random.integers(1 << 30))
+        leaves = dead_leaves(SIZE, SIZE, scale, seed)
         mixing = np.eye(3) + random.normal(0, 0.25, (3, 3))
         return (leaves @ np.abs(mixing)).clip(_DARKEST, 1).astype(np.float32)
     first, last = colour(random), colour(random) if kind == 1 else None
@@ -90,25 +88,18 @@ def _mark(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
 
     fine = SIZE * _FINE
     place = random.uniform(0, fine, 2)
-    kind = random.choice(
-        ["line", "text", "ellipse", "rectangle", "polygon"], p=[0.35, 0.3, 0.15, 0.1, 0.1]
-    )
+    kinds = ["line", "text", "ellipse", "rectangle", "polygon"]
+    kind = random.choice(kinds, p=[0.35, 0.3, 0.15, 0.1, 0.1])
     if kind == "text":
         count = random.integers(1, 12)
         font = ImageFont.load_default(float(_FINE * 10 ** random.uniform(0.75, 1.7)))
-        return "text", {
-            "xy": tuple(place),
-            "text": "".join(random.choice(list(_LETTERS), count)),
-            "font": font,
-        }
+        text = "".join(random.choice(list(_LETTERS), count))
+        return "text", {"xy": tuple(place), "text": text, "font": font}
     length = fine * 10 ** random.uniform(-2.2, -0.2)
     if kind == "line":
         width = max(round(_FINE * 10 ** random.uniform(-0.3, 1.1)), 1)
         return "line", {"xy": [*place, *(place + random.normal(0, length, 2))], "width": width}
     if kind == "polygon":
-        return "polygon", {
-            "xy": (place + random.normal(0, length / 2, (random.integers(3, 7), 2)))
-            .ravel()
-            .tolist()
-        }
+        corners = place + random.normal(0, length / 2, (random.integers(3, 7), 2))
+        return "polygon", {"xy": corners.ravel().tolist()}
     return str(kind), {"xy": [*place, *(place + length * random.uniform(0.2, 1, 2))]}

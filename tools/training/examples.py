@@ -69,11 +69,11 @@ def kept_back(sources: Sequence[str]) -> list[bool]:
     """Select the sources that are kept back from learning; a photograph that is given twice is on
     one side.
     """
-    first = (
+    numbers = (
         number if source == DRAWN else sources.index(source)
         for number, source in enumerate(sources)
     )
-    return [number % _KEPT_BACK == _KEPT_BACK // 2 for number in first]
+    return [number % _KEPT_BACK == _KEPT_BACK // 2 for number in numbers]
 
 
 def photographed(
@@ -107,10 +107,8 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     """
     random = np.random.default_rng(seed)
     scene, mosaic = photographed(source, [pattern], _CLEAN, random)
-    settings, gamma = (
-        replace(BEST, learned=replace(BEST.learned, used=False)),
-        np.ones(3, np.float32),
-    )
+    settings = replace(BEST, learned=replace(BEST.learned, used=False))
+    gamma = np.ones(3, np.float32)
     measured = measure(mosaic, settings)
     corrected = Part.joined(list(render_parts(measured, settings)))
     assert measured.samples is not None  # BEST uses them
@@ -129,15 +127,11 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
 
 def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> FloatArray:
     """Return R, G and B of the pixels of some cells, (3, h K, w K)."""
-    pixels = cells.cut(
-        part, np.ones(3, np.float32), rows, columns, weights=np.eye(3, dtype=np.float32)
-    )
-    shape = 3, cells.period, cells.period, *pixels.shape[2:]
-    return (
-        pixels.reshape(shape)
-        .transpose(0, 3, 1, 4, 2)
-        .reshape(3, pixels.shape[2] * cells.period, -1)
-    )
+    weights = np.eye(3, dtype=np.float32)
+    pixels = cells.cut(part, np.ones(3, np.float32), rows, columns, weights=weights)
+    down, across = pixels.shape[2:]
+    parted = pixels.reshape(3, cells.period, cells.period, down, across)
+    return parted.transpose(0, 3, 1, 4, 2).reshape(3, down * cells.period, -1)
 
 
 def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
@@ -152,14 +146,13 @@ def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
     blur = random.choice(_BLURS)
     scene = gaussian_filter(scene, (blur, blur, 0))
     gains = np.exp(random.normal(0, _WHITE, 3))
-    bright = min(1.0, 1 / max(float(np.quantile(scene, 0.999)), 1e-3)) * 2 ** random.uniform(
-        -1.5, 0
-    )
-    seen: DoubleArray = scene * (gains / gains.max() * bright)
+    bright = min(1.0, 1 / max(float(np.quantile(scene, 0.999)), 1e-3))
+    bright *= 2 ** random.uniform(-1.5, 0)
+    light: DoubleArray = scene * (gains / gains.max() * bright)
     if random.random() < 0.5:
-        deviation = np.sqrt(1e-7 + seen * random.uniform(0, _OWN_NOISE))
-        seen = seen + random.normal(0, 1, seen.shape) * deviation
-    return np.ascontiguousarray(seen.clip(0), np.float32)
+        deviation = np.sqrt(1e-7 + light * random.uniform(0, _OWN_NOISE))
+        light = light + random.normal(0, 1, light.shape) * deviation
+    return np.ascontiguousarray(light.clip(0), np.float32)
 
 
 def save_example(example: Example, path: Path) -> None:

@@ -48,16 +48,16 @@ class Graph:
         self._stored.append(numpy_helper.from_array(values, name))
         return name
 
-    def add(self, kind: str, given: list[str], found: str, **attributes: Any) -> str:
-        """Compute `found` from what is given, by an operator of ONNX; returns its name."""
-        self._nodes.append(helper.make_node(kind, given, [found], **attributes))
-        return found
+    def add(self, kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
+        """Compute an output from inputs, by an operator of ONNX; returns its name."""
+        self._nodes.append(helper.make_node(kind, inputs, [output], **attributes))
+        return output
 
     def write(
         self,
         path: Path,
-        given: Values,
-        found: Values,
+        source: Values,
+        result: Values,
         facts: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Write a file that onnxruntime reads; `facts` become metadata. Raises what the check of
@@ -65,12 +65,11 @@ class Graph:
         """
         first, last = (
             helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
-            for name, shape in (given, found)
+            for name, shape in (source, result)
         )
         graph = helper.make_graph(self._nodes, path.stem, [first], [last], self._stored)
-        model = helper.make_model(
-            graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR
-        )
+        opsets = [helper.make_opsetid("", _OPSET)]
+        model = helper.make_model(graph, opset_imports=opsets, ir_version=_IR)
         helper.set_model_props(model, {**facts})
         onnx.checker.check_model(model, full_check=True)
         write_durably(path, model.SerializeToString(deterministic=True), overwrite=True)
@@ -117,56 +116,44 @@ def save_graph(
     blocks = sum(name.startswith("wide.") for name in weights) // 2
     (_, inputs, *_), outputs = weights["enter.weight"].shape, len(weights["leave.bias"])
     spare = -inputs % _GROUP
-    kept = {
-        **weights,
-        "enter.weight": np.pad(weights["enter.weight"], ((0, 0), (0, spare), (0, 0), (0, 0))),
-    }
-    graph = Graph()
+    enter = np.pad(weights["enter.weight"], ((0, 0), (0, spare), (0, 0), (0, 0)))
+    kept, graph = {**weights, "enter.weight": enter}, Graph()
     for name, values in kept.items():
         if name.endswith(".weight"):
-            graph.add(
-                "Cast",
-                [graph.store(f"{name}_half", values.astype(np.float16))],
-                name,
-                to=TensorProto.FLOAT,
-            )
+            half = graph.store(f"{name}_half", values.astype(np.float16))
+            graph.add("Cast", [half], name, to=TensorProto.FLOAT)
         else:
             graph.store(name, values.astype(np.float32))
-    for name, numbers in {
+    constants = {
         "spare": [0] * 5 + [spare, 0, 0],
         "first": [1, 1],
         "last": [-1, -1],
         "axes": [2, 3],
-    }.items():
+    }
+    for name, numbers in constants.items():
         graph.store(name, np.array(numbers, np.int64))
-    given = graph.add("Pad", ["features", "spare"], "padded")
+    padded = graph.add("Pad", ["features", "spare"], "padded")
     if turn is None:  # alone, the first convolution would lose up to 0.07 dB by rounding
-        found = graph.add("Conv", [given, "enter.weight", "enter.bias"], "found")
-        _add_blocks(graph, "", found, blocks, kept, units, "correction")
+        output = graph.add("Conv", [padded, "enter.weight", "enter.bias"], "found")
+        _add_blocks(graph, "", output, blocks, kept, units, "correction")
     else:
-        padded = turn._replace(inputs=np.pad(turn.inputs, (0, spare)))
-        _turn(graph, kept, padded)
-        rounded = _rounded(graph, given, np.float32(units["features"]), np.uint8(_MIDDLE))
-        entering = (
-            kept["enter.weight"],
-            np.einsum("oihw,ij->ojhw", kept["enter.weight"], padded.inputs),
-        )
-        for side, weight in zip(("", _TURNED), entering, strict=True):
+        turn = turn._replace(inputs=np.pad(turn.inputs, (0, spare)))
+        _turn(graph, kept, turn)
+        rounded = _round(graph, padded, np.float32(units["features"]), np.uint8(_MIDDLE))
+        turned = np.einsum("oihw,ij->ojhw", enter, turn.inputs)
+        for side, weight in (("", enter), (_TURNED, turned)):
             entered = _convolve(graph, f"{side}enter", rounded, weight, units["features"])
-            found = _rounded(graph, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
-            _add_blocks(graph, side, found, blocks, kept, units, f"{side}correction_of")
+            output = _round(graph, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
+            _add_blocks(graph, side, output, blocks, kept, units, f"{side}correction_of")
         graph.add("Mean", ["correction_of", f"{_TURNED}correction_of"], "correction")
-    ends: tuple[Values, Values] = (
-        ("features", [1, inputs, "rows", "columns"]),
-        ("correction", [1, outputs, "inner_rows", "inner_columns"]),
-    )
-    graph.write(path, *ends, facts)
+    source: Values = "features", [1, inputs, "rows", "columns"]
+    graph.write(path, source, ("correction", [1, outputs, "inner_rows", "inner_columns"]), facts)
 
 
 def _add_blocks(
     graph: Graph,
     side: str,
-    found: str,
+    entered: str,
     blocks: int,
     weights: Mapping[str, FloatArray],
     units: Mapping[str, float],
@@ -176,54 +163,42 @@ def _add_blocks(
     names of their weights.
     """
     for block in range(blocks):
-        values = found
-        for kind in ("wide", "deep"):
-            name = f"{kind}.{block}"
+        values = entered
+        for name in (f"wide.{block}", f"deep.{block}"):
             lit = graph.add("Relu", [values], f"{side}{name}.lit")
-            steps = _rounded(graph, lit, np.float32(units[name]), np.uint8(0))
-            values = _convolve(
-                graph, f"{side}{name}", steps, weights[f"{name}.weight"], units[name]
-            )
-        added = _rounded(graph, values, np.float32(units[f"added.{block}"]), np.uint8(_MIDDLE))
-        inner = graph.add("Slice", [found, "first", "last", "axes"], f"{side}inner.{block}")
-        found = graph.add("Add", [added, inner], f"{side}found.{block}")
-    graph.add(
-        "Conv",
-        [graph.add("Relu", [found], f"{side}lit"), f"{side}leave.weight", f"{side}leave.bias"],
-        out,
-    )
+            steps = _round(graph, lit, np.float32(units[name]), np.uint8(0))
+            weight = f"{name}.weight"
+            values = _convolve(graph, f"{side}{name}", steps, weights[weight], units[name])
+        added = _round(graph, values, np.float32(units[f"added.{block}"]), np.uint8(_MIDDLE))
+        inner = graph.add("Slice", [entered, "first", "last", "axes"], f"{side}inner.{block}")
+        entered = graph.add("Add", [added, inner], f"{side}found.{block}")
+    lit = graph.add("Relu", [entered], f"{side}lit")
+    graph.add("Conv", [lit, f"{side}leave.weight", f"{side}leave.bias"], out)
 
 
 def _turn(graph: Graph, weights: Mapping[str, FloatArray], turn: Turn) -> None:
     """Add the weights and biases of the network that sees the picture turned."""
-    inputs, outputs = (
-        graph.store(f"turned_{name}", getattr(turn, name)) for name in ("inputs", "outputs")
-    )
-    ends = [
-        graph.store(f"turned_{name}", np.array(values))
-        for name, values in (("start", [-1, -1]), ("end", [-9, -9]))
-    ]
+    inputs = graph.store("turned_inputs", turn.inputs)
+    outputs = graph.store("turned_outputs", turn.outputs)
+    start = graph.store("turned_start", np.array([-1, -1]))
+    end = graph.store("turned_end", np.array([-9, -9]))
     steps = graph.store("turned_steps", np.array([-1, -1]))
     for name, values in weights.items():
-        seen = name
-        if values.ndim == 4 and turn.transposed:
-            seen = graph.add("Transpose", [seen], f"{name}_transposed", perm=[0, 1, 3, 2])
-        if values.ndim == 4 and turn.back:
-            seen = graph.add("Slice", [seen, *ends, "axes", steps], f"{name}_back")
+        weight, is_kernel = name, values.ndim == 4
+        if is_kernel and turn.transposed:
+            weight = graph.add("Transpose", [weight], f"{name}_transposed", perm=[0, 1, 3, 2])
+        if is_kernel and turn.back:
+            weight = graph.add("Slice", [weight, start, end, "axes", steps], f"{name}_back")
         if name == "enter.weight":
-            graph.add("Einsum", [seen, inputs], _TURNED + name, equation="oihw,ij->ojhw")
+            graph.add("Einsum", [weight, inputs], _TURNED + name, equation="oihw,ij->ojhw")
         elif name.startswith("leave"):
-            graph.add(
-                "Einsum",
-                [seen, outputs],
-                _TURNED + name,
-                equation="oihw,op->pihw" if values.ndim == 4 else "o,op->p",
-            )
+            equation = "oihw,op->pihw" if is_kernel else "o,op->p"
+            graph.add("Einsum", [weight, outputs], _TURNED + name, equation=equation)
         else:
-            graph.add("Identity", [seen], _TURNED + name)
+            graph.add("Identity", [weight], _TURNED + name)
 
 
-def _rounded(
+def _round(
     graph: Graph, values: str, unit: FloatArray | np.float32, zero: IndexArray | np.uint8
 ) -> str:
     """Values as whole steps of 8 bits. unit, zero: the length of a step, and the step that is 0; or
@@ -237,32 +212,28 @@ def _rounded(
     return graph.add("DequantizeLinear", [whole, *steps], f"{values}_rounded", axis=0)
 
 
-def _convolve(graph: Graph, name: str, given: str, weight: FloatArray, unit: float) -> str:
+def _convolve(graph: Graph, name: str, values: str, weight: FloatArray, unit: float) -> str:
     """A convolution by weights that are rounded for each channel of the result, and a bias in whole
     steps of its sums.
 
-    name: of the weights and the bias. given, unit: rounded values, and the length of their steps.
+    name: of the weights and the bias. values, unit: rounded ones, and the length of their steps.
     """
-    lengths = (np.abs(weight).max(axis=(1, 2, 3), initial=_LEAST_WEIGHT) / _LARGEST_STEP).astype(
-        np.float32
-    )
+    largest = np.abs(weight).max(axis=(1, 2, 3), initial=_LEAST_WEIGHT)
+    lengths = (largest / _LARGEST_STEP).astype(np.float32)
     sums = graph.store(f"{name}.sums", lengths * np.float32(unit))
-    whole = graph.add(
-        "Round", [graph.add("Div", [f"{name}.bias", sums], f"{name}.quotient")], f"{name}.whole"
-    )
+    quotient = graph.add("Div", [f"{name}.bias", sums], f"{name}.quotient")
+    whole = graph.add("Round", [quotient], f"{name}.whole")
     steps = graph.add("Cast", [whole], f"{name}.steps", to=TensorProto.INT32)
-    rounded = (
-        _rounded(graph, f"{name}.weight", lengths, np.zeros(len(lengths), np.int8)),
-        graph.add("DequantizeLinear", [steps, sums], f"{name}.bias_rounded", axis=0),
-    )
-    return graph.add("Conv", [given, *rounded], f"{name}.found")
+    rounded = _round(graph, f"{name}.weight", lengths, np.zeros(len(lengths), np.int8))
+    bias = graph.add("DequantizeLinear", [steps, sums], f"{name}.bias_rounded", axis=0)
+    return graph.add("Conv", [values, rounded, bias], f"{name}.found")
 
 
 def load_weights(path: Path) -> dict[str, FloatArray]:
     """The weights in a file of `save_graph`, by name; the first ones are padded with zeros."""
-    stored = {each.name.removesuffix("_half"): each for each in onnx.load(path).graph.initializer}
+    stored = {item.name.removesuffix("_half"): item for item in onnx.load(path).graph.initializer}
     return {
-        name: numpy_helper.to_array(each).astype(np.float32)
-        for name, each in stored.items()
+        name: numpy_helper.to_array(item).astype(np.float32)
+        for name, item in stored.items()
         if name.endswith((".weight", ".bias"))
     }

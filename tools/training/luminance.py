@@ -11,7 +11,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from itertools import pairwise, repeat
+from itertools import pairwise, product, repeat
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -60,26 +60,18 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     scene, mosaic = photographed(source, patterns, _CLEAN, random)
     filled, grid = recover_luminance(mosaic, UNLEARNED.luminance), mosaic.pattern.grid(mosaic.shape)
     blocks = grid.whole_rows, grid.whole_columns
-    asked, seen, units = network_inputs(
+    queries, inputs, units = network_inputs(
         np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise
     )
     missing = scene.sum(axis=2) - filled
-    off = np.stack(
-        [
-            missing[np.ix_(blocks[0] + down, blocks[1] + across)].ravel()
-            for down, across, _ in mosaic.pattern.sites
-        ]
-    )
-    clear = seen[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR))
-    asked, seen, units = asked[clear], seen[clear], units[clear]
-    light, chosen = filled[np.ix_(*blocks)].reshape(-1, 1), random.permutation(len(asked))[:_BLOCKS]
-    seen, units, asked = seen[chosen], units[chosen], asked[chosen]
-    return (
-        seen.astype(np.float16),
-        (off[:, asked].T / units).astype(np.float32),
-        units,
-        light[asked],
-    )
+    rows, columns = blocks
+    off = [missing[np.ix_(rows + y, columns + x)].ravel() for y, x, _ in mosaic.pattern.sites]
+    clear = np.flatnonzero(inputs[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR)))
+    chosen = random.permutation(clear)[:_BLOCKS]
+    inputs, units, queries = inputs[chosen], units[chosen], queries[chosen]
+    errors = (np.array(off)[:, queries].T / units).astype(np.float32)
+    light = filled[np.ix_(*blocks)].reshape(-1, 1)
+    return inputs.astype(np.float16), errors, units, light[queries]
 
 
 def learn(
@@ -95,43 +87,35 @@ def learn(
     torch.manual_seed(0)
     sides = list(zip(parts, kept_back(sources), strict=True))
     learned, kept = ([part for part, side in sides if side == back] for back in (False, True))
-    seen, off, units, light = (
-        torch.from_numpy(np.concatenate(each)) for each in zip(*learned, strict=True)
+    inputs, off, units, light = (
+        torch.from_numpy(np.concatenate(arrays)) for arrays in zip(*learned, strict=True)
     )
     weight = (units / (light.clamp_min(0) + _FAINT)).clamp(max=1)
     sizes = SIDE**2 + 1, *_HIDDEN
     layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]
     network = nn.Sequential(*layers, nn.Linear(sizes[-1], off.shape[1]))
     optimiser = optimiser_of(network)
-    turned = [
-        (_turned(SIDE, turns, flip), _turned(2, turns, flip))
-        for turns in range(4)
-        for flip in (False, True)
-    ]
     # Three sites stay the first three of a block when it is transposed alone.
     turned = [
-        (pixels, places[: off.shape[1]])
-        for pixels, places in turned
-        if places[off.shape[1] :].tolist() in ([], [3])
+        (_turned(SIDE, turns, flip), places[: off.shape[1]])
+        for turns, flip in product(range(4), (False, True))
+        if (places := _turned(2, turns, flip))[off.shape[1] :].tolist() in ([], [3])
     ]
     order = np.random.default_rng(0)
     for step in descent(optimiser, 0, steps):
-        chosen = torch.from_numpy(order.integers(len(seen), size=_BATCH))
+        chosen = torch.from_numpy(order.integers(len(inputs), size=_BATCH))
         pixels, sites = turned[order.integers(len(turned))]
-        around = seen[chosen].float()
-        error = (
-            network(torch.cat([around[:, pixels], around[:, -1:]], dim=1)) - off[chosen][:, sites]
-        )
+        around = inputs[chosen].float()
+        turned_around = torch.cat([around[:, pixels], around[:, -1:]], dim=1)
+        error = network(turned_around) - off[chosen][:, sites]
         energy = error.square().mean(dim=1, keepdim=True)
         loss = (weight[chosen] * ((energy + 1e-4).sqrt() + _ENERGY * energy)).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         if (step + 1) % _REPORT == 0 or step + 1 == steps:
-            say(
-                f"step {step + 1}: left {_left(network, kept):.3f} of the energy of errors of "
-                "pictures kept back"
-            )
+            left = f"left {_left(network, kept):.3f} of the energy of errors"
+            say(f"step {step + 1}: {left} of pictures kept back")
     return network
 
 
@@ -144,32 +128,26 @@ def _turned(side: int, turns: int, flip: bool) -> Any:
 def _left(network: nn.Sequential, kept: list[Example]) -> float:
     left, before = 0.0, 1e-30
     with torch.no_grad():
-        for seen, off, units, _ in kept:
-            error = off - network(torch.from_numpy(seen).float()).numpy()
-            left, before = (
-                left + float(np.square(error * units).sum()),
-                before + float(np.square(off * units).sum()),
-            )
+        for inputs, off, units, _ in kept:
+            error = off - network(torch.from_numpy(inputs).float()).numpy()
+            left += float(np.square(error * units).sum())
+            before += float(np.square(off * units).sum())
     return left / before
 
 
 def save(network: nn.Sequential, path: Path) -> None:
     """Write the network to an ONNX file."""
-    graph, layers, given = (
-        Graph(),
-        [layer for layer in network if isinstance(layer, nn.Linear)],
-        "seen",
-    )
+    graph, values = Graph(), "seen"
+    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
     for number, layer in enumerate(layers):
         for kind in ("weight", "bias"):
             graph.store(f"{kind}{number}", getattr(layer, kind).detach().numpy())
-        found = "off" if layer is layers[-1] else f"found{number}"
-        graph.add("Gemm", [given, f"weight{number}", f"bias{number}"], found, transB=1)
+        output = "off" if layer is layers[-1] else f"found{number}"
+        graph.add("Gemm", [values, f"weight{number}", f"bias{number}"], output, transB=1)
         if layer is not layers[-1]:
-            given = graph.add("Relu", [found], f"lit{number}")
-    graph.write(
-        path, ("seen", ["blocks", SIDE**2 + 1]), ("off", ["blocks", layers[-1].out_features]), {}
-    )
+            values = graph.add("Relu", [output], f"lit{number}")
+    outputs = layers[-1].out_features
+    graph.write(path, ("seen", ["blocks", SIDE**2 + 1]), ("off", ["blocks", outputs]))
 
 
 def main() -> int:
@@ -179,16 +157,10 @@ def main() -> int:
         description=__doc__.partition("\n\n")[0],
     )
     add_common(parser, 60000)
-    parser.add_argument(
-        "-o", "--output", required=True, type=Path, metavar="FILE", help="the network, FILE.onnx"
-    )
-    parser.add_argument(
-        "--sites",
-        type=int,
-        default=4,
-        choices=sorted(_BLOCK),
-        help="of a block of 2 x 2 pixels (default: 4)",
-    )
+    output = "the network, FILE.onnx"
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help=output)
+    sites = "of a block of 2 x 2 pixels (default: 4)"
+    parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help=sites)
     arguments, console = parser.parse_args(), Console()
     files = sorted(photographs(arguments.folders))
     sources = [*files, *[DRAWN] * (len(files) // 5)] * arguments.variants

@@ -9,6 +9,7 @@ place has one colour, grey or another, nothing is corrected.
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -77,16 +78,16 @@ class Network(nn.Module):  # type: ignore[misc]
         """(N, 3 K^2 + S + SURROUNDINGS, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in
         units of the bound.
         """
-        found = self.enter(inputs)
+        values = self.enter(inputs)
         for block in range(len(self.wide)):
-            found = inner(found) + self.inside(block, found)[-1]
-        return self.leave(functional.relu(found))
+            values = inner(values) + self.inside(block, values)[-1]
+        return self.leave(functional.relu(values))
 
-    def inside(self, block: int, found: Any) -> tuple[Any, Any, Any]:
+    def inside(self, block: int, values: Any) -> tuple[Any, Any, Any]:
         """Input of the 3 x 3 convolution of a block, input of the 1 x 1 one, and output of the
         block.
         """
-        lit = functional.relu(found)
+        lit = functional.relu(values)
         deep = functional.relu(self.wide[block](lit))
         return lit, deep, self.deep[block](deep)
 
@@ -106,25 +107,21 @@ def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, A
         around(plane.mean(dim=1, keepdim=True))
         for plane in (light, colour[:, :pixels], colour[:, pixels:], variance)
     )
-    light, colour, error, variance = (inner(each) for each in (light, colour, error, variance))
+    light, colour, error, variance = map(inner, (light, colour, error, variance))
     positive = mean_light.clamp_min(1e-4)
     tints = [tint / positive for tint in tints]
     # What one chromaticity, the mean of the surroundings, does not explain.
-    odd = torch.cat(
-        [colour[:, :pixels] - light * tints[0], colour[:, pixels:] - light * tints[1]], 1
-    )
+    odd = colour - torch.cat([light * tint for tint in tints], 1)
     plain = light - mean_light
     square = (error**2).mean(1, keepdim=True) + (odd**2).mean(1, keepdim=True)
     evidence, contrast = around(square), around((plain**2).mean(1, keepdim=True))
-    plain, odd, error, variance, noise, positive, *tints = (
-        inner(each) for each in (plain, odd, error, variance, noise, positive, *tints)
-    )
+    planes = plain, odd, error, variance, noise, positive, *tints
+    plain, odd, error, variance, noise, positive, *tints = map(inner, planes)
     scale = torch.sqrt((evidence + LUMINANCE * contrast).clamp_min(LEAST))
     bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - GATE * noise)))
     levels = torch.log2(1 + torch.sqrt(variance) / scale), 0.3 * torch.log2(1 + positive / scale)
-    inputs = torch.cat(
-        [plain / scale, odd / scale, error / scale, *tints, *levels, bound / scale], 1
-    )
+    ratios = (plain / scale, odd / scale, error / scale)
+    inputs = torch.cat([*ratios, *tints, *levels, bound / scale], 1)
     return inputs.clamp(-RANGE, RANGE), bound
 
 
@@ -140,22 +137,20 @@ def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float
     batches : Iterable[Sequence[Any]]
         Pictures, as for `losses`.
     """
-    seen: dict[str, list[FloatArray]] = defaultdict(list)
+    samples: dict[str, list[FloatArray]] = defaultdict(list)
     with torch.no_grad():
         for picture, _, error, variance in batches:
             values = {"features": features(*cells_of(picture, network.period), error, variance)[0]}
-            found = values["found"] = network.enter(values["features"])
+            output = values["found"] = network.enter(values["features"])
             for block in range(len(network.wide)):
-                parts = network.inside(block, found)
-                values |= zip(
-                    (f"wide.{block}", f"deep.{block}", f"added.{block}"), parts, strict=True
-                )
-                found = inner(found) + parts[-1]
-            for name, each in values.items():
-                seen[name].append(each.abs().flatten()[::_SAMPLED].numpy())
+                names = (f"wide.{block}", f"deep.{block}", f"added.{block}")
+                values |= zip(names, network.inside(block, output), strict=True)
+                output = inner(output) + values[names[-1]]
+            for name, planes in values.items():
+                samples[name].append(planes.abs().flatten()[::_SAMPLED].numpy())
     return {
-        name: _unit(np.concatenate(each), 255 if name.startswith(("wide", "deep")) else 127)
-        for name, each in seen.items()
+        name: _unit(np.concatenate(arrays), 255 if name.startswith(("wide", "deep")) else 127)
+        for name, arrays in samples.items()
     }
 
 
@@ -163,15 +158,12 @@ def _unit(values: FloatArray, most: int) -> float:
     """The step with the least squared error if positive values become 0 to `most` of it, and larger
     ones are cut.
     """
-    steps = values.max() / most * np.linspace(0.2, 1, 33)
-    return float(
-        min(
-            steps,
-            key=lambda step: np.square(
-                np.minimum(np.rint(values / step), most) * step - values
-            ).sum(),
-        )
-    )
+
+    def error(step: float) -> float:
+        rounded = np.minimum(np.rint(values / step), most) * step
+        return float(np.square(rounded - values).sum())
+
+    return min((values.max() / most * np.linspace(0.2, 1, 33)).tolist(), key=error)
 
 
 def optimiser_of(network: nn.Module) -> Any:
@@ -205,9 +197,7 @@ def cells_of(picture: Any, period: int) -> tuple[Any, Any]:
         (N, 3, h K, w K).
     """
     planes = functional.pixel_unshuffle(picture, period).chunk(3, 1)
-    colour = [
-        sum(float(each) * plane for each, plane in zip(row, planes, strict=True)) for row in BASIS
-    ]
+    colour = [sum(map(mul, row.tolist(), planes)) for row in BASIS]
     return sum(planes) / 3, torch.cat(colour, 1)
 
 
@@ -242,9 +232,9 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
         missing = inner(right - colour, HALO)
         scale, known = inner(bound, BLOCKS + 1), inner(variance, HALO)
         unit = torch.sqrt(scale**2 + 0.25 * known + 1e-5)
-        seen = HUE * inner(true_light, HALO) + DARK
+        limit = HUE * inner(true_light, HALO) + DARK
     left = missing - network(inputs).float() * scale
-    return _measures(left, unit, seen), _measures(missing, unit, seen)
+    return _measures(left, unit, limit), _measures(missing, unit, limit)
 
 
 def share_left(left: Any, before: Any) -> Any:
@@ -262,9 +252,9 @@ def share_left(left: Any, before: Any) -> Any:
     return torch.stack([shares[0], (left[1] / (before[1] + _FAINT)).mean(), shares[2]])
 
 
-def _measures(error: Any, unit: Any, seen: Any) -> Any:
+def _measures(error: Any, unit: Any, limit: Any) -> Any:
     robust = torch.sqrt(((error / unit) ** 2).mean(dim=1) + 1e-4)
     pixels = error.shape[1] // 2
-    apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / seen**2
+    apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / limit**2
     parts = robust, error**2, apart**2 / (1 + apart**2)
     return torch.stack([part.flatten(1).mean(dim=1) for part in parts])

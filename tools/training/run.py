@@ -85,10 +85,8 @@ class Plan:
 
         Empty if it is another block then.
         """
-        letters, numbers = (
-            np.array([list(row) for row in Block.of(self.pattern).letters]),
-            _site_numbers(self.pattern),
-        )
+        letters = np.array([list(row) for row in Block.of(self.pattern).letters])
+        numbers = _site_numbers(self.pattern)
         return numbers.T[numbers >= 0].tolist() if np.array_equal(letters, letters.T) else []
 
     @property
@@ -105,11 +103,8 @@ class Plan:
         """A digest of the plan and the version of the render: trainings with the same digest give
         the same weights.
         """
-        facts = {
-            **asdict(self),
-            "sources": [Path(source).name for source in self.sources],
-            "algorithm": ALGORITHM,
-        }
+        names = [Path(source).name for source in self.sources]
+        facts = {**asdict(self), "sources": names, "algorithm": ALGORITHM}
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -137,25 +132,19 @@ def train(
     work.mkdir(exist_ok=True)
     begun = work / "plan.json"
     if begun.exists() and json.loads(begun.read_text(encoding="utf-8"))["digest"] != plan.digest:
-        raise InputError(
-            f"{work}: holds another training (other sources, settings or version); give another "
-            "folder, or remove it"
-        )
-    begun.write_text(
-        json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8"
-    )
+        fault = "holds another training (other sources, settings or version)"
+        raise InputError(f"{work}: {fault}; give another folder, or remove it")
+    facts = json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1)
+    begun.write_text(facts, encoding="utf-8")
     learned, kept_back = make_examples(plan, work, jobs, progress)
     network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
-    shown = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
-    steps = units(
-        network, (_batch(shown, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
-    )
+    sampled = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
+    batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
+    steps = units(network, batches)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    facts = (
-        json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})
-        if history
-        else _facts(plan.start)
-    )
+    facts = _facts(plan.start)
+    if history:
+        facts = json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})
     save_graph(weights, steps, path, {_TRAINING: facts}, turn_of(plan))
     return path
 
@@ -167,13 +156,10 @@ def turn_of(plan: Plan) -> Turn | None:
     if not (plan.transposed or plan.exchanged):
         return None
     period, sites = plan.pattern.period, len(plan.pattern.sites)
-    pixels, order = (
-        np.arange(period**2).reshape(period, period),
-        plan.transposed or list(range(sites)),
-    )
+    pixels, order = np.arange(period**2).reshape(period, period), list(range(sites))
     colour: FloatArray = np.eye(len(BASIS), dtype=np.float32)
     if plan.transposed:
-        pixels = pixels.T
+        pixels, order = pixels.T, plan.transposed
     if plan.exchanged:
         pixels, order, colour = pixels[::-1, ::-1], order[::-1], BASIS[:, ::-1] @ BASIS.T
     places = np.eye(period**2, dtype=np.float32)[pixels.ravel()]
@@ -195,24 +181,21 @@ def make_examples(
     """Make the examples that are not there yet; returns those to learn from, and those kept
     back.
     """
-    found: tuple[list[Path], list[Path]] = [], []
-    missing = []
-    for number, (source, is_kept) in enumerate(
-        zip(plan.all_sources, kept_back(plan.all_sources), strict=True)
-    ):
+    examples: tuple[list[Path], list[Path]] = [], []
+    missing, sources = [], plan.all_sources
+    for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
         for variant in range(plan.variants):
             path = work / f"{variant}-{number:05d}.npz"
-            found[is_kept].append(path)
+            examples[is_kept].append(path)
             if not path.exists():
-                missing.append(
-                    (source, plan.pattern, (plan.seed, plan.pattern.period, variant, number), path)
-                )
+                seed = (plan.seed, plan.pattern.period, variant, number)
+                missing.append((source, plan.pattern, seed, path))
     progress.stage("examples", len(missing))
     if missing:
         with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
             for _ in pool.map(_make, missing, chunksize=4):
                 progress.advance()
-    return found
+    return examples
 
 
 def _make(task: tuple[str, CfaPattern, tuple[int, ...], Path]) -> None:
@@ -289,12 +272,12 @@ def _beginning(plan: Plan) -> Network:
     period, sites = plan.pattern.period, len(plan.pattern.sites)
     if plan.start is None:
         return Network(period, sites)
-    given = {
+    weights = {
         name: torch.from_numpy(values)
         for name, values in weights_for(plan.pattern, plan.start).items()
     }
-    network = Network(period, sites, len(given["enter.bias"]))
-    network.load_state_dict(given)
+    network = Network(period, sites, len(weights["enter.bias"]))
+    network.load_state_dict(weights)
     return network
 
 
@@ -304,35 +287,27 @@ def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]
     """
     path = network_for(known)
     if path is None or known.block_shape != pattern.block_shape:
-        raise InputError(
-            f"no network for {'/'.join(known.tile)} whose block has the size of that of "
-            f"{'/'.join(pattern.tile)}"
-        )
+        wanted = f"whose block has the size of that of {'/'.join(pattern.tile)}"
+        raise InputError(f"no network for {'/'.join(known.tile)} {wanted}")
     weights, side = load_weights(path), len(Block.of(known).letters)
-    begins = [(each.period - side) // 2 for each in (pattern, known)]
-    along = (np.arange(pattern.period) - begins[0] + begins[1]).clip(0, known.period - 1)
-    pixels, planes = (
-        (along[:, None] * known.period + along).ravel(),
-        known.period**2 * np.arange(3)[:, None],
-    )
+    margin, before = ((cell.period - side) // 2 for cell in (pattern, known))
+    along = (np.arange(pattern.period) - margin + before).clip(0, known.period - 1)
+    pixels = (along[:, None] * known.period + along).ravel()
+    planes = known.period**2 * np.arange(3)[:, None]
     numbers = _site_numbers(known)[_site_numbers(pattern) >= 0]
-    ends = 3 * known.period**2 + np.concatenate(
-        [numbers, len(known.sites) + np.arange(SURROUNDINGS)]
-    )
-    entered, left = np.concatenate([(planes + pixels).ravel(), ends]), (planes[:2] + pixels).ravel()
-    chosen = {"enter.weight": weights["enter.weight"][:, entered]}
-    return (
-        weights
-        | chosen
-        | {f"leave.{kind}": weights[f"leave.{kind}"][left] for kind in ("weight", "bias")}
-    )
+    others = np.concatenate([numbers, len(known.sites) + np.arange(SURROUNDINGS)])
+    inputs = np.concatenate([(planes + pixels).ravel(), 3 * known.period**2 + others])
+    outputs = (planes[:2] + pixels).ravel()
+    return weights | {
+        "enter.weight": weights["enter.weight"][:, inputs],
+        "leave.weight": weights["leave.weight"][outputs],
+        "leave.bias": weights["leave.bias"][outputs],
+    }
 
 
 def _site_numbers(pattern: CfaPattern) -> IndexArray:
     """The number of each site of the mirrored block, row by row; -1 = a panchromatic pixel."""
-    colour = np.array(
-        [[letter != PANCHROMATIC for letter in row] for row in Block.of(pattern).letters]
-    )
+    colour = np.array([list(row) for row in Block.of(pattern).letters]) != PANCHROMATIC
     return np.where(colour, colour.cumsum().reshape(colour.shape) - 1, -1)
 
 
@@ -360,20 +335,19 @@ def _batch(examples: Sequence[list[Any]], plan: Plan, seed: tuple[int, ...]) -> 
     transposed, exchanged = plan.transposed, plan.exchanged
     large = [example for example in examples if min(example[-1].shape[1:]) >= side]
     if not large:
-        raise InputError(
-            f"the pictures are too small to learn from: {side * period} pixels a side are needed"
-        )
-    pieces: list[list[Any]] = []
+        needed = f"{side * period} pixels a side are needed"
+        raise InputError(f"the pictures are too small to learn from: {needed}")
+    windows: list[list[Any]] = []
     for _ in range(plan.batch):
         picture, truth, error, variance = large[random.integers(len(large))]
         first = [int(random.integers(size - side + 1)) for size in variance.shape[1:]]
         cells = tuple(slice(start, start + side) for start in first)
         pixels = tuple(slice(start * period, (start + side) * period) for start in first)
-        piece = [picture[:, *pixels], truth[:, *pixels], error[:, *cells], variance[:, *cells]]
+        window = [picture[:, *pixels], truth[:, *pixels], error[:, *cells], variance[:, *cells]]
         if random.random() < 0.5 and transposed:
-            piece = [plane.transpose(1, 2) for plane in piece]
-            piece[2] = torch.stack([piece[2][site] for site in transposed])
+            window = [plane.transpose(1, 2) for plane in window]
+            window[2] = window[2][transposed]
         if random.random() < 0.5 and exchanged:
-            piece = [plane.flip(0, 1, 2) for plane in piece]
-        pieces.append(piece)
-    return [torch.stack(planes).float() for planes in zip(*pieces, strict=True)]
+            window = [plane.flip(0, 1, 2) for plane in window]
+        windows.append(window)
+    return [torch.stack(planes).float() for planes in zip(*windows, strict=True)]

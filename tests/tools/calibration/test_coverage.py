@@ -55,7 +55,7 @@ def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
         outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
-        gamma = outcome.seen.gamma
+        gamma = outcome.measured.gamma
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
@@ -69,13 +69,13 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     one.mosaics["chart1"], one.places["chart1"] = other.mosaics["chart0"], other.places["chart0"]
     outcome = calibrated(one, "charts+dark")
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
-    said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.90"
+    said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.9"
     assert re.search(said, outcome.refusal)
 
 
 def test_blue_light_is_called_blue() -> None:
     outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
-    (shot,) = outcome.seen.shots
+    (shot,) = outcome.measured.shots
     # That of the dark frames.
     assert shot.fit.calibration.black_level == outcome.camera.calibration.black_level
     said = " ".join(outcome.warnings)

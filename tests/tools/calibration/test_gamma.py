@@ -87,11 +87,11 @@ def test_gamma_of_a_chart_is_the_truth_whatever_the_file_says(tile: str) -> None
 
 def test_least_squares_would_come_out_too_small_and_this_does_not() -> None:
     noisy = [places(COLOURS, GAMMA, 0.06, COUNT, seed) for seed in range(60)]
-    fits = [of_chart(each) for each in noisy]
+    fits = list(map(of_chart, noisy))
     estimates = np.array([fit.gamma for fit in fits])
     error = np.std(estimates, axis=0) / np.sqrt(60)
     assert (np.abs(estimates.mean(axis=0) - GAMMA) < 4 * error + 0.004).all()
-    plain = [np.linalg.lstsq(each.mean[:, :3], each.mean[:, 3], rcond=None)[0] for each in noisy]
+    plain = [np.linalg.lstsq(made.mean[:, :3], made.mean[:, 3])[0] for made in noisy]
     # the tempting wrong way is seen to be wrong
     assert np.abs(np.mean(plain, axis=0) - GAMMA).max() > 0.02
     assert 0.86 < np.mean([np.abs(fit.gamma - GAMMA) <= fit.half_width for fit in fits]) < 0.995
@@ -125,9 +125,9 @@ def test_reconciled_levels_obey_equation_7_and_are_nearer_to_the_truth() -> None
     noisy = places(COLOURS, GAMMA, 0.05, COUNT, 2)
     better = reconciled(noisy, GAMMA)
     # Exact but for the panchromatic mean's own, far smaller, share of the blame.
-    off = [np.abs(each @ GAMMA - noisy.mean[:, 3]).max() for each in (better, noisy.mean[:, :3])]
-    assert off[0] < 0.1 * off[1]
-    assert ((better - COLOURS) ** 2).mean() < 0.8 * ((noisy.mean[:, :3] - COLOURS) ** 2).mean()
+    before, white = noisy.mean[:, :3], noisy.mean[:, 3]
+    assert np.abs(better @ GAMMA - white).max() < 0.1 * np.abs(before @ GAMMA - white).max()
+    assert ((better - COLOURS) ** 2).mean() < 0.8 * ((before - COLOURS) ** 2).mean()
 
 
 def test_what_does_not_tell_gamma_is_refused_with_the_reason_and_a_remedy() -> None:

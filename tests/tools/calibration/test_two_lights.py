@@ -7,6 +7,7 @@ import shutil
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import imagecodecs
 import numpy as np
@@ -52,13 +53,9 @@ def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     folder = tmp_path_factory.mktemp("lights")
     for light in ("A", "D65"):
         save(folder / f"{light}.dng", frame(chart(request.param, light)))
-    lights = (
-        "--chart-light",
-        f"a={folder / 'A.dng'}",
-        "--chart-light",
-        f"d65={folder / 'D65.dng'}",
-    )
-    run("calibrate", *lights, "-o", folder / "camera.json", "--report", folder, code=0)
+    charts = [f"a={folder / 'A.dng'}", f"d65={folder / 'D65.dng'}"]
+    outputs = ("-o", folder / "camera.json", "--report", folder)
+    run("calibrate", *repeated("--chart-light", charts), *outputs, code=0)
     return request.param, folder
 
 
@@ -77,8 +74,8 @@ def test_a_third_light_has_nearly_the_colours_of_its_own_matrix(bench: Bench) ->
     assert two.neutral is None
     single, (warm, cold) = replace(two, lights=None), two.lights
     alone = [
-        replace(single, camera_to_xyz=each.camera_to_xyz, neutral=each.neutral)
-        for each in (warm, cold)
+        replace(single, camera_to_xyz=light.camera_to_xyz, neutral=light.neutral)
+        for light in (warm, cold)
     ]
     lost = []
     for light in THIRD:
@@ -99,9 +96,7 @@ def test_it_is_shown_and_a_shot_states_both_matrices(bench: Bench, tmp_path: Pat
     shot = save(tmp_path / "shot.dng", known.calibrated(frame(chart(camera, "4000"))))
     assert read_dng(shot).calibration.lights == known.calibration.lights
     with TiffFile(shot) as file:
-        tags = {
-            number: file.pages.first.tags[number].value for number in (50721, 50722, 50778, 50779)
-        }
+        tags = {tag.code: tag.value for tag in file.pages.first.tags}
     assert (tags[50778], tags[50779]) == (17, 21)
     for number, light in zip((50721, 50722), known.calibration.lights or (), strict=True):
         over, under = np.array(tags[number], float).reshape(-1, 2).T
@@ -122,15 +117,9 @@ def test_raw_developers_show_the_colours_of_our_own_picture(bench: Bench, tmp_pa
     words = ("--camera", folder / "camera.json", "--wb", balance, "--preset", "paper")
     for kind in ("png", "dng"):
         run("render", shot, "-o", tmp_path / kind, "-f", kind, *words, code=0)
+    plain: Any = {"gamma": (1, 1), "no_auto_bright": True, "adjust_maximum_thr": 0.0}
     with rawpy.imread(str(tmp_path / "dng" / "shot.dng")) as raw:
-        plain = rawpy.Params(
-            gamma=(1, 1),
-            no_auto_bright=True,
-            adjust_maximum_thr=0.0,
-            use_camera_wb=True,
-            output_bps=16,
-        )
-        theirs = raw.postprocess(plain)
+        theirs = raw.postprocess(**plain, use_camera_wb=True, output_bps=16)
     ours = imagecodecs.png_decode((tmp_path / "png" / "shot.png").read_bytes())
     difference = np.abs(255 * encode_srgb((theirs / 65535).astype(np.float32)) - ours)
     assert difference.mean() < LEVELS / 4
@@ -155,8 +144,8 @@ def test_without_a_chart_under_one_light_there_is_no_camera(bench: Bench, tmp_pa
     _, folder = bench
     grey = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2)))
     output = tmp_path / "camera.json"
-    words = ("--chart-light", f"A={folder / 'A.dng'}", "--chart-light", f"D65={grey}")
-    outcome = run("calibrate", *words, "-o", output)
+    charts = repeated("--chart-light", [f"A={folder / 'A.dng'}", f"D65={grey}"])
+    outcome = run("calibrate", *charts, "-o", output)
     assert (outcome.code, output.exists()) == (1, False)
     assert "no chart without clipped patches was found under the light D65;" in outcome.err
 

@@ -38,19 +38,12 @@ class FakeCamera:
         self, folder: Path, size: tuple[int, int], name: str, code: int, frame: bytes, lost: int = 0
     ) -> None:
         (folder / "frame").write_bytes(frame)
-        said = json.dumps([str(folder), *size, name, code, lost])
-        self.process = subprocess.Popen(
-            [*ALONE, sys.executable, __file__, said], stdout=subprocess.PIPE
-        )
+        facts = json.dumps([str(folder), *size, name, code, lost])
+        command = [*ALONE, sys.executable, __file__, facts]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE)
         assert self.process.stdout.readline() == b"up\n"
-        self.beside = (
-            "nsenter",
-            "--target",
-            str(self.process.pid),
-            "--user",
-            "--net",
-            "--preserve-credentials",
-        )
+        namespaces = ("--user", "--net", "--preserve-credentials")
+        self.beside = ("nsenter", "--target", str(self.process.pid), *namespaces)
 
     def kill(self) -> None:
         """As if somebody had pulled its plug."""
@@ -64,27 +57,21 @@ def serve(folder: Path, height: int, width: int, name: str, code: int, lost: int
         fcntl.ioctl(any_socket, 0x8914, struct.pack("16sh22x", b"lo", 1))
     aravis, frame = ctypes.CDLL(LIBRARY), (folder / "frame").read_bytes()
     for function in (
-        "fake_camera_new",
-        "fake_camera_get_genicam_xml",
-        "gv_fake_camera_new",
-        "gv_fake_camera_get_fake_camera",
+        aravis.arv_fake_camera_new,
+        aravis.arv_fake_camera_get_genicam_xml,
+        aravis.arv_gv_fake_camera_new,
+        aravis.arv_gv_fake_camera_get_fake_camera,
+        aravis.arv_buffer_get_data,
     ):
-        getattr(aravis, f"arv_{function}").restype = ctypes.c_void_p
-    aravis.arv_buffer_get_data.restype = ctypes.c_void_p
+        function.restype = ctypes.c_void_p
     size = ctypes.c_size_t()
     described = ctypes.c_void_p(aravis.arv_fake_camera_new(b"described"))
-    xml = ctypes.string_at(
-        aravis.arv_fake_camera_get_genicam_xml(described, ctypes.byref(size)), size.value
-    ).decode()
-    entry = (
-        ""
-        if name == "Mono8"
-        else f'<EnumEntry Name="{name}" NameSpace="Standard"><Value>{code}</Value></EnumEntry>'
-    )
-    before, mono, after = xml.partition('<EnumEntry Name="Mono8"')
-    (folder / "camera.xml").write_text(
-        (before + entry + mono + after).replace("<Category", f"{_GAIN}<Category", 1)
-    )
+    address = aravis.arv_fake_camera_get_genicam_xml(described, ctypes.byref(size))
+    xml = ctypes.string_at(address, size.value).decode()
+    if name != "Mono8":
+        entry = f'<EnumEntry Name="{name}" NameSpace="Standard"><Value>{code}</Value></EnumEntry>'
+        xml = xml.replace('<EnumEntry Name="Mono8"', f'{entry}<EnumEntry Name="Mono8"', 1)
+    (folder / "camera.xml").write_text(xml.replace("<Category", f"{_GAIN}<Category", 1))
     aravis.arv_set_fake_camera_genicam_filename(str(folder / "camera.xml").encode())
     camera = ctypes.c_void_p(aravis.arv_gv_fake_camera_new(b"127.0.0.1", b"GV01"))
     ctypes.CDLL("libgobject-2.0.so.0").g_object_set(
@@ -98,7 +85,7 @@ def serve(folder: Path, height: int, width: int, name: str, code: int, lost: int
         place = aravis.arv_buffer_get_data(ctypes.c_void_p(buffer), ctypes.byref(size))
         ctypes.memmove(place, frame, len(frame))
 
-    callback = _FILL(fill)
+    callback = _FILL(fill)  # kept: the library calls it
     aravis.arv_fake_camera_set_fill_pattern(sensor, callback, None)
     print("up", flush=True)
     time.sleep(120)

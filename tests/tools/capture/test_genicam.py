@@ -9,6 +9,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ import pytest
 
 from panchroma.shared import CfaPattern, read_dng
 from panchroma.shared.errors import InputError
-from panchroma.tools.capture.genicam import libraries
+from panchroma.tools.capture.genicam import load_aravis
 from tests.device.capture.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack
 from tests.tools.capture.fake_camera import ALONE, LIBRARY, FakeCamera
@@ -38,14 +39,14 @@ def missing() -> str:
         ctypes.CDLL(LIBRARY)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # PyGObject's own
-            libraries()
+            load_aravis()
     except (OSError, InputError) as error:
         return str(error)
-    tools = shutil.which("unshare") and shutil.which("nsenter")
-    alone = (
-        tools and subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
-    )
-    return "" if alone else "a network of its own (unshare --net) is not to be had"
+    if all(map(shutil.which, ("unshare", "nsenter"))):
+        with suppress(subprocess.CalledProcessError):
+            subprocess.run([*ALONE, "true"], capture_output=True, check=True)
+            return ""
+    return "a network of its own (unshare --net) is not to be had"
 
 
 MISSING = missing()
@@ -61,9 +62,8 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
         kind: tuple[str, int, str, int] = MONO12, pattern: CfaPattern = PATTERN, lost: int = 0
     ) -> FakeCamera:
         name, code, ours, bits = kind
-        cameras.append(
-            FakeCamera(tmp_path, SIZE, name, code, pack(codes(pattern, bits), ours), lost)
-        )
+        frame = pack(codes(pattern, bits), ours)
+        cameras.append(FakeCamera(tmp_path, SIZE, name, code, frame, lost))
         return cameras[-1]
 
     yield plugged
@@ -91,28 +91,21 @@ def test_shots_have_the_cameras_samples_and_settings(
 ) -> None:
     camera, link, (name, _, _, bits) = plug(kind), tmp_path / "latest", kind
     settings = ["--exposure-time", "1/50", "--gain", "6", "--fps", "25"]
-    outcome = capture(
-        camera, "-o", out, *TILE, "--frames", "2", "--latest", link, *settings, code=0
-    )
+    settings += ["--frames", "2", "--latest", str(link)]
+    outcome = capture(camera, "-o", out, *TILE, *settings, code=0)
+    about = f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second"
     assert "incomplete" not in outcome.err
-    assert (
-        f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second"
-        in outcome.err
-    )
+    assert about in outcome.err
     assert link.resolve() == shots(out)[-1]
     for path in shots(out):
         mosaic = read_dng(path)
         assert np.array_equal(mosaic.codes, codes(bits=bits))
         assert mosaic.pattern == PATTERN
         assert mosaic.calibration.bits == bits
-        told = mosaic.metadata
-        assert (told.make, told.model, told.exposure_time, told.iso) == (
-            "Aravis",
-            "Fake",
-            0.02,
-            200,
-        )
-        assert told.description == "gain 6 dB, 25 frames a second"
+        metadata = mosaic.metadata
+        facts = (metadata.make, metadata.model, metadata.exposure_time, metadata.iso)
+        assert facts == ("Aravis", "Fake", 0.02, 200)
+        assert metadata.description == "gain 6 dB, 25 frames a second"
     assert len(shots(out)) == 2
 
 
@@ -124,13 +117,10 @@ def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(
     camera = plug(SCF1WGWR12P, pattern)
     capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01", code=0)
     assert len(shots(out)) == 3
-    assert {read_dng(path).pattern.letters_from((0, 0)) for path in shots(out)} == {
-        pattern.letters_from((0, 0))
-    }
-    assert (
-        "the camera says where its filters are"
-        in capture(camera, "-o", out, "--pattern", "paper", code=2).err
-    )
+    for path in shots(out):
+        assert read_dng(path).pattern.letters_from((0, 0)) == pattern.letters_from((0, 0))
+    refused = capture(camera, "-o", out, "--pattern", "paper", code=2)
+    assert "the camera says where its filters are" in refused.err
 
 
 @needs_camera
@@ -138,9 +128,9 @@ def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path)
     # one frame of four arrives whole
     outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50", code=0)
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
-    found = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
-    assert found, outcome.err
-    assert int(found[1]) >= int(found[2]) > 0
+    match = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
+    assert match, outcome.err
+    assert int(match[1]) >= int(match[2]) > 0
 
 
 @needs_camera
@@ -151,12 +141,8 @@ def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> Non
     ended(first, signal.SIGINT, code=130)
     third = capturing(camera, out)  # at once: the first has let it go
     camera.process.kill()
-    told = ended(third, code=1).err
-    assert re.search(
-        r"panchroma: genicam:127\.0\.0\.1: the camera is gone after \d+ whole frames: it was "
-        r"unplugged",
-        told,
-    )
+    message = r"genicam:127\.0\.0\.1: the camera is gone after \d+ whole frames: it was unplugged"
+    assert re.search(f"panchroma: {message}", ended(third, code=1).err)
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
     assert {path.suffix for path in out.iterdir()} == {".dng"}
 
@@ -167,10 +153,8 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
     camera = plug()
     first = capturing(camera, out)
     ended(first, signal.SIGKILL)
-    while (
-        "another program has the camera"
-        in (outcome := capture(camera, "-o", out, *TILE, "--frames", "1")).err
-    ):
+    once = ("--frames", "1")
+    while "another program" in (outcome := capture(camera, "-o", out, *TILE, *once)).err:
         time.sleep(0.2)
     assert outcome.code == 0, outcome.err
 
@@ -178,30 +162,25 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
 @needs_camera
 def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> None:
     process = start("capture", SOURCE, "-o", out, *TILE, before=plug(lost=1000).beside)
-    told = "".join(process.stderr.readline() for _ in range(3))
-    assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in told
+    lines = "".join(process.stderr.readline() for _ in range(3))
+    assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in lines
     assert ended(process, signal.SIGTERM, code=0).err == "0 saved, 0 dropped\n"
 
 
 @needs_camera
 def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Path) -> None:
     camera = plug()
-    assert (
-        capture(camera, source="genicam:", code=0).out
-        == "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
-    )
+    line = "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
+    assert capture(camera, source="genicam:", code=0).out == line
     for wrong, words in (
-        (
-            ["--pixel-format", "RGB8"],
-            "the camera's format 'RGB8' cannot be used; choose one with --pixel-format: Mono12",
-        ),
-        (["--gain", "-3"], "--gain is -3; the camera takes 0 to 48"),
-        (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
-        (["--width", "64"], "--width does not go with genicam:127.0.0.1: the camera says it"),
+        (["--pixel-format", "RGB8"], "'RGB8' cannot be used; choose one with `pixel_format`: Mono"),
+        (["--gain", "-3"], "`gain` is -3; the camera takes 0 to 48"),
+        (["--exposure-time", "1000"], "`exposure_time` is 1000; the camera takes 1e-05 to 10"),
+        (["--size", "64x48"], "`width` does not go with genicam:127.0.0.1: the camera says it"),
     ):
         assert words in capture(camera, "-o", out, *wrong, code=2).err
-    told = capture(camera, "-o", out, source="genicam:another", code=2).err
-    assert "'another' not found; genicam: alone lists the cameras" in told
+    refused = capture(camera, "-o", out, source="genicam:another", code=2)
+    assert "'another' not found; genicam: alone lists the cameras" in refused.err
 
 
 def test_without_aravis_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

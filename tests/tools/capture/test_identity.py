@@ -43,11 +43,13 @@ def same_sites(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     """Whether the same sites of two tiles are alike, and the same ones panchromatic."""
     first, second = ("".join(tile) for tile in (one, other))
     exchanged = dict(zip(first, second, strict=False))
-    return (
-        len(first) == len(second)
-        and "".join(exchanged[each] for each in first) == second
-        and exchanged.get("W", "W") == "W"
-    )
+    same = "".join(exchanged.get(letter, "") for letter in first) == second
+    return same and exchanged.get("W", "W") == "W"
+
+
+def opened(tile: tuple[str, ...]) -> tuple[str, ...]:
+    """The tile with all its colours open."""
+    return tuple(row.translate(str.maketrans("RGB", UNKNOWN * 3)) for row in tile)
 
 
 @cache
@@ -77,9 +79,8 @@ def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channel
     rows = range(period) if period <= 6 else (1, period - 2)
     for origin in ((row, (3 * row + 1) % period) for row in rows) if name else [(2, 3)]:
         tile = tile_of(letters, origin)
-        identity = identify(
-            taken(SCENE if name and period <= 6 else LARGE, tile, channels=channels)
-        )
+        scene = SCENE if name and period <= 6 else LARGE
+        identity = identify(taken(scene, tile, channels=channels))
         assert identity.name == name, origin
         assert same_sites(identity.tile, tile), origin
         assert identity.light.shape == (period, period)
@@ -110,13 +111,8 @@ def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letter
 def test_four_dense_colours_are_taken_for_no_other_tile(letters: str, name: str) -> None:
     """Yellow sites are alike and the brightest, but they do not see the sum of the others."""
     red, green, blue = np.moveaxis(picture(name) if name else LARGE, 2, 0)
-    identity = identify(
-        taken(
-            np.stack([green + blue, red + blue, red + green, green], axis=2),
-            tile_of(letters),
-            channels="CMYG",
-        )
-    )
+    scene = np.stack([green + blue, red + blue, red + green, green], axis=2)
+    identity = identify(taken(scene, tile_of(letters), channels="CMYG"))
     assert (identity.name, identity.separation) == ("", 0.0)
     assert {*"".join(identity.tile)} <= {"W", UNKNOWN}
 
@@ -129,8 +125,7 @@ def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) ->
     for known in [*(TILES.keys() - CLEAR), "K=3", "K=8", "K=16", *DENSE.values()]:
         tile = tile_of(known, (3, 1))
         identity = identify(taken(picture(name), tile, sigma))
-        open_colours = tuple(row.translate(str.maketrans("RGB", UNKNOWN * 3)) for row in tile)
-        assert same_sites(identity.tile, tile) or identity.tile == open_colours
+        assert same_sites(identity.tile, tile) or identity.tile == opened(tile)
         assert len(tile) > 6 or UNKNOWN not in "".join(identity.tile)
 
 
@@ -141,14 +136,10 @@ def test_black_level_and_gain_do_not_matter() -> None:
 
 def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None:
     grey = SCENE.mean(axis=2, keepdims=True).repeat(3, axis=2)
-    assert (
-        identify(taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)).name
-        == "Kodak"
-    )
+    pale = taken(grey + 0.1 * (SCENE - grey), tile_of("Kodak", (1, 2)), 0.003)
+    assert identify(pale).name == "Kodak"
     identity = identify(taken(grey, tile_of("paper", (1, 4))))
-    assert identity.tile == tuple(
-        row.translate(str.maketrans("RGB", "???")) for row in tile_of("paper", (1, 4))
-    )
+    assert identity.tile == opened(tile_of("paper", (1, 4)))
     assert pattern_of(identity.tile) is None
 
 

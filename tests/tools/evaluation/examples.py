@@ -1,5 +1,6 @@
 """Small scenes and studies."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,14 +52,9 @@ def study_of(
         if not path.exists():
             np.save(path, small_scene(78, 90 + 12 * seed, seed))
         scenes.append(Reading().info(str(path)))
-    parts: dict[str, object] = {
-        "levels": PaperProtocol.levels((0.0, 0.03)),
-        "tiles": (Tile.of_period(6),),
-        "seed": 0,
-        "reading": Reading(),
-    }
-    parts |= changes
-    return Study(tuple(scenes), methods, **parts)  # type: ignore[arg-type]
+    levels, tiles = PaperProtocol.levels((0.0, 0.03)), (Tile.of_period(6),)
+    study = Study(tuple(scenes), methods, levels, tiles, 0, Reading())
+    return replace(study, **changes)  # type: ignore[arg-type]
 
 
 def measured(study: Study, folder: Path) -> Figures:

@@ -30,9 +30,9 @@ from tests.tools.evaluation.examples import alone, measured, small_scene, study_
 INVISIBLE = 2e-3
 
 
-def large(folder: Path, **changes: object) -> Study:
+def large(folder: Path, size: tuple[int, int] = (318, 342), **changes: object) -> Study:
     """One scene in which a square's surroundings do not reach the frame's border."""
-    np.save(folder / "scene0.npy", small_scene(318, 342, 0))
+    np.save(folder / "scene0.npy", small_scene(*size, 0))
     return study_of(folder, count=1, **changes)  # type: ignore[arg-type]
 
 
@@ -50,27 +50,26 @@ def test_a_square_is_cut_out_of_the_whole_rendering(
     scene = study.scenes[0]
     light = study.reading.scene(scene).rgb
     crop = Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW)
-    whole = replace(crop, row=0, column=0, height=scene.rows, width=scene.columns)
-    for part, picture in zip(
-        render_crop(study, crop, light), render_crop(study, whole, light), strict=True
-    ):
-        assert part.shape == (WINDOW, WINDOW, 3)
-        assert np.quantile(np.abs(part - picture[crop.part]), 0.99) < INVISIBLE
+    frame = replace(crop, row=0, column=0, height=scene.rows, width=scene.columns)
+    squares, pictures = (render_crop(study, place, light) for place in (crop, frame))
+    for square, picture in zip(squares, pictures, strict=True):
+        assert square.shape == (WINDOW, WINDOW, 3)
+        assert np.quantile(np.abs(square - picture[crop.part]), 0.99) < INVISIBLE
 
 
 def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: Path) -> None:
-    study = large(tmp_path, methods=("preview", "bilinear", "dlmmse"))
+    size = (240, 264)
+    study = large(tmp_path, size, methods=("preview", "bilinear", "dlmmse"))
     figures = measured(study, tmp_path)
     crops = list(choose_crops(figures))
     assert {crop.why for crop in crops} <= REASONS.keys()
     assert {crop.level for crop in crops} == set(study.levels)
     for crop in crops:
-        place = tuple(
-            window_origins(size).index(at) for size, at in ((318, crop.row), (342, crop.column))
-        )
+        origins = map(window_origins, size)
+        place = tuple(map(list.index, origins, (crop.row, crop.column)))
         errors = {
-            cell.method: each.errors[place]
-            for cell, each in figures.results.items()
+            cell.method: measures.errors[place]
+            for cell, measures in figures.results.items()
             if cell.level == crop.level
         }
         ours, rival = crop.methods
@@ -83,11 +82,11 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
 
 
 def test_exhibits_show_truth_ours_and_the_best_rival(tmp_path: Path) -> None:
-    figures = measured(study_of(tmp_path, methods=("paper", "bilinear", "dlmmse", "dcb")), tmp_path)
-    exhibits = render_crops(figures, alone())
+    study = study_of(tmp_path, methods=("paper", "bilinear", "dcb"), count=1)
+    exhibits = render_crops(measured(study, tmp_path), alone())
     assert exhibits
-    for each in exhibits:
-        truth, ours, rival = each.pictures
+    for shown in exhibits:
+        truth, ours, rival = shown.pictures
         assert (truth.title, ours.title) == ("truth", "Sparse colour, paper")
         assert rival.title.startswith("Bayer, ")
         assert truth.pixels.shape == ours.pixels.shape == rival.pixels.shape
@@ -95,21 +94,18 @@ def test_exhibits_show_truth_ours_and_the_best_rival(tmp_path: Path) -> None:
 
 
 def test_without_rivals_the_worst_places_are_shown(tmp_path: Path) -> None:
-    figures = measured(
-        study_of(tmp_path, methods=("paper",), count=1, levels=PaperProtocol.levels((0.03,))),
-        tmp_path,
-    )
-    assert [len(each.pictures) for each in render_crops(figures, alone())] == [2]
-    figures = measured(study_of(tmp_path, methods=("bilinear",), count=1), tmp_path)
+    study = study_of(tmp_path, methods=("paper",), count=1, levels=PaperProtocol.levels((0.03,)))
+    (shown,) = render_crops(measured(study, tmp_path), alone())
+    assert len(shown.pictures) == 2
+    figures = measured(replace(study, methods=("bilinear",)), tmp_path)
     assert render_crops(figures, alone()) == []
 
 
 def exhibit(
     study: Study, row: int = 15, column: int = 15, size: tuple[int, int] = (48, 60)
 ) -> Exhibit:
-    return render_exhibit(
-        study, Crop(study.scenes[0], study.levels[0], WORST, study.methods, row, column, *size)
-    )
+    crop = Crop(study.scenes[0], study.levels[0], WORST, study.methods, row, column, *size)
+    return render_exhibit(study, crop)
 
 
 def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
@@ -143,6 +139,5 @@ def test_a_square_is_named_by_its_place_in_the_photograph(tmp_path: Path) -> Non
     row, column = (place - first for place, first in zip((100, 120), scene.origin, strict=True))
     crop = Crop(scene, study.levels[0], WORST, (), row, column, 50, 50)
     assert crop.place == "row 100, column 120"
-    np.testing.assert_array_equal(
-        reading.scene(scene).rgb[crop.part], np.load(scene.source)[100:150, 120:170]
-    )
+    expected = np.load(scene.source)[100:150, 120:170]
+    np.testing.assert_array_equal(reading.scene(scene).rgb[crop.part], expected)

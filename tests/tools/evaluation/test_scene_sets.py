@@ -18,25 +18,15 @@ def write_png16(path: Path, codes: np.ndarray) -> None:
 
 
 def test_pictures_are_told_from_measurements(tmp_path: Path) -> None:
-    codes = RNG.integers(0, 256, (60, 60, 3), dtype=np.uint8)
-    names = {
-        "kodim07.png": "Kodak",
-        "mcm03.png": "McMaster",
-        "holiday.png": DEVELOPED,
-        "holiday.jpg": DEVELOPED,
-    }
+    codes = RNG.integers(0, 65536, (60, 60, 3), dtype=np.uint16)
+    names = {"kodim07.png": "Kodak", "mcm03.png": "McMaster"}
+    names |= dict.fromkeys(("holiday.png", "holiday.jpg", "18.tif"), DEVELOPED)
     for name in names:
-        Image.fromarray(codes).save(tmp_path / name)
-    tifffile.imwrite(tmp_path / "18.tif", RNG.integers(0, 256, (60, 60, 3), dtype=np.uint8))
-    tifffile.imwrite(tmp_path / "17.tif", RNG.integers(0, 65536, (60, 60, 3), dtype=np.uint16))
-    write_png16(tmp_path / "kodim08.png", RNG.integers(0, 65536, (60, 60, 3)))
+        Image.fromarray((codes >> 8).astype(np.uint8)).save(tmp_path / name)
+    tifffile.imwrite(tmp_path / "17.tif", codes)
+    write_png16(tmp_path / "kodim08.png", codes)
     np.save(tmp_path / "light.npy", RNG.random((60, 60, 3)).astype(np.float32))
-    names |= {
-        "18.tif": DEVELOPED,
-        "17.tif": MEASURED,
-        "kodim08.png": MEASURED,
-        "light.npy": MEASURED,
-    }
+    names |= dict.fromkeys(("17.tif", "kodim08.png", "light.npy"), MEASURED)
     for name, group in names.items():
         assert Reading().info(str(tmp_path / name)).group == group, name
     for source in ("builtin:90x60", "chart:240x180"):
@@ -45,13 +35,14 @@ def test_pictures_are_told_from_measurements(tmp_path: Path) -> None:
 
 
 def test_scenes_are_cut_and_small_ones_refused(tmp_path: Path) -> None:
-    np.save(tmp_path / "scene.npy", RNG.random((61, 80, 3)).astype(np.float32))
-    whole = Reading().info(str(tmp_path / "scene.npy"))
-    assert Reading().scene(whole).rgb.shape == (whole.rows, whole.columns, 3) == (60, 78, 3)
-    assert Reading(largest=50).info(str(tmp_path / "scene.npy")).rows == 48
-    np.save(tmp_path / "small.npy", RNG.random((41, 80, 3)).astype(np.float32))
+    path = str(tmp_path / "scene.npy")
+    np.save(path, RNG.random((61, 80, 3)).astype(np.float32))
+    info = Reading().info(path)
+    assert Reading().scene(info).rgb.shape == (info.rows, info.columns, 3) == (60, 78, 3)
+    assert Reading(largest=50).info(path).rows == 48
+    np.save(path, RNG.random((41, 80, 3)).astype(np.float32))
     with pytest.raises(InputError, match="80 x 41 pixels are too few"):
-        Reading().info(str(tmp_path / "small.npy"))
+        Reading().info(path)
 
 
 def test_each_scene_is_measured_once_under_a_name_of_its_own(tmp_path: Path) -> None:
@@ -70,9 +61,8 @@ def test_each_scene_is_measured_once_under_a_name_of_its_own(tmp_path: Path) -> 
 def test_white_is_estimated_where_a_measurement_does_not_say_it(tmp_path: Path) -> None:
     rgb = RNG.random((60, 60, 1)) * np.array([0.5, 1.0, 0.25])
     np.save(tmp_path / "green.npy", rgb.astype(np.float32))
-    assert Reading().info(str(tmp_path / "green.npy")).neutral == pytest.approx(
-        (0.5, 1.0, 0.25), rel=0.1
-    )
+    neutral = Reading().info(str(tmp_path / "green.npy")).neutral
+    assert neutral == pytest.approx((0.5, 1.0, 0.25), rel=0.1)
     assert Reading().info("builtin:90x60").neutral == (1.0, 1.0, 1.0)
 
 
@@ -90,12 +80,8 @@ def test_gehlers_set_is_recognised(tmp_path: Path, name: str, black: int, camera
 
 def test_other_pictures_are_not_taken_for_gehlers(tmp_path: Path) -> None:
     codes = RNG.integers(0, 4096, (50, 60, 3))
-    for name, pixels in (
-        ("IMG_0277", codes * 16),
-        ("IMG_277", codes),
-        ("holiday", codes),
-        ("8D5U5524", codes[..., :1]),
-    ):
+    others = {"IMG_0277": codes * 16, "IMG_277": codes, "8D5U5524": codes[..., :1]}
+    for name, pixels in others.items():
         write_png16(tmp_path / f"{name}.png", pixels)
         scene = load_scene(str(tmp_path / f"{name}.png"))
         np.testing.assert_allclose(scene.rgb[..., 0], pixels[..., 0] / 65535, atol=1e-6)

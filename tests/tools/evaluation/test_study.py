@@ -1,5 +1,7 @@
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -7,13 +9,13 @@ import pytest
 from panchroma.offline import PAPER, render
 from panchroma.offline.version import ALGORITHM
 from panchroma.shared import SensorCalibration
-from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import ConvergenceError, InputError
 from panchroma.shared.pattern import CfaPattern
 from panchroma.tools.evaluation import methods as registry
 from panchroma.tools.evaluation import study as module
 from panchroma.tools.evaluation.crops import WORST, Crop, render_exhibit
 from panchroma.tools.evaluation.figures import Place
+from panchroma.tools.evaluation.measures import PLANES
 from panchroma.tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.evaluation.study import (
@@ -25,7 +27,7 @@ from panchroma.tools.evaluation.study import (
     name_cell,
     work,
 )
-from panchroma.tools.simulation.noise import BayerShot, PaperProtocol, SensorProtocol
+from panchroma.tools.simulation.noise import PaperProtocol, SensorProtocol
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
@@ -41,30 +43,26 @@ def works(study: Study, folder: Path, cells: list[Cell]) -> list[str]:
 
 def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_path: Path) -> None:
     figures = measured(study_of(tmp_path), tmp_path)
-    maps = []
+    maps, pattern, camera = [], CfaPattern.bayer(6), SensorCalibration()
     for seed in range(2):
         truth = small_scene(78, 90 + 12 * seed, seed)
         bayer = demosaic_bilinear(bayer_mosaic(truth, 0.03, np.random.default_rng(0)))
-        mosaic = simulate_additive(
-            truth, CfaPattern.bayer(6), SensorCalibration(), 0.03, np.random.default_rng(0)
-        )
+        mosaic = simulate_additive(truth, pattern, camera, 0.03, np.random.default_rng(0))
         sparse = render(mosaic, PAPER).rgb
         for name, picture in (("bilinear", bayer), ("paper", sparse)):
-            place = f"scene{seed}", NOISY, name
-            (found,) = (
-                each
-                for cell, each in figures.results.items()
-                if (cell.scene.name, cell.level, cell.method) == place
+            (measures,) = (
+                measures
+                for cell, measures in figures.results.items()
+                if (cell.scene.name, cell.level, cell.method) == (f"scene{seed}", NOISY, name)
             )
-            assert found.quality == quality(picture, truth)
-            assert found.psnr == whole_psnr(picture, truth, 15)
+            assert measures.quality == quality(picture, truth)
+            assert measures.psnr == whole_psnr(picture, truth, 15)
         maps.append(patch_psnr(sparse, truth))
-    pooled = figures.of(Place(figures.groups[0], NOISY), "paper")
-    for plane, name in enumerate(("rgb", "luminance", "chrominance")):
-        expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), QUANTILES)
-        assert [
-            pooled.values[f"{name}_q{round(100 * each)}"] for each in QUANTILES
-        ] == pytest.approx(expected, abs=0.01)
+    values = figures.of(Place(figures.groups[0], NOISY), "paper").values
+    for name, planes in zip(PLANES, zip(*maps, strict=True), strict=True):
+        expected = np.quantile(np.concatenate([plane.ravel() for plane in planes]), QUANTILES)
+        pooled = [values[f"{name}_q{round(100 * quantile)}"] for quantile in QUANTILES]
+        assert pooled == pytest.approx(expected, abs=0.01)
 
 
 def test_finished_results_are_not_made_again(tmp_path: Path) -> None:
@@ -88,40 +86,39 @@ def test_everything_that_changes_a_result_changes_its_name(
 ) -> None:
     study = study_of(tmp_path, methods=("paper",), count=1)
     scene, method, tile = study.scenes[0], registry.methods()["dlmmse-wb"], study.tile
-    whole = name_cell(scene, NOISY, method, tile, 0).name
-    other: dict[str, str] = {"seed": name_cell(scene, NOISY, method, tile, 1).name}
+
+    def name_of(**changes: Any) -> str:
+        facts: dict[str, Any] = {
+            "scene": scene,
+            "level": NOISY,
+            "method": method,
+            "tile": tile,
+            "seed": 0,
+        }
+        return name_cell(**(facts | changes)).name
+
     # Without noise any seed is the same, and so is a pattern under another name.
     quiet, same = PaperProtocol(0.0), replace(tile, name="mine")
-    assert (
-        name_cell(scene, quiet, method, same, 1).name
-        == name_cell(scene, quiet, method, tile, 0).name
-    )
+    assert name_of(level=quiet, tile=same, seed=1) == name_of(level=quiet)
+    other: dict[str, str] = {"seed": name_of(seed=1)}
     for level in (PaperProtocol(0.02), SensorProtocol(0.03)):
-        other[str(level)] = name_cell(scene, level, method, tile, 0).name
+        other[str(level)] = name_of(level=level)
     for name, pattern in one_field_changed(tile.pattern):
-        other[f"pattern.{name}"] = name_cell(
-            scene, NOISY, method, replace(tile, pattern=pattern), 0
-        ).name
+        other[f"pattern.{name}"] = name_of(tile=replace(tile, pattern=pattern))
     for name in ("digest", "neutral"):
-        other[name] = name_cell(replace(scene, **{name: CHANGED}), NOISY, method, tile, 0).name  # type: ignore[arg-type]
-    for name, change in {
-        "name": "dcb",
-        "version": 2,
-        "balanced": False,
-        "packages": ("numpy",),
-    }.items():
-        other[name] = name_cell(scene, NOISY, replace(method, **{name: change}), tile, 0).name  # type: ignore[arg-type]
+        other[name] = name_of(scene=replace(scene, **{name: CHANGED}))  # type: ignore[arg-type]
+    changes = {"name": "dcb", "version": 2, "balanced": False, "packages": ("numpy",)}
+    for name, change in changes.items():
+        other[name] = name_of(method=replace(method, **{name: change}))  # type: ignore[arg-type]
     for place, name in ((PaperProtocol, "version"), (module, "MEASURING")):
         with monkeypatch.context() as changed:
             changed.setattr(place, name, 99)
-            other[f"{place} {name}"] = name_cell(scene, NOISY, method, tile, 0).name
+            other[f"{place} {name}"] = name_of()
     assert {"pattern.tile", "pattern.origin", "pattern.channels"} <= other.keys()
-    assert len({whole, *other.values()}) == len(other) + 1
-    of_ours = {
-        str(registry.methods()[name].version) for name in ("paper", "best", "unlearned", "preview")
-    }
+    assert len({name_of(), *other.values()}) == len(other) + 1
+    of_ours = {str(ours.version) for ours in registry.methods().values() if ours.ours}
     assert len(of_ours) == 4
-    assert sum(each.startswith(f"[{ALGORITHM}, ") for each in of_ours) == 3
+    assert sum(version.startswith(f"[{ALGORITHM}, ") for version in of_ours) == 3
 
 
 def test_names_of_results_stay(tmp_path: Path) -> None:
@@ -205,9 +202,8 @@ def test_results_of_another_version_are_not_kept(
 
 def test_every_method_of_ours_can_represent_us(tmp_path: Path) -> None:
     for name, method in registry.methods().items():
-        assert study_of(tmp_path, methods=("bilinear", name)).ours == (
-            name if method.ours else None
-        )
+        expected = name if method.ours else None
+        assert study_of(tmp_path, methods=("bilinear", name)).ours == expected
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
@@ -221,14 +217,11 @@ def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
 
 
 def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def failing(shot: BayerShot, white: FloatArray) -> FloatArray:
-        raise ConvergenceError("stopped at 500 iterations")
-
+    failing = Mock(side_effect=ConvergenceError("stopped at 500 iterations"))
     study = study_of(tmp_path, methods=("bilinear", "dlmmse"), count=1)
     todo = missing_cells(study, tmp_path)[0]
-    monkeypatch.setitem(
-        registry.methods(), "dlmmse", replace(registry.methods()["dlmmse"], function=failing)
-    )
+    known = registry.methods()
+    monkeypatch.setitem(known, "dlmmse", replace(known["dlmmse"], function=failing))
     lines = works(study, tmp_path, todo)
     assert lines[0].endswith("scene0.npy: dlmmse, no noise: stopped at 500 iterations")
     assert (len(lines), len(collect(study, tmp_path))) == (2, 2)

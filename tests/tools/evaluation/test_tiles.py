@@ -28,16 +28,8 @@ def test_patterns_have_readable_names(tmp_path: Path) -> None:
 
 def test_each_pattern_is_there_once_under_a_name_of_its_own() -> None:
     other = Tile("K=6", CfaPattern.bayer(6, "BGGR"))
-    tiles = distinct_tiles(
-        [
-            named("K=6"),
-            named(KODAK),
-            named("RGWW/GBWW/WWWW/WWWW"),
-            named("K=4"),
-            named(KODAK),
-            other,
-        ]
-    )
+    texts = ("K=6", KODAK, "RGWW/GBWW/WWWW/WWWW", "K=4", KODAK)
+    tiles = distinct_tiles([*map(named, texts), other])
     assert [tile.name for tile in tiles] == ["K=6", "Kodak", "K=4", "K=6 (2)"]
     assert [tile.period for tile in tiles] == [6, None, 4, None]
 
@@ -58,18 +50,16 @@ def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:
     """White light through cyan, magenta and yellow: everything is halved, and so is the noise."""
     white, dark = np.ones((120, 120, 3), np.float32), np.zeros((120, 120, 3), np.float32)
     for level in (PaperProtocol(0.03), SensorProtocol(0.25)):
-        found = []
+        moments = []
         for pattern in (CfaPattern.bayer(4), BROADBAND):
-            filters = filters_of(pattern)
             mask = pattern.panchromatic_mask(white.shape[:2])
             bright, black = (
                 CameraPair(level, 0, light, pattern, None).sparse.signal[mask]
                 for light in (white, dark)
             )
-            found.append(
-                [each / filters.unit for each in (bright.mean(), bright.std(), black.std())]
-            )
-        np.testing.assert_allclose(found[1], found[0], rtol=0.01)
+            values = np.array((bright.mean(), bright.std(), black.std()))
+            moments.append(values / filters_of(pattern).unit)
+        np.testing.assert_allclose(moments[1], moments[0], rtol=0.01)
 
 
 def test_pictures_in_other_colours_are_unmixed_to_the_scenes() -> None:

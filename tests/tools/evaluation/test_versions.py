@@ -27,10 +27,8 @@ def test_figures_are_those_of_their_versions(name: str, level: Protocol) -> None
     then state the new figures.
     """
     truth, method = small_scene(60, 66, 0), methods()[name]
-    found = Measures.of(
-        method.render(CameraPair(level, 0, truth, Tile.of_period(6).pattern, None)), truth
-    )
-    figures = (*found.quality.median, *found.psnr, found.errors[0, 0] * 1e5)
-    assert figures == pytest.approx(
-        FIGURES[MEASURING, level.version, method.version, name, level], abs=0.002
-    )
+    cameras = CameraPair(level, 0, truth, Tile.of_period(6).pattern, None)
+    measures = Measures.of(method.render(cameras), truth)
+    figures = (*measures.quality.median, *measures.psnr, measures.errors[0, 0] * 1e5)
+    expected = FIGURES[MEASURING, level.version, method.version, name, level]
+    assert figures == pytest.approx(expected, abs=0.002)

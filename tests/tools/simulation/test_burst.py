@@ -33,9 +33,7 @@ def leaves() -> FloatArray:
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
     walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
     assert walk[0].none
-    shifts, angles = (
-        np.array([getattr(motion, name) for motion in walk]) for name in ("shift", "angle")
-    )
+    shifts, angles = (np.array(values) for values in zip(*walk, strict=True))
     lengths = np.hypot(*shifts.T)
     assert 2.5 < lengths.max() <= 3
     assert 0.25 < np.degrees(np.abs(angles).max()) <= 0.3
@@ -78,9 +76,8 @@ def test_larger_pixels_are_means(leaves: FloatArray) -> None:
         rows, columns = 200 // pixel, 240 // pixel
         blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
         np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
-    with pytest.raises(
-        InputError, match="the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"
-    ):
+    message = "the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"
+    with pytest.raises(InputError, match=message):
         next(burst_frames(leaves, SimulatedBurst(1), random(), 201))
 
 
@@ -138,14 +135,7 @@ def moved(down: float, across: float, degrees: float = 0.0) -> Motion:
 
 @pytest.mark.parametrize(
     "motion",
-    [
-        moved(0.5, 0),
-        moved(0, -0.5),
-        moved(2.3, -1.6),
-        moved(-0.25, 3.75, 0.3),
-        moved(1.1, 0.4, -5),
-        moved(0, 0, 9),
-    ],
+    [moved(0.5, 0), moved(2.3, -1.6), moved(-0.25, 3.75, 0.3), moved(1.1, 0.4, -5), moved(0, 0, 9)],
 )
 def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) -> None:
     border = reach(motion, SHAPE)

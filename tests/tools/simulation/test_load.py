@@ -19,6 +19,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+from panchroma.shared.colorimetry import D50
 from panchroma.shared.errors import InputError
 from panchroma.shared.reading import MAX_PIXELS
 from panchroma.tools.io.limited import Facts, _received, run_limited
@@ -45,9 +46,7 @@ def test_every_test_photograph_loads(path: Path) -> None:
     with pytest.raises(ValueError, match="read-only"):
         scene.rgb[0, 0, 0] = 1
     if scene.camera_to_xyz is not None:  # white stays white
-        np.testing.assert_allclose(
-            np.array(scene.camera_to_xyz) @ scene.neutral, (0.9642, 1.0, 0.8249), atol=1e-9
-        )
+        np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ scene.neutral, D50, atol=1e-9)
 
 
 def test_a_scene_is_checked_when_made() -> None:
@@ -78,13 +77,12 @@ def test_negative_light_is_refused_and_rounding_is_not() -> None:
 def test_sizes_are_bounded_before_decoding() -> None:
     check_size(11648, 8736, 6, 300 * 2**20)
     check_size(4000, 3000, 8, 6000)  # even light compresses well, and is a picture
-    refused: dict[str, tuple[int, ...]] = {
-        "empty": (0, 5),
-        "`max_pixels` raises it": (MAX_PIXELS, 2),
-        "fill the memory": (10000, 10000, 6, 500_000),
-        "save it without compression": (4000, 3300, 8, 6000),
-    }
-    for words, size in refused.items():
+    for size, words in (
+        ((0, 5), "empty"),
+        ((MAX_PIXELS, 2), "`max_pixels` raises it"),
+        ((10000, 10000, 6, 500_000), "fill the memory"),
+        ((4000, 3300, 8, 6000), "save it without compression"),
+    ):
         with pytest.raises(InputError, match=words):
             check_size(*size)
 
@@ -92,13 +90,9 @@ def test_sizes_are_bounded_before_decoding() -> None:
 def test_missing_empty_and_folder(tmp_path: Path) -> None:
     (tmp_path / "empty.dng").touch()
     os.mkfifo(tmp_path / "pipe.dng")
-    refused = {
-        "absent.dng": "no such file",
-        "empty.dng": "empty",
-        ".": "is a folder",
-        "a\0b.png": "cannot be read",
-    }
-    refused |= {"pipe.dng": "is a pipe or a device", "x" * 300: "cannot be read"}
+    refused = {"absent.dng": "no such file", "empty.dng": "empty", ".": "is a folder"}
+    refused |= {"a\0b.png": "cannot be read", "x" * 300: "cannot be read"}
+    refused |= {"pipe.dng": "is a pipe or a device"}
     for name, message in refused.items():
         with pytest.raises(InputError, match=message):
             load_scene(str(tmp_path / name))
@@ -118,28 +112,19 @@ def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
 def test_our_own_shots_are_refused_with_the_right_command(
     tmp_path: Path, beside: str, suffix: str
 ) -> None:
-    private: list[Any] = [(50740, "B", 12, b"Panchroma\0{}", True)]
-    version: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True)]
-    pattern: list[Any] = [
-        (33421, "H", 2, (6, 6), True),
-        (33422, "B", 36, bytes([0, 1, 6, 6, 6, 6] * 6), True),
-    ]
-    path = tmp_path / f"shot{suffix}"
-    first, second = (
-        tags + (private if beside == where else [])
-        for where, tags in (("preview", version), ("samples", pattern))
-    )
+    tags: dict[str, list[Any]] = {
+        "preview": [(50706, "B", 4, bytes((1, 4, 0, 0)), True)],
+        "samples": [
+            (33421, "H", 2, (6, 6), True),
+            (33422, "B", 36, bytes([0, 1, 6, 6, 6, 6] * 6), True),
+        ],
+    }
+    tags[beside].append((50740, "B", 12, b"Panchroma\0{}", True))
+    preview, samples = np.zeros((32, 32, 3), np.uint8), np.zeros((96, 96), np.uint16)
+    path, plain = tmp_path / f"shot{suffix}", {"metadata": None}
     with tifffile.TiffWriter(path) as file:
-        file.write(
-            np.zeros((32, 32, 3), np.uint8),
-            photometric="rgb",
-            subifds=1,
-            extratags=first,
-            metadata=None,
-        )
-        file.write(
-            np.zeros((96, 96), np.uint16), photometric=32803, extratags=second, metadata=None
-        )
+        file.write(preview, photometric="rgb", subifds=1, extratags=tags["preview"], **plain)
+        file.write(samples, photometric=32803, extratags=tags["samples"], **plain)
     with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
 
@@ -157,7 +142,7 @@ def test_files_that_are_cut_short_are_refused_in_one_line(
         save(path, picture.astype(dtypes.get(suffix, np.uint16)))
     data = path.read_bytes()
     load_scene(str(path))
-    for part in range(7):
+    for part in (0, 2, 5, 7):
         path.write_bytes(data[: len(data) * part // 8])
         with pytest.raises(InputError) as refused:
             load_scene(str(path))
@@ -166,11 +151,8 @@ def test_files_that_are_cut_short_are_refused_in_one_line(
 
 
 def test_commands_start_without_the_libraries_of_file_formats() -> None:
-    script = (
-        "import sys, panchroma.tools.simulation.load; print({'rawpy', 'PIL', 'OpenEXR', "
-        "'scipy'} & set(sys.modules) or 'none')"
-    )
-    assert run_python(script) == "none\n"
+    script = "import sys, panchroma.tools.simulation.load; print(*sys.modules)"
+    assert not {"rawpy", "PIL", "OpenEXR", "scipy"} & {*run_python(script).split()}
 
 
 # --- files that are no scenes --------------------------------------------------------------------
@@ -196,7 +178,15 @@ def dng(samples: Any, order: str = "RGGB", kind: int = CFA, **fields: Any) -> Wr
     return lambda path: write_dng(path, samples, order, kind, tags, **others)
 
 
+def levels(black: int, white: int) -> dict[str, Any]:
+    return {"t50714": (SHORT, [black]), "t50717": (SHORT, [white])}
+
+
 linear = partial(dng, noise(40, 52, 3), "", LINEAR_RAW)
+BYTES = noise(40, 52, 3, dtype=np.uint8)
+SEPARATE: Any = {"planarconfig": "separate"}
+LARGE_TILES: Any = {"tile": (2064, 2064), "compression": "zlib"}
+BROKEN_SHOT = b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20
 
 
 def inflating(path: Path) -> None:
@@ -218,42 +208,20 @@ def inflating(path: Path) -> None:
         ("monochrome.dng", dng(noise(60, 80), "", LINEAR_RAW), "monochrome"),
         ("x-trans.dng", dng(noise(60, 84), X_TRANS), "X-Trans"),
         ("no-blue.dng", dng(noise(60, 80), "RGGG"), "nor a camera RAW that LibRaw knows"),
-        (
-            "levels.dng",
-            dng(noise(60, 80), t50714=(SHORT, [3000]), t50717=(SHORT, [2000])),
-            "black level",
-        ),
-        (
-            "linear.dng",
-            linear(t50714=(SHORT, [500]), t50717=(SHORT, [400])),
-            "black level 500 is not below white level 400",
-        ),
+        ("levels.dng", dng(noise(60, 80), **levels(3000, 2000)), "black level"),
+        ("linear.dng", linear(**levels(500, 400)), "black level 500 is not below white level 400"),
         ("infinite.dng", linear(t50714=(RATIONAL, (1, 0))), "black level inf is not below"),
         ("area.dng", linear(t50829=(LONG, (0, 0, 400, 52))), "the active area"),
         ("five.dng", linear(t50714=(SHORT, (1, 2, 3, 4, 5))), "5 black levels for 1 x 1 pixels"),
         ("inflating.dng", inflating, "hold more than they say"),
-        (
-            "lossy.dng",
-            dng(noise(40, 52, 3, dtype=np.uint8), "", LINEAR_RAW, **LOSSY),
-            "lossless JPEG",
-        ),
+        ("lossy.dng", dng(BYTES, "", LINEAR_RAW, **LOSSY), "lossless JPEG"),
         ("jxl.dng", linear(compression="jpegxl"), "JPEGXL"),
         ("double.dng", dng(noise(40, 52, 3, dtype=np.float64), "", LINEAR_RAW), "64 bits"),
-        (
-            "planes.dng",
-            dng(noise(3, 40, 52), "", LINEAR_RAW, planarconfig="separate"),
-            "separate planes",
-        ),
-        (
-            "shot.dng",
-            lambda path: path.write_bytes(b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20),
-            "this is a shot",
-        ),
+        ("planes.dng", dng(noise(3, 40, 52), "", LINEAR_RAW, **SEPARATE), "separate planes"),
+        ("shot.dng", lambda path: path.write_bytes(BROKEN_SHOT), "this is a shot"),
         (
             "tile.tif",
-            lambda path: tifffile.imwrite(
-                path, np.zeros((64, 64), np.uint8), tile=(2064, 2064), compression="zlib"
-            ),
+            partial(tifffile.imwrite, data=np.zeros((64, 64), np.uint8), **LARGE_TILES),
             "tiles of the TIFF hold 4260096 pixels, the picture 4096",
         ),
         ("cmyk.jpg", lambda path: Image.new("CMYK", (20, 20)).save(path), "CMYK"),
@@ -297,40 +265,35 @@ def _answer(path: str, what: str) -> tuple[np.ndarray[Any, Any], Facts]:
 
 
 @pytest.mark.parametrize(
-    ("what", "said"),
+    ("what", "message"),
     [
-        ("refuse", "is odd"),
-        ("spin", "0.25 s"),
-        ("swell", "192 MB"),
-        ("crash", "ends the process"),
-        ("forge", "ends the process"),
+        *(("refuse", "is odd"), ("spin", "0.25 s"), ("swell", "192 MB")),
+        *((what, "ends the process") for what in ("crash", "forge")),
     ],
 )
-def test_what_exceeds_its_limits_is_refused(tmp_path: Path, what: str, said: str) -> None:
+def test_what_exceeds_its_limits_is_refused(tmp_path: Path, what: str, message: str) -> None:
     (tmp_path / "a").write_bytes(b"1")
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         run_limited(tmp_path / "a", (), _answer, str(tmp_path / "a"), what)
 
 
-SIX = {"refused": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
+def header(**changes: Any) -> bytes:
+    """The first line of an answer of six samples."""
+    facts = {"refused": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
+    return json.dumps(facts | changes).encode()
 
 
 @pytest.mark.parametrize(
     "answer",
     [
         *(b"", pickle.dumps((True, np.zeros(3))), b"[" * 100_000, b"[]", b"null"),
-        *(json.dumps(SIX | {"dtype": dtype}).encode() for dtype in ("object", "float64")),
-        *(
-            json.dumps(SIX | {"shape": shape}).encode()
-            for shape in ([6], [-2, -3], [2.0, 3], [2, 4], [1 << 20, 1 << 20])
-        ),
-        *(json.dumps(SIX | {"facts": facts}).encode() for facts in (7, {"long": "x" * (1 << 20)})),
+        *(header(dtype=dtype) for dtype in ("object", "float64")),
+        *(header(shape=shape) for shape in ([6], [-2, -3], [2.0, 3], [2, 4], [1 << 20, 1 << 20])),
+        *(header(facts=facts) for facts in (7, {"long": "x" * (1 << 20)})),
     ],
 )
 def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:
-    refused, samples, facts = _received(
-        BytesIO(json.dumps(SIX).encode() + b"\n" + bytes(range(6))), 6
-    )
+    refused, samples, facts = _received(BytesIO(header() + b"\n" + bytes(range(6))), 6)
     assert (refused, samples.tolist(), facts) == ("", [[0, 1, 2], [3, 4, 5]], {})
     with pytest.raises((ValueError, TypeError, LookupError, RecursionError)):
         _received(BytesIO(answer + b"\n" + bytes(6)), 1 << 20)
@@ -347,16 +310,11 @@ def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) 
     save(tmp_path / "a.exr", picture.astype(np.float32))
     write_dng(tmp_path / "a.dng", noise(60, 80))
     (tmp_path / "cut.jpg").write_bytes((tmp_path / "a.jpg").read_bytes()[:400])
-    sources = sorted(map(str, tmp_path.iterdir())) * 6
+    sources = sorted(map(str, tmp_path.iterdir())) * 3
 
     def state() -> tuple[Any, ...]:
-        return (
-            os.fstat(2),
-            Image.MAX_IMAGE_PIXELS,
-            list(warnings.filters),
-            dict(os.environ),
-            sys.stderr,
-        )
+        settings = list(warnings.filters), dict(os.environ)
+        return os.fstat(2), Image.MAX_IMAGE_PIXELS, sys.stderr, *settings
 
     def read(source: str) -> None:
         with suppress(InputError):
@@ -381,11 +339,7 @@ def test_of_pictures_beside_a_camera_raw_the_raw_is_the_scene(tmp_path: Path) ->
     (tmp_path / "damaged.cr2").touch()
     (tmp_path / "damaged.jpg").touch()
     aside = set_aside(sorted(map(str, tmp_path.iterdir())))
-    beside = "beside a camera RAW of the same name"
-    assert {Path(path).name: why for path, why in aside.items()} == {
-        "DSC_1.JPG": beside,
-        "dsc_1.png": beside,
-        "damaged.jpg": beside,
-        "a.truth.png": "(the truth of a shot)",
-        "shot.dng": "(a shot of Panchroma, no scene)",
-    }
+    expected = dict.fromkeys(("DSC_1.JPG", "dsc_1.png", "damaged.jpg"), "beside a camera RAW")
+    expected |= {"a.truth.png": "(the truth of a shot)", "shot.dng": "(a shot of Panchroma, no"}
+    assert {Path(path).name for path in aside} == expected.keys()
+    assert all(why.startswith(expected[Path(path).name]) for path, why in aside.items())

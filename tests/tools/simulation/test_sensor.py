@@ -40,12 +40,8 @@ def flat(*channels: float, shape: tuple[int, int] = SHAPE) -> FloatArray:
 
 def planes_of(pattern: CfaPattern, shape: tuple[int, int] = SHAPE) -> Any:
     """Letters of all pixels."""
-    return np.array(
-        [
-            [geometry.letter(pattern, row, column) for column in range(shape[1])]
-            for row in range(shape[0])
-        ]
-    )
+    letters = [geometry.letter(pattern, *place) for place in np.ndindex(shape)]
+    return np.reshape(letters, shape)
 
 
 def assert_moments(values: DoubleArray, mean: float, variance: float) -> None:
@@ -63,10 +59,9 @@ def test_a_pixel_reads_one_channel_or_the_weighted_sum(
 ) -> None:
     scene = materials(shape, len(pattern.channels))
     calibration = SensorCalibration(pattern.channels, gamma_of(pattern))
+    samples = sample(scene.astype(np.float32), pattern, calibration)
     expected = observe(scene, pattern, gamma_of(pattern)).samples
-    np.testing.assert_allclose(
-        sample(scene.astype(np.float32), pattern, calibration), expected, rtol=1e-6
-    )
+    np.testing.assert_allclose(samples, expected, rtol=1e-6)
 
 
 # --- the paper's noise ---------------------------------------------------------------------------
@@ -99,10 +94,7 @@ def test_the_generator_alone_decides_the_noise(make: Any) -> None:
     ("make", "amount", "words"),
     [
         *((simulate_additive, sigma, "sigma is") for sigma in (-0.1, math.nan, math.inf)),
-        *(
-            (simulate_sensor, exposure, "exposure is")
-            for exposure in (0.0, -1.0, math.nan, math.inf)
-        ),
+        *((simulate_sensor, factor, "exposure is") for factor in (0.0, -1.0, math.nan, math.inf)),
     ],
 )
 def test_an_impossible_sigma_or_exposure_is_refused(make: Any, amount: float, words: str) -> None:
@@ -128,11 +120,10 @@ def test_sensor_noise_is_shot_noise_and_read_noise_of_each_plane(
     """In the dark it goes below black, and the black level keeps it."""
     mosaic = simulate_sensor(flat(red, green, blue), PATTERN, SENSOR, exposure, rng())
     letters = planes_of(PATTERN)
-    for plane, (letter, value) in enumerate(
-        zip("RGBW", (red, green, blue, red * 0.9 + green + blue * 1.1), strict=True)
-    ):
+    values = (red, green, blue, red * 0.9 + green + blue * 1.1)
+    for plane, value in enumerate(values):
         signal = value * exposure
-        measured = mosaic.signal[letters == letter].astype(np.float64)
+        measured = mosaic.signal[letters == "RGBW"[plane]].astype(np.float64)
         assert_moments(measured, signal, NOISE.sigma(signal, plane) ** 2 + ROUNDING)
     assert mosaic.samples.dtype == np.uint16
     assert mosaic.calibration == SENSOR

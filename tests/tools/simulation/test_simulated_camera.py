@@ -50,17 +50,15 @@ def test_broadband_filters_are_made_of_red_green_and_blue() -> None:
     scene = scene_of()
     filters = filters_for(pattern_of("CM/YC"), scene)
     red, green, blue = np.moveaxis(scene.rgb, -1, 0)
-    np.testing.assert_allclose(
-        filters.of(scene.rgb), np.stack([green + blue, red + blue, red + green], -1) / 2, rtol=1e-6
-    )
+    mixed = np.stack([green + blue, red + blue, red + green], -1) / 2
+    np.testing.assert_allclose(filters.of(scene.rgb), mixed, rtol=1e-6)
     assert filters.gamma == (0.5, 0.5, 0.5)
     assert filters.unit == 0.5
     assert np.allclose(filters.noise.read, np.array(typical_noise(SensorCalibration()).read) / 2)
     assert filters.notes == ("C, M and Y are made from the scene's red, green and blue",)
     # A panchromatic pixel reads half of R + G + B: the same light in the units of these filters.
-    samples = sample(
-        filters.of(scene.rgb), pattern_of("CM/YC"), SensorCalibration("CMY", filters.gamma)
-    )
+    calibration = SensorCalibration("CMY", filters.gamma)
+    samples = sample(filters.of(scene.rgb), pattern_of("CM/YC"), calibration)
     white = pattern_of("CM/YC").panchromatic_mask(samples.shape)
     np.testing.assert_allclose(samples[white], scene.rgb.sum(axis=2)[white] / 2, rtol=1e-6)
 
@@ -70,16 +68,12 @@ def test_filters_add_up_to_all_light(block: str) -> None:
     filters = filters_for(pattern_of(block), scene_of())
     assert min(filters.gamma) > 0
     np.testing.assert_allclose(np.sum(filters.matrix, axis=1), 1)
-    seen = np.array(filters.gamma) @ filters.matrix
-    np.testing.assert_allclose(seen, seen.mean(), atol=1e-9)  # of each channel as much
-    assert seen.sum() == pytest.approx(sum(filters.gamma))
-    wanted = (
-        3 * np.mean((np.array(filters.matrix) ** 2).sum(axis=1))
-        if len(set(map(max, filters.matrix))) == 1
-        else None
-    )
-    # 3 for narrow filters, 1.5 for those of two channels
-    assert wanted is None or sum(filters.gamma) == pytest.approx(wanted)
+    collected = np.array(filters.gamma) @ filters.matrix
+    np.testing.assert_allclose(collected, collected.mean(), atol=1e-9)  # of each channel as much
+    assert collected.sum() == pytest.approx(sum(filters.gamma))
+    if len(set(map(max, filters.matrix))) == 1:  # 3 for narrow filters, 1.5 for those of two
+        expected = 3 * np.mean((np.array(filters.matrix) ** 2).sum(axis=1))
+        assert sum(filters.gamma) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("block", ["CM/YC", "YC/GM", "CYM/GRB"])
@@ -91,29 +85,19 @@ def test_colours_come_back_through_the_filters(
     to_xyz = np.array(SRGB_TO_XYZ) / neutral
     scene = scene_of(camera_to_xyz=as_rows(to_xyz) if known else None, neutral=neutral)
     filters = filters_for(pattern_of(block), scene)
-    matrix, seen = filters.colours(scene)
-    np.testing.assert_allclose(
-        filters.of(scene.rgb) @ np.transpose(matrix), scene.rgb @ to_xyz.T, atol=1e-5
-    )
-    np.testing.assert_allclose(np.array(matrix) @ seen, D50, atol=1e-9)
+    matrix, white = map(np.array, filters.colours(scene))
+    colours = filters.of(scene.rgb) @ matrix.T
+    np.testing.assert_allclose(colours, scene.rgb @ to_xyz.T, atol=1e-5)
+    np.testing.assert_allclose(matrix @ white, D50, atol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("block", "channels", "words"),
     [
-        (
-            "RX/GB",
-            "RGB",
-            "has the filters X, and the scene only R, G and B (of which C, M and Y can be made)",
-        ),
+        ("RX/GB", "RGB", "X, and the scene only R, G and B (of which C, M and Y can be made)"),
         ("CM/YU", "RGB", "has the filters U"),
         ("CM/YC", "CMV", "has the filters Y, and the scene only C, M and V; use"),
-        (
-            "RY/BR",
-            "RGB",
-            "positive weights of R, Y and B that add up to it; there are none (the nearest: R 0, "
-            "Y 2, B 1)",
-        ),
+        ("RY/BR", "RGB", "of R, Y and B that add up to it; there are none (the nearest: R 0, Y 2"),
     ],
 )
 def test_filters_that_cannot_be(block: str, channels: str, words: str) -> None:
@@ -122,13 +106,8 @@ def test_filters_that_cannot_be(block: str, channels: str, words: str) -> None:
 
 
 def test_which_channels_a_scene_needs() -> None:
-    assert [scene_channels(each) for each in ("RGB", "CMY", "GCYM", "VGN", "NY")] == [
-        "RGB",
-        "RGB",
-        "RGB",
-        "VGN",
-        "RGBN",
-    ]
+    needed = {"RGB": "RGB", "CMY": "RGB", "GCYM": "RGB", "VGN": "VGN", "NY": "RGBN"}
+    assert {channels: scene_channels(channels) for channels in needed} == needed
 
 
 # --- protocols -----------------------------------------------------------------------------------
@@ -162,9 +141,8 @@ def test_equal_exposure_gives_the_panchromatic_pixel_its_light(exposure: float) 
     assert white.mean() == pytest.approx(0.9, rel=0.02)
     # Noise of the same electrons: variance per scene unit of light is the same, so the sum of three
     # has more signal to noise.
-    assert (bayer.shot * exposure, bayer.read * exposure) == pytest.approx(
-        (TYPICAL_SHOT, TYPICAL_READ)
-    )
+    noise = bayer.shot * exposure, bayer.read * exposure
+    assert noise == pytest.approx((TYPICAL_SHOT, TYPICAL_READ))
     assert green.var() == pytest.approx(bayer.shot * 0.4 + bayer.read**2, rel=0.15)
     assert white.std() / white.mean() < 0.75 * green.std() / green.mean()
     codes = bayer.samples * exposure * (4095 - 256)
@@ -172,22 +150,12 @@ def test_equal_exposure_gives_the_panchromatic_pixel_its_light(exposure: float) 
 
 
 def test_levels_are_ordered_by_noise_checked_and_named() -> None:
-    assert [each.level for each in PaperProtocol.levels([0.03, 0.0, 0.01, 0.01])] == [
-        0.0,
-        0.01,
-        0.03,
-    ]
-    assert [each.level for each in SensorProtocol.levels([0.25, 1.0])] == [1.0, 0.25]
-    assert [PaperProtocol(level).text for level in (0.0, 0.01)] == ["no noise", "sigma 0.01"]
-    assert [SensorProtocol(level).text for level in (2.0, 1.0, 0.25)] == [
-        "exposure 2",
-        "exposure 1",
-        "exposure 1/4",
-    ]
-    assert (
-        "5,000 electrons per scene unit at exposure 1, read noise of 3 electrons, 12 bits"
-        in SensorProtocol.conditions
-    )
+    texts = [protocol.text for protocol in PaperProtocol.levels([0.03, 0.0, 0.01, 0.01])]
+    assert texts == ["no noise", "sigma 0.01", "sigma 0.03"]
+    texts = [protocol.text for protocol in SensorProtocol.levels([0.25, 2.0, 1.0])]
+    assert texts == ["exposure 2", "exposure 1", "exposure 1/4"]
+    conditions = "5,000 electrons per scene unit at exposure 1, read noise of 3 electrons, 12 bits"
+    assert conditions in SensorProtocol.conditions
     for level in (-0.1, np.nan):
         with pytest.raises(InputError, match=r"`sigma` is .* expected"):
             PaperProtocol.levels([level])
@@ -199,7 +167,6 @@ def test_levels_are_ordered_by_noise_checked_and_named() -> None:
 def test_one_kind_of_noise_is_chosen() -> None:
     assert chosen_protocol({"sigma": None, "light": None}) == (PaperProtocol, None)
     assert chosen_protocol({"sigma": None, "light": 0.5}) == (SensorProtocol, 0.5)
-    with pytest.raises(
-        InputError, match="`sigma` and `light` set different kinds of noise; give one of them"
-    ):
+    message = "`sigma` and `light` set different kinds of noise; give one of them"
+    with pytest.raises(InputError, match=message):
         chosen_protocol({"sigma": 0.0, "light": 1.0})

@@ -5,6 +5,7 @@ colours and grey row.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -83,20 +84,21 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
     for size, exponent, white, threshold, factor in _SEARCHES:
         for place in _proposed(shown_picture(picture, exponent, white), size, threshold, factor):
             turned = ChartPlace(as_rows(np.roll(place.corners, 2, axis=0)))
-            differences = [_difference(picture, each, reference) for each in (place, turned)]
-            if min(differences) > _WORTH_REFINING:
+            difference, upright = min(
+                ((_difference(picture, pose, reference), pose) for pose in (place, turned)),
+                key=lambda scored: scored[0],
+            )
+            if difference > _WORTH_REFINING:
                 continue
-            upright = place if differences[0] <= differences[1] else turned
-            found = _judged(picture, refined(picture, upright), reference)
-            if not found.fault:
-                _check_size(found.place, mosaic)
-                return found
-            why = f"; the likeliest place was refused: {found.fault}"
+            chart = _judge(picture, refine(picture, upright), reference)
+            if not chart.fault:
+                _check_size(chart.place, mosaic)
+                return chart
+            why = f"; the likeliest place was refused: {chart.fault}"
     raise InputError(
         f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least "
-        f"{least_pitch(period)} pixels "
-        f"apart at period {period}; if the chart is there, give its corners: `corners` x,y x,y "
-        "x,y x,y"
+        f"{least_pitch(period)} pixels apart at period {period}; if the chart is there, give its "
+        "corners: `corners` x,y x,y x,y x,y"
     )
 
 
@@ -110,26 +112,23 @@ def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundCh
     """
     place = ChartPlace(corners)
     if not place.lies_in(mosaic.shape):
-        raise InputError(
-            f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} "
-            "pixels"
-        )
+        size = f"{mosaic.shape[1]} x {mosaic.shape[0]} pixels"
+        raise InputError(f"the corners {place} lie outside the frame of {size}")
     _check_size(place, mosaic)
-    found = _judged(linear_picture(mosaic), place, reference)
-    if found.fault:
-        raise InputError(f"at the corners {place} there is no ColorChecker: {found.fault}")
-    return found
+    chart = _judge(linear_picture(mosaic), place, reference)
+    if chart.fault:
+        raise InputError(f"at the corners {place} there is no ColorChecker: {chart.fault}")
+    return chart
 
 
 def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
     """Raise InputError if the chart is so small that its patches hold too few colour blocks."""
-    needed = least_pitch(mosaic.pattern.period)
-    if place.pitch < needed:
+    period = mosaic.pattern.period
+    if place.pitch < (needed := least_pitch(period)):
         raise InputError(
             f"the chart is too small: its patches are {place.pitch:.0f} pixels apart, and period "
-            f"{mosaic.pattern.period} "
-            f"needs {needed}; go nearer, so that the chart is at least {needed * COLUMNS} pixels "
-            "wide"
+            f"{period} needs {needed}; go nearer, so that the chart is at least "
+            f"{needed * COLUMNS} pixels wide"
         )
 
 
@@ -150,10 +149,10 @@ def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> I
     settings.adaptiveThreshConstant, settings.B0factor = threshold, factor
     detector.setDetectionParams(settings)
     try:
-        found = detector.process(small, nc=2)
+        has_charts = detector.process(small, nc=2)
     except cv2.error:  # an assertion of OpenCV 5.0 fails on some walls of bricks
         return
-    if not found:  # asking it for a chart would end the process
+    if not has_charts:  # asking it for a chart would end the process
         return
     edge = (1 - PATCH) / 2
     box, patches = (rectangle(-off, -off, COLUMNS + off, ROWS + off) for off in (_BOX, -edge))
@@ -165,22 +164,18 @@ def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> I
             continue
 
 
-def _judged(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart:
+def _judge(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart:
     """Return what a place in a picture (H, W, C), linear, shows."""
-    difference, fault = _difference(picture, place, reference), ""
+    difference = _difference(picture, place, reference)
     means, roughness = patch_means(picture, place)
+    fault = grey_row_fault(means[18:].sum(axis=1), reference[18:, 1]) or ""
     if not place.lies_in(picture.shape[:2]):
         fault = f"its corners {place} lie outside the frame: the chart is cut off"
     elif difference > _LARGEST_DIFFERENCE:
-        limit = f"at most {_LARGEST_DIFFERENCE:.0f}"
-        fault = (
-            f"its colours are not a ColorChecker's (mean dE2000 {difference:.0f} after "
-            f"fitting, {limit})"
-        )
-    elif crooked := grey_row_fault(means[18:].sum(axis=1), reference[18:, 1]):
-        fault = crooked
+        error = f"mean dE2000 {difference:.0f} after fitting, at most {_LARGEST_DIFFERENCE:.0f}"
+        fault = f"its colours are not a ColorChecker's ({error})"
     elif np.median(roughness) > _ROUGHEST:
-        fault = "the patches are not uniform"
+        fault = fault or "the patches are not uniform"
     return FoundChart(place, difference, fault)
 
 
@@ -196,7 +191,7 @@ def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) 
     return mean if np.isfinite(mean) else float("inf")
 
 
-def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
+def refine(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     """Return the place with its corners moved so that patches are uniform inside and the gaps as
     dark as possible.
 
@@ -214,20 +209,15 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     # The second search has a new simplex: in eight dimensions the first may collapse too early.
     for reach in (0.12, 0.04):
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
-        found = minimize(
+        options: Any = {"initial_simplex": simplex, "adaptive": True, "maxfev": 700}
+        minimum = minimize(
             _misfit,
             np.zeros(8),
             args=(luminance, root, best, scale),
             method="Nelder-Mead",
-            options={
-                "initial_simplex": simplex,
-                "maxfev": 700,
-                "xatol": 1e-3,
-                "fatol": 1e-6,
-                "adaptive": True,
-            },
+            options=options | {"xatol": 1e-3, "fatol": 1e-6},
         )
-        best = best + found.x.reshape(4, 2) * scale
+        best = best + minimum.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))
 
 
@@ -266,7 +256,7 @@ def _misfit(
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)
-    gaps, patches = (_at(root, *place.at(*each.T)).mean() for each in (_GAPS, place.cells))
+    gaps, patches = (_at(root, *place.at(*cells.T)).mean() for cells in (_GAPS, place.cells))
     return float(np.minimum(rough, 0.5).mean() + gaps / max(patches, 1e-6))
 
 

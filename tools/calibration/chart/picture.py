@@ -61,8 +61,8 @@ def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _SH
     """
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.quantile(chosen[::4, ::4].reshape(-1, 3), white, axis=0)
-    share = np.clip(chosen / np.maximum(bright, 1e-6), 0, 1)
-    return (255 * share ** (1 / exponent)).astype(np.uint8)
+    levels = np.clip(chosen / np.maximum(bright, 1e-6), 0, 1)
+    return (255 * levels ** (1 / exponent)).astype(np.uint8)
 
 
 def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
@@ -74,8 +74,8 @@ def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
     image = Image.fromarray(shown_picture(linear_picture(mosaic)))
     draw, width = ImageDraw.Draw(image), max(1, round(place.pitch / 40))
     quads = (place.patch_corners(PATCH), place.patch_corners(INNER), np.array([place.corners]))
-    for each, colour in zip(quads, ("white", "magenta", "cyan"), strict=True):
-        for quad in each:
+    for outlines, colour in zip(quads, ("white", "magenta", "cyan"), strict=True):
+        for quad in outlines:
             draw.polygon(quad.ravel().tolist(), outline=colour, width=width)
     return np.asarray(image)
 

@@ -23,14 +23,8 @@ def demosaic_bilinear(mosaic: FloatArray) -> FloatArray:
     planes = (np.where(colour == channel, mosaic, 0).astype(np.float32) for channel in range(3))
     # With zeros at the missing sites one kernel serves all cases of a channel. "mirror" is
     # shared.arrays.BORDER, the only border that keeps the phase of the filters.
-    kernels = (_RED_BLUE, _GREEN, _RED_BLUE)
-    return np.stack(
-        [
-            correlate(plane, kernel, mode="mirror")
-            for plane, kernel in zip(planes, kernels, strict=True)
-        ],
-        axis=-1,
-    )
+    pairs = zip(planes, (_RED_BLUE, _GREEN, _RED_BLUE), strict=True)
+    return np.stack([correlate(plane, kernel, mode="mirror") for plane, kernel in pairs], axis=-1)
 
 
 def _render(shot: BayerShot, _: FloatArray) -> FloatArray:

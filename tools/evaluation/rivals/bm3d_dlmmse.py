@@ -50,14 +50,8 @@ def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArra
     span = max(high - low, 1e-9)
     smooth = np.maximum(_bm3d((stable - low) / span, 1 / span) * span + low, 2 * np.sqrt(3 / 8))
     root = np.sqrt(1.5)
-    inverse = (
-        smooth**2 / 4
-        + root / (4 * smooth)
-        - 11 / (8 * smooth**2)
-        + 5 * root / (8 * smooth**3)
-        - 1 / 8
-        - electron_read**2
-    )
+    inverse = smooth**2 / 4 + root / (4 * smooth) - 11 / (8 * smooth**2)
+    inverse += 5 * root / (8 * smooth**3) - 1 / 8 - electron_read**2
     return inverse * shot
 
 

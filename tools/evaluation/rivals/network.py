@@ -72,17 +72,17 @@ class Contract:
         if self.gamma <= 0 or self.offset < 0 or self.margin <= 0 or self.margin % 2:
             expected = "'gamma' above 0, 'offset' of 0 or more, and an even 'margin' above 0"
             raise InputError(f"expected {expected}")
-        for name, each in self.inputs.items():
-            if each.get("form") not in _FORMS or not each.keys() <= {"form", *_FIELDS}:
+        for name, form in self.inputs.items():
+            if form.get("form") not in _FORMS or not form.keys() <= {"form", *_FIELDS}:
                 expected = f"'form' ({', '.join(_FORMS)}), {', '.join(map(repr, _FIELDS))}"
-                raise InputError(f"input {name!r} is {each}, expected {expected}")
+                raise InputError(f"input {name!r} is {form}, expected {expected}")
 
-    def encode(self, light: DoubleArray) -> DoubleArray:
-        """The code of light, 0 to 1 for 0 to 1."""
+    def encode(self, signal: DoubleArray) -> DoubleArray:
+        """The code of a signal, 0 to 1 for 0 to 1."""
         if self.gamma == 1:
-            return light
+            return signal
         low, span = self._ends
-        return (np.maximum(light + self.offset, 0) ** (1 / self.gamma) - low) / span
+        return (np.maximum(signal + self.offset, 0) ** (1 / self.gamma) - low) / span
 
     def decode(self, code: DoubleArray) -> DoubleArray:
         """Inverse of `encode`."""
@@ -91,9 +91,9 @@ class Contract:
         low, span = self._ends
         return np.maximum(code * span + low, 0) ** self.gamma - self.offset
 
-    def steepness(self, light: DoubleArray) -> DoubleArray:
+    def steepness(self, signal: DoubleArray) -> DoubleArray:
         """Derivative of `encode`."""
-        slope = np.maximum(light + self.offset, _DARK) ** (1 / self.gamma - 1) / self.gamma
+        slope = np.maximum(signal + self.offset, _DARK) ** (1 / self.gamma - 1) / self.gamma
         return slope / self._ends[1]
 
     @property
@@ -108,19 +108,19 @@ def network(path: str) -> Method:
 
     Raises InputError, which names the file that is missing or wrong and says what was expected.
     """
-    said = Path(path).with_suffix(".json")
+    description = Path(path).with_suffix(".json")
     content = _content(path)
     try:
-        text = read_text(said, _LARGEST, "a description of a network")
+        text = read_text(description, _LARGEST, "a description of a network")
         contract = Contract(**json.loads(text))
     except (InputError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{said}: does not say how the network is fed: {error}") from error
+        raise InputError(f"{description}: does not say how the network is fed: {error}") from error
     version = hashlib.sha256(f"{content} {text}".encode()).hexdigest()[:16]
     name = f"{_UNPRINTABLE.sub('_', Path(path).stem)}-{version[:8]}"
     return Method(
         name,
         f"Bayer, {name}",
-        partial(_demosaicked, path, content, contract),
+        partial(_demosaic, path, content, contract),
         version,
         balanced=contract.balanced,
         packages=("onnxruntime",),
@@ -129,7 +129,7 @@ def network(path: str) -> Method:
     )
 
 
-def _demosaicked(
+def _demosaic(
     path: str, content: str, contract: Contract, shot: BayerShot, white: FloatArray
 ) -> FloatArray:
     """The network's picture, float32 (H, W, 3), scene units. Raises InputError, naming the file.
@@ -159,19 +159,19 @@ def _demosaicked(
     picture = np.empty((3, rows - 2 * margin, columns - 2 * margin))
     for top in range(0, picture.shape[1], _ROWS):
         end = min(top + _ROWS, picture.shape[1])
-        given = [plane[top : end + 2 * margin] for plane in planes]
-        inputs = {name: _packed(form, *given) for name, form in contract.inputs.items()}
-        found = _run(path, content, inputs)
-        asked, got = end - top + 2 * margin, found.shape[1]
+        strips = [plane[top : end + 2 * margin] for plane in planes]
+        inputs = {name: _pack(form, *strips) for name, form in contract.inputs.items()}
+        output = _run(path, content, inputs)
+        asked, got = end - top + 2 * margin, output.shape[1]
         edge = margin - (asked - got) // 2  # of the margin, what the convolutions have left
         if not 0 <= edge <= margin:
             raise InputError(f"{path}: gives {got} rows for {asked}; a larger 'margin' may help")
-        picture[:, top:end] = found[:, edge : edge + end - top, edge : edge + picture.shape[2]]
+        picture[:, top:end] = output[:, edge : edge + end - top, edge : edge + picture.shape[2]]
     picture = picture[:, down : down + height, right : right + width].transpose(1, 2, 0)
     return np.ascontiguousarray(contract.decode(picture) * white, np.float32)
 
 
-def _packed(
+def _pack(
     form: dict[str, Any], codes: FloatArray, noise: FloatArray, filters: ByteArray
 ) -> FloatArray:
     """One input of the network, (1, planes, h, w)."""
@@ -181,18 +181,18 @@ def _packed(
         planes, noise = quads, noise[::2, ::2]
     elif form["form"] == "sparse":
         planes = [codes * (filters == channel) for channel in range(3)]
-    more, crop = form.get("add", [0.0] * len(planes)), int(form.get("crop", 0))
-    added = [plane + np.float32(each) for plane, each in zip(planes, more, strict=True)]
+    bias, crop = form.get("add", [0.0] * len(planes)), int(form.get("crop", 0))
+    added = [plane + np.float32(value) for plane, value in zip(planes, bias, strict=True)]
     stacked = np.stack([*added, noise] if form.get("noise") else added)
     _, height, width = stacked.shape
     return np.ascontiguousarray(stacked[None, :, crop : height - crop, crop : width - crop])
 
 
 def _run(path: str, content: str, inputs: dict[str, FloatArray]) -> FloatArray:
-    network_ = _session(path, content)
+    model = _session(path, content)
     try:
-        (found,) = network_.run(None, inputs)
-        return np.asarray(found[0], np.float32).reshape(3, *found.shape[-2:])
+        (output,) = model.run(None, inputs)
+        return np.asarray(output[0], np.float32).reshape(3, *output.shape[-2:])
     except Exception as error:  # onnxruntime's errors have no common base
         raise InputError(f"{path}: does not take what its JSON file says ({error})") from error
 
@@ -202,10 +202,10 @@ def _session(path: str, content: str) -> Any:
     """A session of the network, if its files are still those that `_content` digested."""
     from ....shared.runtime import session
 
-    found = session(Path(path))
+    model = session(Path(path))
     if _content(path) != content:
         raise InputError(f"{path}: {CHANGED}")
-    return found
+    return model
 
 
 def _content(path: str) -> str:
@@ -213,10 +213,10 @@ def _content(path: str) -> str:
     InputError, which names the file.
     """
     model = _read(path)
-    names = {model[each.end() : each.end() + each[1][0]] for each in _BESIDE.finditer(model)}
+    names = {model[match.end() : match.end() + match[1][0]] for match in _BESIDE.finditer(model)}
     beside = [str(Path(path).parent / os.fsdecode(name)) for name in sorted(names)]
-    parts = [model, *map(_read, beside)]
-    return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
+    digests = (hashlib.sha256(data).digest() for data in (model, *map(_read, beside)))
+    return hashlib.sha256(b"".join(digests)).hexdigest()
 
 
 def _read(path: str) -> bytes:

@@ -92,16 +92,13 @@ def _lay(
         card = np.full((below.size, x.size, rgb.shape[2]), CARD)
         drawn = (below > 0) & (below < size)
         if drawn.any():
-            card[np.ix_(drawn, inner)] = draw(
-                *np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size
-            )
-        covered = (
-            _outside(x[None, :], below[:, None], width, size, CORNER * scale) < margin
-        ).astype(np.float64)[..., None]
+            places = np.meshgrid(x[inner] / size, below[drawn] / size)
+            card[np.ix_(drawn, inner)] = draw(*places, 1 / size)
+        outside = _outside(x[None, :], below[:, None], width, size, CORNER * scale)
+        covered = (outside < margin).astype(np.float64)[..., None]
         card *= covered
-        target = rgb[top - margin + first :, left - margin : left + width + margin][
-            : below.size // SAMPLES
-        ]
+        up = top - margin + first
+        target = rgb[up : up + below.size // SAMPLES, left - margin : left + width + margin]
         target *= (1 - _mean(covered)).astype(np.float32)
         target += _mean(card).astype(np.float32)
 

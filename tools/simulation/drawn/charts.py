@@ -121,10 +121,8 @@ def detail_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
 
 def _slanted_square(right: DoubleArray, down: DoubleArray) -> BoolArray:
     cosine, sine = np.cos(SLANT), np.sin(SLANT)
-    return (
-        np.maximum(np.abs(right * cosine + down * sine), np.abs(down * cosine - right * sine))
-        < 0.14
-    )
+    along, across = np.abs(right * cosine + down * sine), np.abs(down * cosine - right * sine)
+    return np.maximum(along, across) < 0.14
 
 
 def ink(x: DoubleArray, y: DoubleArray, height: float) -> BoolArray:
@@ -145,11 +143,8 @@ def ink(x: DoubleArray, y: DoubleArray, height: float) -> BoolArray:
     for place in range(letters // len(_WORD) * len(_WORD) or min(letters, len(_WORD) - 1)):
         letter = _WORD[place % len(_WORD)]
         for path in _LETTERS.get(letter, ()):
-            for start, end in pairwise(path):
-                (x0, y0), (x1, y1) = (
-                    (start[0] + place * _ADVANCE, start[1]),
-                    (end[0] + place * _ADVANCE, end[1]),
-                )
+            points = [(across + place * _ADVANCE, down) for across, down in path]
+            for (x0, y0), (x1, y1) in pairwise(points):
                 left, right = np.searchsorted(columns, (min(x0, x1) - _PEN, max(x0, x1) + _PEN))
                 top, bottom = np.searchsorted(rows, (min(y0, y1) - _PEN, max(y0, y1) + _PEN))
                 box = (slice(top, bottom), slice(left, right))
@@ -188,9 +183,7 @@ def draw_patches(
         (4, 6, 3), see `color_checker`.
     """
     column, row = np.clip(u, 0, 5.999), np.clip(v, 0, 3.999)
-    inside = (np.abs(column % 1 - 0.5) < DRAWN_PATCH / 2) & (
-        np.abs(row % 1 - 0.5) < DRAWN_PATCH / 2
-    )
+    inside = np.maximum(np.abs(column % 1 - 0.5), np.abs(row % 1 - 0.5)) < DRAWN_PATCH / 2
     return np.where(inside[..., None], patches[row.astype(int), column.astype(int)], ground)
 
 
@@ -200,16 +193,13 @@ def chart_scene(width: int, height: int) -> Scene:
     """
     to_cells = homography(np.array(CORNERS) * (width, height), rectangle(0, 0, 6, 4))
     rgb, patches = np.zeros((height, width, 3), np.float32), color_checker()
-    for down in range(SAMPLES):
-        for right in range(SAMPLES):
-            x, y = np.meshgrid(
-                np.arange(width) + (right + 0.5) / SAMPLES,
-                np.arange(height) + (down + 0.5) / SAMPLES,
-            )
-            u, v = apply_homography(to_cells, x, y)
-            card = (u > -RIM) & (u < 6 + RIM) & (v > -RIM) & (v < 4 + RIM)
-            colours = draw_patches(u, v, np.where(card[..., None], CARD, np.array(WALL)), patches)
-            rgb += (colours / SAMPLES**2).astype(np.float32)
+    for place in np.ndindex(SAMPLES, SAMPLES):
+        down, right = (np.array(place) + 0.5) / SAMPLES
+        x, y = np.meshgrid(np.arange(width) + right, np.arange(height) + down)
+        u, v = apply_homography(to_cells, x, y)
+        card = (u > -RIM) & (u < 6 + RIM) & (v > -RIM) & (v < 4 + RIM)
+        colours = draw_patches(u, v, np.where(card[..., None], CARD, np.array(WALL)), patches)
+        rgb += (colours / SAMPLES**2).astype(np.float32)
     bright, dim = LIGHT
     fall = 0.65 * np.linspace(0, 1, width)[None, :] + 0.35 * np.linspace(0, 1, height)[:, None]
     rgb *= (bright + (dim - bright) * fall**1.5).astype(np.float32)[..., None]

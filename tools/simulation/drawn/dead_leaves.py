@@ -100,25 +100,20 @@ def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
     largest = max(LARGEST * scale, 2 * LEAST)
     smallest = max(SMALLEST * scale, LEAST)
     octaves = int(np.ceil(np.log2(largest / smallest)))
-    found: list[DoubleArray] = []
+    places: list[DoubleArray] = []
     for octave in range(octaves):
         high = largest * 0.5**octave
         low = max(high / 2, smallest)
         cover = COVER[min(octave, len(COVER) - 1)] * np.log2(high / low)
         # mean of radius**2 with density r^-3
         mean_square = 2 * np.log(high / low) / (low**-2 - high**-2)
-        count = int(
-            np.ceil(cover * (width + 2 * high) * (height + 2 * high) / (np.pi * mean_square * FILL))
-        )
+        across, down = width + 2 * high, height + 2 * high
+        count = int(np.ceil(cover * across * down / (np.pi * mean_square * FILL)))
         draw = np.random.default_rng((seed, octave)).random((3, count))
         radius = (high**-2 + draw[0] * (low**-2 - high**-2)) ** -0.5
-        found.append(
-            np.stack(
-                [draw[1] * (width + 2 * high) - high, draw[2] * (height + 2 * high) - high, radius]
-            )
-        )
+        places.append(np.stack([draw[1] * across - high, draw[2] * down - high, radius]))
     draws = np.random.default_rng((seed, octaves, 0))
-    x, y, radius = draws.permutation(np.concatenate(found, axis=1), axis=1)
+    x, y, radius = draws.permutation(np.concatenate(places, axis=1), axis=1)
     tipped = draws.random(x.size) < TIPPED
     return Leaves(
         x=x,

@@ -1,5 +1,7 @@
 """Bilinear interpolation and DLMMSE, pixel by pixel as they are defined."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -13,22 +15,16 @@ def bilinear(mosaic: FloatArray) -> DoubleArray:
     """Each missing value: the mean of its channel's samples among the eight neighbours, in the
     mirrored frame.
     """
-    height, width = mosaic.shape
-    padded = np.pad(mosaic.astype(float), 1, mode="reflect")
-    rgb = np.empty((height, width, 3))
-    for row in range(height):
-        for column in range(width):
-            for channel, letter in enumerate("RGB"):
-                if ORDER[row % 2 * 2 + column % 2] == letter:
-                    rgb[row, column, channel] = mosaic[row, column]
-                    continue
-                seen = [
-                    padded[row + 1 + down, column + 1 + right]
-                    for down in (-1, 0, 1)
-                    for right in (-1, 0, 1)
-                    if ORDER[(row + down) % 2 * 2 + (column + right) % 2] == letter
-                ]
-                rgb[row, column, channel] = np.mean(seen)
+    padded, steps = np.pad(mosaic.astype(float), 1, mode="reflect"), (-1, 0, 1)
+    rgb = np.empty((*mosaic.shape, 3))
+    for row, column, channel in np.ndindex(rgb.shape):
+        neighbours = [
+            padded[row + 1 + down, column + 1 + right]
+            for down, right in product(steps, steps)
+            if ORDER[(row + down) % 2 * 2 + (column + right) % 2] == "RGB"[channel]
+        ]
+        own = ORDER[row % 2 * 2 + column % 2] == "RGB"[channel]
+        rgb[row, column, channel] = mosaic[row, column] if own else np.mean(neighbours)
     return rgb
 
 
@@ -57,8 +53,7 @@ def green_of(mosaic: FloatArray, row: int, column: int) -> float:
     # green minus the other colour of the line
     def difference(n: int, step: tuple[int, int]) -> float:
         middle = value(n, step)
-        near = value(n - 1, step) + value(n + 1, step)
-        far = value(n - 2, step) + value(n + 2, step)
+        near, far = (value(n - by, step) + value(n + by, step) for by in (1, 2))
         other = near / 2 + (2 * middle - far) / 4
         return middle - other if green(row + n * step[0], column + n * step[1]) else other - middle
 
@@ -80,10 +75,8 @@ def test_green_is_the_papers() -> None:
     for row in range(11, 19):
         for column in range(12, 20):
             if ORDER[row % 2 * 2 + column % 2] != "G":
-                # float32
-                assert picture[row, column, 1] == pytest.approx(
-                    green_of(mosaic, row, column), abs=1e-6
-                )
+                expected = green_of(mosaic, row, column)
+                assert picture[row, column, 1] == pytest.approx(expected, abs=1e-6)  # float32
 
 
 def test_measured_samples_stay_and_an_even_colour_comes_back() -> None:

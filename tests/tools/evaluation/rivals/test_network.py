@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from onnx import TensorProto, helper, load, numpy_helper, save
+from onnx import load, save
 
 from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation.methods import choose
@@ -16,44 +16,31 @@ from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.simulation.bayer import sample_bayer
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.noise import BayerShot
+from panchroma.tools.training.graph import Graph, Values
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)
 # of GRBG: red, green, blue, green
 QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}
 
 
-def network(folder: Path, weights: np.ndarray, blocks: int, **said: Any) -> str:
+def network(folder: Path, weights: np.ndarray, blocks: int, **fields: Any) -> str:
     """A convolution with these weights, its planes then put into blocks x blocks pixels each; and
     its description.
     """
-    nodes = [
-        helper.make_node("Conv", ["x", "w"], ["c"]),
-        helper.make_node("DepthToSpace", ["c"], ["y"], blocksize=blocks),
-    ]
-    sizes = [[1, each, None, None] for each in (weights.shape[1], 3)]
-    ends = [
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, size)
-        for name, size in zip("xy", sizes, strict=True)
-    ]
-    graph = helper.make_graph(
-        nodes, "g", ends[:1], ends[1:], [numpy_helper.from_array(weights.astype(np.float32), "w")]
-    )
-    save(
-        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8),
-        folder / "mine.onnx",
-    )
-    (folder / "mine.json").write_text(json.dumps(said))
+    graph = Graph()
+    graph.store("w", weights.astype(np.float32))
+    values = graph.add("Conv", ["x", "w"], "c")
+    graph.add("DepthToSpace", [values], "y", blocksize=blocks)
+    inputs: Values = "x", [1, weights.shape[1], "h", "w"]
+    graph.write(folder / "mine.onnx", inputs, ("y", [1, 3, "H", "W"]))
+    (folder / "mine.json").write_text(json.dumps(fields))
     return str(folder / "mine.onnx")
 
 
-def of_quads(folder: Path, red: list[float], **said: Any) -> str:
+def of_quads(folder: Path, red: list[float], **fields: Any) -> str:
     """Every pixel of a quad has its mean colour; red is that of the five planes weighted so."""
-    weights = np.zeros((12, 5, 1, 1))
-    for plane in range(4):
-        weights[plane * 3 : plane * 3 + 3, :, 0, 0] = np.array(
-            [red, [0, 0.5, 0, 0.5, 0], [0, 0, 1, 0, 0]]
-        )
-    return network(folder, weights, 2, **said)
+    weights = np.tile([red, [0, 0.5, 0, 0.5, 0], [0, 0, 1, 0, 0]], (4, 1))
+    return network(folder, weights[..., None, None], 2, **fields)
 
 
 @pytest.mark.parametrize(
@@ -64,14 +51,12 @@ def test_sparse_planes_of_any_order_are_those_of_bilinear_interpolation(
     tmp_path: Path, order: str, shape: tuple[int, int]
 ) -> None:
     weights = np.zeros((3, 3, 3, 3))
-    cross = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
-    ring = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
-    for channel in range(3):
-        weights[channel, channel] = cross if channel == 1 else ring
+    weights[[0, 2], [0, 2]] = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
+    weights[1, 1] = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
     path = network(tmp_path, weights, 1, order=order, inputs={"x": {"form": "sparse"}})
     mosaic = sample_bayer(builtin_scene(340, 340).rgb[: shape[0], : shape[1]])
-    found = choose([path])[0].function(BayerShot(mosaic, 0.0, 0.0), WHITE)
-    np.testing.assert_allclose(found[2:-2, 2:-2], demosaic_bilinear(mosaic)[2:-2, 2:-2], atol=1e-5)
+    picture = choose([path])[0].function(BayerShot(mosaic, 0.0, 0.0), WHITE)[2:-2, 2:-2]
+    np.testing.assert_allclose(picture, demosaic_bilinear(mosaic)[2:-2, 2:-2], atol=1e-5)
 
 
 def test_balance_code_and_bias_are_undone(tmp_path: Path) -> None:
@@ -81,33 +66,28 @@ def test_balance_code_and_bias_are_undone(tmp_path: Path) -> None:
     fed = {"x": {**QUADS["x"], "add": [-0.25, 0, 0, 0], "noise": True}}
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", gamma=2.2, offset=0.01, inputs=fed)
     rgb = np.broadcast_to(np.array([0.3, 0.5, 0.2], np.float32), (40, 44, 3))
-    found = choose([path])[0].function(BayerShot(sample_bayer(rgb), 0.0, 0.0), WHITE)
-    np.testing.assert_allclose(found[..., 1:], rgb[..., 1:], atol=1e-5)
+    picture = choose([path])[0].function(BayerShot(sample_bayer(rgb), 0.0, 0.0), WHITE)
+    np.testing.assert_allclose(picture[..., 1:], rgb[..., 1:], atol=1e-5)
     low, high = 0.01 ** (1 / 2.2), 1.01 ** (1 / 2.2)
     code = ((0.3 / 0.5 + 0.01) ** (1 / 2.2) - low) / (high - low) - 0.25
-    np.testing.assert_allclose(
-        found[..., 0], 0.5 * ((code * (high - low) + low) ** 2.2 - 0.01), atol=1e-5
-    )
+    red = 0.5 * ((code * (high - low) + low) ** 2.2 - 0.01)
+    np.testing.assert_allclose(picture[..., 0], red, atol=1e-5)
 
 
 @pytest.mark.parametrize(("shot", "read"), [(0.0, 0.02), (0.004, 0.0)])
 def test_noise_is_that_of_balanced_samples(tmp_path: Path, shot: float, read: float) -> None:
     path = of_quads(tmp_path, [0, 0, 0, 0, 1], order="GRBG", inputs=QUADS)
     grey = np.full((40, 44), 0.25, np.float32)
-    found = choose([path])[0].function(BayerShot(grey, shot, read), np.ones(3, np.float32))[..., 0]
-    np.testing.assert_allclose(found, (shot * 0.25 + read**2) ** 0.5, rtol=1e-4)
+    picture = choose([path])[0].function(BayerShot(grey, shot, read), np.ones(3, np.float32))
+    np.testing.assert_allclose(picture[..., 0], (shot * 0.25 + read**2) ** 0.5, rtol=1e-4)
 
 
 def test_a_network_for_unbalanced_samples_gets_them_as_they_are(tmp_path: Path) -> None:
-    mosaic = sample_bayer(builtin_scene(60, 60).rgb)
+    shot = BayerShot(sample_bayer(builtin_scene(60, 60).rgb), 0.0, 0.0)
     for balanced in (True, False):
-        path = of_quads(
-            tmp_path, [1, 0, 0, 0, 0], order="GRBG", balanced=balanced, gamma=2.2, inputs=QUADS
-        )
-        shot = BayerShot(mosaic, 0.0, 0.0)
-        first, second = (
-            choose([path])[0].function(shot, white) for white in (WHITE, np.ones(3, np.float32))
-        )
+        fields: Any = {"order": "GRBG", "balanced": balanced, "gamma": 2.2, "inputs": QUADS}
+        (method,) = choose([of_quads(tmp_path, [1, 0, 0, 0, 0], **fields)])
+        first, second = (method.function(shot, white) for white in (WHITE, np.ones_like(WHITE)))
         assert np.array_equal(first, second) != balanced
 
 
@@ -122,14 +102,15 @@ def test_a_name_has_characters_that_plots_can_show(tmp_path: Path) -> None:
 def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"mine\.onnx"):
         choose([str(tmp_path / "mine.onnx")])
-    for said, wrong in (
-        ({"order": "RGB", "inputs": QUADS}, "'order'"),
-        ({"inputs": {"x": {"form": "cubes"}}}, "'form'"),
-        ({"inputs": QUADS, "gain": 2}, "gain"),
-        ({}, "inputs"),
-    ):
-        path = of_quads(tmp_path, [1, 0, 0, 0, 0], **said)
-        with pytest.raises(InputError, match=rf"mine\.json.*{wrong}"):
+    wrong: dict[str, Any] = {
+        "'order'": {"order": "RGB", "inputs": QUADS},
+        "'form'": {"inputs": {"x": {"form": "cubes"}}},
+        "gain": {"inputs": QUADS, "gain": 2},
+        "inputs": {},
+    }
+    for name, fields in wrong.items():
+        path = of_quads(tmp_path, [1, 0, 0, 0, 0], **fields)
+        with pytest.raises(InputError, match=rf"mine\.json.*{name}"):
             choose([path])
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], inputs={"x": {"form": "sparse"}})
     with pytest.raises(InputError, match=r"mine\.onnx: does not take"):
