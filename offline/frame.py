@@ -301,14 +301,12 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
     bends = []
     for axis, step in enumerate(block):
         mirrored = np.pad(np.arange(luminance.shape[axis]), step, mode=BORDER)
-        pair = [
-            [
-                mirrored[along + end] if axis == other else along
-                for other, along in enumerate(places)
-            ]
-            for end in (0, 2 * step)
-        ]
-        bends.append(np.abs(sum(luminance[np.ix_(*end)] for end in pair) / 2 - luminance[site]))
+        pair = []
+        for end in (0, 2 * step):
+            moved = places.copy()
+            moved[axis] = mirrored[places[axis] + end]
+            pair.append(luminance[np.ix_(*moved)])
+        bends.append(np.abs(sum(pair) / 2 - luminance[site]))
     return np.maximum(*bends)
 
 

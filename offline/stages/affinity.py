@@ -183,14 +183,8 @@ def solve_affinities(
     solutions = Solutions(fields, np.empty(count), np.empty(count, np.intp))
     regions = Regions(period, first, end, across, down, along)
     limits = Limits(settings.tolerance, settings.iterations)
-    solve_regions(
-        Frame(luminance, *places),
-        regions,
-        _pins(pattern, grid, (along + 2 * HALO) * period),
-        filters,
-        limits,
-        solutions,
-    )
+    pins = _pins(pattern, grid, (along + 2 * HALO) * period)
+    solve_regions(Frame(luminance, *places), regions, pins, filters, limits, solutions)
     report(progress, "affinity", solutions.used, solutions.residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 

@@ -234,13 +234,8 @@ def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
     odd = slope / sums - mixture
     odd -= odd.mean(axis=0)
     error /= number * sums**2
-    odd *= np.maximum(
-        1
-        - np.float32(_SHRINK**2)
-        * error
-        / np.maximum((odd**2).sum(axis=0), np.float32(_LEAST_DIVISOR)),
-        0,
-    )
+    power = np.maximum((odd**2).sum(axis=0), np.float32(_LEAST_DIVISOR))
+    odd *= np.maximum(1 - np.float32(_SHRINK**2) * error / power, 0)
     return ColourLines(-odd * level, mixture + odd, np.ones_like(total))
 
 

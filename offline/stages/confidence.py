@@ -91,14 +91,8 @@ def brightness_agreement(total: DoubleArray, unsure: DoubleArray | float = 0.0) 
         Standard deviation of its noise.
     """
     around = smoothed(total[None], _AROUND)[0].astype(np.float64)
-    return 1 / (
-        1
-        + (
-            np.maximum(around - total, 0)
-            / np.maximum(_SUNKEN * around + _NOISE * unsure, _LEAST_DIVISOR)
-        )
-        ** _STEEPNESS
-    )
+    usual = np.maximum(_SUNKEN * around + _NOISE * unsure, _LEAST_DIVISOR)
+    return 1 / (1 + (np.maximum(around - total, 0) / usual) ** _STEEPNESS)
 
 
 def replace_doubtful_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:

@@ -97,14 +97,8 @@ def block_samples(
     error = fill_error(luminance, frame.sites)
     if alone is not None:
         error = error * alone
-    return BlockSamples(
-        frame.sites,
-        frame.sites.of(frame.signal),
-        frame.noise,
-        unclipped_blocks(frame),
-        error,
-        alone,
-    )
+    samples, unclipped = frame.sites.of(frame.signal), unclipped_blocks(frame)
+    return BlockSamples(frame.sites, samples, frame.noise, unclipped, error, alone)
 
 
 def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:

@@ -399,20 +399,11 @@ def _ratios_around(
     none, or it is bad or dark.
     """
     light = frame.around.light
-    ratio = np.where(
-        bad | (light <= _LEAST_LIGHT * frame.level),
-        np.nan,
-        frame.samples / np.where(light > 0, light, 1),
-    )
+    unknown = bad | (light <= _LEAST_LIGHT * frame.level)
+    ratio = np.where(unknown, np.nan, frame.samples / np.where(light > 0, light, 1))
     wide = np.pad(ratio, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
-    return np.stack(
-        [
-            wide[rows + down, columns + across]
-            for down in range(3)
-            for across in range(3)
-            if (down, across) != (1, 1)
-        ]
-    )
+    around = [step for step in np.ndindex(3, 3) if step != (1, 1)]
+    return np.stack([wide[rows + down, columns + across] for down, across in around])
 
 
 def _median(frame: Cleaned, near: DoubleArray) -> DoubleArray:

@@ -292,13 +292,8 @@ def _down(
         for i in range(size // 2):
             for side in range(2):
                 x = column + side * WIDTH
-                _fold(
-                    load(plane, (row + i, x)),
-                    load(plane, (row + size - 1 - i, x)),
-                    2 * i + side,
-                    size,
-                    folded,
-                )
+                a, b = load(plane, (row + i, x)), load(plane, (row + size - 1 - i, x))
+                _fold(a, b, 2 * i + side, size, folded)
         _transform(folded, size, transform, (0, column), (0, column + WIDTH), out)
 
 
@@ -314,13 +309,8 @@ def _across(
         for i in range(size // 2):
             left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
             for side in range(2):
-                _fold(
-                    load(halves, (k + side, left)),
-                    load(halves, (k + side, right)),
-                    2 * i + side,
-                    size,
-                    folded,
-                )
+                a, b = load(halves, (k + side, left)), load(halves, (k + side, right))
+                _fold(a, b, 2 * i + side, size, folded)
         _transform(folded, size, transform, (k * size, 0), (k * size + size, 0), out)
 
 

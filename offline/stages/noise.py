@@ -125,15 +125,12 @@ def _tiles(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Float
     """
     yield np.empty((2, 0), np.float32)
     period = len(clear)
-    steps = (step for step in range(1, period + 1) if period % step == 0)
-    step = next(
-        (
-            step
-            for step in steps
-            if any(clear[:, phase::step].all(axis=1).any() for phase in range(step))
-        ),
-        0,
-    )
+
+    def is_clear(step: int) -> bool:
+        return any(clear[:, phase::step].all(axis=1).any() for phase in range(step))
+
+    steps = (step for step in range(1, period + 1) if period % step == 0 and is_clear(step))
+    step = next(steps, 0)
     for phase in range(step):
         rows = np.flatnonzero(np.resize(clear[:, phase::step].all(axis=1), len(signal)))
         plane, count = signal[:, phase::step], len(rows) // _LINES

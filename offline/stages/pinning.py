@@ -145,23 +145,12 @@ class Pinning(RowStage):
         grid = self.measured.grid
         trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
         half = (grid.period - 1) / 2
-        interpolate(
-            confidence,
-            (
-                float(grid.whole_rows[tiles.start]) + half - part.first,
-                float(grid.whole_columns[0]) + half,
-            ),
-            grid.period,
-            trusted,
-        )
+        down, across = float(grid.whole_rows[tiles.start]), float(grid.whole_columns[0])
+        interpolate(confidence, (down + half - part.first, across + half), grid.period, trusted)
         base = part.chromaticity.copy()
+        first = float(grid.rows[0]) + half - part.first, float(grid.columns[0]) + half
         for channel, around in enumerate(self._around):
-            interpolate(
-                around,
-                (float(grid.rows[0]) + half - part.first, float(grid.columns[0]) + half),
-                grid.period,
-                plane,
-            )
+            interpolate(around, first, grid.period, plane)
             base[..., channel] += trusted * (plane - base[..., channel])
         return base
 
@@ -175,18 +164,11 @@ class Pinning(RowStage):
     ) -> Part:
         filters = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
         of_channel = np.arange(base.shape[2])[:, None, None] == filters
-        samples = Samples(
-            of_channel * weights, of_channel * (weights * (ratios - np.moveaxis(base, 2, 0)))
-        )
+        apart = weights * (ratios - np.moveaxis(base, 2, 0))
+        samples = Samples(of_channel * weights, of_channel * apart)
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
-        change = fitted(
-            part.luminance,
-            samples,
-            Prior(_SMOOTHNESS, _FADING, self._edge),
-            extent,
-            "pinning",
-            self.progress,
-        )
+        prior = Prior(_SMOOTHNESS, _FADING, self._edge)
+        change = fitted(part.luminance, samples, prior, extent, "pinning", self.progress)
         own, pinned = part.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
         gamma, derived = self.measured.gamma, self.measured.pattern.derived
         if derived is not None:  # Eq. 7
@@ -194,6 +176,5 @@ class Pinning(RowStage):
             pinned[..., derived] = np.maximum(1 - others, 0) / gamma[derived]
         total = (pinned @ gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
-        return replace(
-            own, chromaticity=np.where(whole, pinned / np.where(whole, total, 1), own.chromaticity)
-        )
+        pinned = np.where(whole, pinned / np.where(whole, total, 1), own.chromaticity)
+        return replace(own, chromaticity=pinned)

@@ -106,14 +106,8 @@ def propagate(
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
     light = Light(luminance, *domain_places(grid))
     corner = top + above - first * grid.period, left
-    mix(
-        fields,
-        blocks,
-        light,
-        Place(first, *corner),
-        Weighting(np.float32(settings.softness), np.float32(settings.likeness)),
-        out,
-    )
+    weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
+    mix(fields, blocks, light, Place(first, *corner), weighting, out)
     return out
 
 
