@@ -69,14 +69,14 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     tops, lefts = grid.whole_rows, grid.whole_columns
     every = max(1, len(tops) * len(lefts) // _MOST_BLOCKS)
     tops = tops[every // 2 :: every]
-    if not len(tops):
-        return None
     places, derived = list(pattern.sites), pattern.derived
     if derived is not None:  # Eq. 7 needs luminance, too
         tile = pattern.filter_map(pattern.block_shape, pattern.block_origin)
         clear = np.argwhere(tile == len(pattern.channels)).tolist() or [[0, -1]]
         places += [(row, column, len(pattern.channels)) for row, column in clear]
         lefts = lefts[lefts > 0] if clear[0][1] < 0 else lefts
+    if not (len(tops) and len(lefts)):
+        return None
     blocks = np.zeros((len(pattern.planes), len(tops), len(lefts)), np.float32)
     for row, column, plane in places:
         rows = slice(tops[0] + row, tops[-1] + row + 1, every * pattern.period)

@@ -97,7 +97,11 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     )
     pull = g("Div", g("Mul", g.gamma, g.gamma), a)
     missing = g("Sub", 1.0, g.total(parts, g.channels, axis=0))
-    return g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
+    parts = g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
+    if derived is None:
+        return parts
+    parts = g("Relu", parts)  # no sample bounds that channel: a bright site in the dark would
+    return g("Div", parts, g.total(parts, g.channels, axis=0))
 
 
 class Pooled(NamedTuple):

@@ -91,3 +91,22 @@ def test_a_dng_keeps_the_channels(letters: str) -> None:
     again = decode_dng(encode_dng(mosaic, np.zeros((12, 15, 3), np.uint8)))
     assert (again.pattern, again.calibration) == (mosaic.pattern, mosaic.calibration)
     assert np.array_equal(again.codes, mosaic.codes)
+
+
+def test_white_balance_of_a_frame_without_clear_pixels_beside_a_block_is_unknown() -> None:
+    mosaic, _ = seen(SCENE[:3, :3], CfaPattern.of_letters("RBWW/WWWW/WWWW/WWWW"))
+    assert estimate_neutral(mosaic) is None
+
+
+def test_the_preview_shows_no_colours_that_are_brighter_than_all_light() -> None:
+    """A bright line through a site, whose block is dark otherwise, would make the missing channel
+    as negative.
+    """
+    pattern = CfaPattern.of_letters("RWW/WWW/WWB")
+    lines = np.full_like(SCENE, 0.02)
+    lines[np.arange(0, 90), np.arange(0, 90)] = 1.0
+    lines[np.arange(0, 90), np.arange(119, 29, -1)] = 1.0
+    mosaic, _ = seen(lines, pattern)
+    picture = Preview(pattern, linear=True).run(mosaic)
+    assert picture.min() > -0.1
+    assert picture.max() < 2.9
