@@ -76,7 +76,8 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
         g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)),
         -first / (last - first),
     )
-    filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", above, 0.0, 1.0)))
+    saturated = g("Clip", above, 0.0, 1.0)
+    filled = g("Add", filled, g("Mul", g("Relu", gap), saturated))
 
     def of_channels(products: str) -> str:
         if counts == [1] * g.channels:
@@ -100,8 +101,11 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     parts = g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
     if derived is None:
         return parts
-    parts = g("Relu", parts)  # no sample bounds that channel: a bright site in the dark would
-    return g("Div", parts, g.total(parts, g.channels, axis=0))
+    # No sample bounds that channel: bright sites in the dark, or in light that saturates
+    # panchromatic pixels, would make it negative.
+    parts = g("Relu", parts)
+    parts = g("Div", parts, g.total(parts, g.channels, axis=0))
+    return g("Add", parts, g("Mul", saturated, g("Sub", grey, parts)))
 
 
 class Pooled(NamedTuple):

@@ -108,6 +108,8 @@ def restore_highlights(
     def restore(rows: slice) -> None:
         means = sites.means(samples[rows])
         clipped = clipped_share(means, clipping, settings.shoulder)
+        if (derived := sites.pattern.derived) is not None:  # not read: that of white
+            means[..., derived], clipped[..., derived] = 0, 1
         raised = raised_to_white(means, clipped, clipping, neutral)
         # in proportion, so that two sites of one channel keep their difference
         raise_by = raised / np.where(means > 0, means, 1)

@@ -64,15 +64,23 @@ def test_render_and_preview_show_the_colours_of_a_scene(letters: str) -> None:
     assert psnr(Preview(pattern, 2, linear=True).run(mosaic), half) > 28
 
 
-def test_overexposed_white_is_white() -> None:
-    pattern = CfaPattern.of_letters("rccb")
+@pytest.mark.parametrize("letters", ["rccb", "rccg", "RWWB/WWWW/WWWW/WWWW"])
+@pytest.mark.parametrize("exposure", [1.3, 2.0, 8.0])
+def test_overexposed_white_is_white(letters: str, exposure: float) -> None:
+    """As the light shows it: two channels read half of what the third one does."""
+    pattern, neutral = CfaPattern.of_letters(letters), (0.6, 1.0, 0.5)
     white = np.full_like(SCENE, 0.2)
-    white[30:70, 40:90] = 1.2
-    mosaic = seen(white, pattern)[0]
-    codes = replace(mosaic, samples=mosaic.codes.clip(0, mosaic.calibration.white_level))
-    middle = render(codes).rgb[45:55, 60:70]
-    assert middle.min() > 0.9
-    assert np.ptp(middle, axis=2).max() < 0.1
+    white[30:70, 40:90] = exposure
+    mosaic = seen(white * np.array(neutral, np.float32), pattern)[0]
+    codes = replace(
+        mosaic,
+        samples=mosaic.codes.clip(0, mosaic.calibration.white_level),
+        calibration=replace(mosaic.calibration, neutral=neutral),
+    )
+    middle = (render(codes).rgb / np.array(neutral))[40:60, 50:80]
+    assert middle.min() > 1.1
+    assert np.ptp(middle, axis=2).max() < 0.1 * middle.min()
+    assert Preview(pattern).run(codes)[40:60, 50:80].min() > 250
 
 
 @pytest.mark.parametrize("letters", TILES)
