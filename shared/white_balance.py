@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arrays import DoubleArray, FloatArray
 from .calibration import SensorCalibration
@@ -114,9 +115,7 @@ def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
     return np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
 
 
-def raised_to_white(
-    readings: Real, gone: Real, clipping: float, neutral: tuple[float, ...]
-) -> Real:
+def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: ArrayLike) -> Real:
     """Raise clipped readings to what a white surface would read, given the other channels; nothing
     is lowered.
 
@@ -131,8 +130,8 @@ def raised_to_white(
         (..., C), how far each reading counts as clipped, 0 to 1.
     clipping : float
         The limit of the readings.
-    neutral : tuple[float, ...]
-        What white reads in each channel, up to scale.
+    neutral : ArrayLike
+        (C,), what white reads in each channel, up to scale.
     """
     white = np.array(neutral, readings.dtype)
     all_gone = gone.prod(axis=-1, keepdims=True)

@@ -83,6 +83,16 @@ def test_overexposed_white_is_white(letters: str, exposure: float) -> None:
     assert Preview(pattern).run(codes)[40:60, 50:80].min() > 250
 
 
+def test_overexposed_yellow_does_not_turn_red() -> None:
+    """Where red clips and blue is dark, the missing green lies between them."""
+    yellow = np.broadcast_to(np.array([4.0, 4.0, 0.3], np.float32), SCENE.shape)
+    mosaic = seen(yellow, CfaPattern.of_letters("rccb"))[0]
+    codes = replace(mosaic, samples=mosaic.codes.clip(0, mosaic.calibration.white_level))
+    red, green, blue = np.median(render(codes).rgb, axis=(0, 1))
+    assert green > 0.5 * red
+    assert blue < 0.3 * red
+
+
 @pytest.mark.parametrize("letters", TILES)
 def test_white_balance_is_estimated_with_the_missing_channel(letters: str) -> None:
     tinted = SCENE.mean(axis=2, keepdims=True) * np.array([0.5, 1.0, 0.8], np.float32)
