@@ -75,3 +75,14 @@ def test_a_photograph_keeps_its_green(out: Path) -> None:
     truth, render = (tifffile.imread(out / name) for name in ("kodim23.truth.tif", "kodim23.tif"))
     error = np.square(truth - render).mean(axis=(0, 1))
     assert (-10 * np.log10(error)).min() > 33
+
+
+def test_a_sensor_with_one_kind_of_filter_needs_no_chart(out: Path, tmp_path: Path) -> None:
+    frames = ("chart:300x200", "dark:300x200")
+    run("simulate", *frames, "-o", out, "--pattern", "rccc", "--light", "0.8", code=0)
+    dark = ("--dark", out / "dark-300x200.dng", "-o", tmp_path / "camera.json")
+    said = run("calibrate", out / "chart-300x200.dng", *dark, code=1).err
+    assert "the channels RC cannot tell the colours of a chart apart" in said
+    said = run("calibrate", *dark, code=0).err
+    assert "gamma was not measured" in said
+    assert "ColorChecker" not in said
