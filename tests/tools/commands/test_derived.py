@@ -39,7 +39,8 @@ def test_channels_are_named_by_an_option(out: Path) -> None:
     assert read_dng(out / "builtin-120x90.dng").pattern.channels == "BGR"
 
 
-def test_gamma_comes_from_a_chart(out: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("tile", ["rccb", "RB/WW"])
+def test_gamma_comes_from_a_chart(tile: str, out: Path, tmp_path: Path) -> None:
     """That of the missing channel is the mean of the others: its unit is free."""
     known = tmp_path / "known.json"
     levels = {"white_level": 4095, "black_level": [256] * 4}
@@ -51,7 +52,7 @@ def test_gamma_comes_from_a_chart(out: Path, tmp_path: Path) -> None:
         "-o",
         out,
         "--pattern",
-        "rccb",
+        tile,
         "--camera",
         known,
         "--light",
