@@ -76,8 +76,8 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
         g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)),
         -first / (last - first),
     )
-    saturated = g("Clip", above, 0.0, 1.0)
-    filled = g("Add", filled, g("Mul", g("Relu", gap), saturated))
+    beyond, saturated = g("Relu", gap), g("Clip", above, 0.0, 1.0)
+    filled = g("Add", filled, g("Mul", beyond, saturated))
 
     def of_channels(products: str) -> str:
         if counts == [1] * g.channels:
