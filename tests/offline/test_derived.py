@@ -128,3 +128,14 @@ def test_the_preview_shows_no_colours_that_are_brighter_than_all_light() -> None
     picture = Preview(pattern, linear=True).run(mosaic)
     assert picture.min() > -0.1
     assert picture.max() < 2.9
+
+
+@pytest.mark.parametrize("letters", TILES)
+def test_a_hot_colour_site_is_found_where_it_reads_more_than_all_light(letters: str) -> None:
+    pattern = CfaPattern.of_letters(letters)
+    even = np.broadcast_to(np.array([0.3, 0.2, 0.1], np.float32), SCENE.shape)
+    mosaic, truth = seen(even, pattern, 0.01)
+    (_, rows, columns), *_ = pattern.lattices
+    samples = mosaic.samples.copy()
+    samples[rows, columns][8, 8] = 2.0
+    assert render(replace(mosaic, samples=samples)).rgb == pytest.approx(truth, abs=0.06)
