@@ -71,13 +71,13 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     derived = g.geometry.pattern.derived
     counts = [channels.count(channel) for channel in range(g.channels) if channel != derived]
     first, last = SATURATED
-    above = g(
-        "Add",
-        g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)),
-        -first / (last - first),
-    )
-    beyond, saturated = g("Relu", gap), g("Clip", above, 0.0, 1.0)
-    filled = g("Add", filled, g("Mul", beyond, saturated))
+
+    def above(light: str) -> str:
+        slope = g("Div", 1 / (last - first), g.full_scale)
+        return g("Add", g("Mul", light, slope), -first / (last - first))
+
+    beyond = above(luminance)
+    filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", beyond, 0.0, 1.0)))
 
     def of_channels(products: str) -> str:
         if counts == [1] * g.channels:
@@ -105,6 +105,8 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     # panchromatic pixels, would make it negative.
     parts = g("Relu", parts)
     parts = g("Div", parts, g.total(parts, g.channels, axis=0))
+    brightest = g("Max", *g.split(blocks.filled, [1] * len(channels), axis=0))
+    saturated = g("Clip", above(brightest), 0.0, 1.0)
     return g("Add", parts, g("Mul", saturated, g("Sub", grey, parts)))
 
 

@@ -80,7 +80,20 @@ def test_overexposed_white_is_white(letters: str, exposure: float) -> None:
     middle = (render(codes).rgb / np.array(neutral))[40:60, 50:80]
     assert middle.min() > 1.1
     assert np.ptp(middle, axis=2).max() < 0.1 * middle.min()
-    assert Preview(pattern).run(codes)[40:60, 50:80].min() > 250
+    preview = Preview(pattern).run(codes)
+    assert preview[40:60, 50:80].min() > 250
+
+
+@pytest.mark.parametrize("letters", ["rccb", "rccg"])
+def test_a_thin_overexposed_line_has_no_colour_in_the_preview(letters: str) -> None:
+    pattern = CfaPattern.of_letters(letters)
+    line = np.full_like(SCENE, 0.1)
+    line[np.abs(np.arange(96)[:, None] - np.arange(120) + 20) < 2] = 2.5
+    mosaic = seen(line, pattern)[0]
+    samples = mosaic.codes.clip(0, mosaic.calibration.white_level)
+    calibration = replace(mosaic.calibration, neutral=(1.0, 1.0, 1.0))
+    picture = Preview(pattern).run(replace(mosaic, samples=samples, calibration=calibration))
+    assert np.mean(np.ptp(picture.astype(int), axis=2) > 40) < 0.005
 
 
 def test_overexposed_yellow_does_not_turn_red() -> None:
