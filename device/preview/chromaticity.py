@@ -64,7 +64,8 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
 
     The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that
     the parts add up to 1. Where panchromatic samples are saturated, those of the block say how much
-    light there is (Eq. 7): with less, white would be yellow.
+    light there is (Eq. 7): with less, white would be yellow. Where a channel has no sites they do
+    not say it: blocks beside a saturated sample are grey.
     """
     filled, luminance, gap, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]

@@ -37,6 +37,8 @@ def test_channels_are_named_by_an_option(out: Path) -> None:
     assert "letters 'RB'" in run(*scene, "--channels", "RGC", code=2).err
     run(*scene, "--channels", "BGR", code=0)
     assert read_dng(out / "builtin-120x90.dng").pattern.channels == "BGR"
+    said = run("inspect", out / "builtin-120x90.dng", code=0).out
+    assert "G is what W sees beyond the others" in said
 
 
 @pytest.mark.parametrize("tile", ["rccb", "RB/WW"])
