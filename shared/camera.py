@@ -1,7 +1,8 @@
 """camera.json: the calibration of one camera, its filter pattern, and how each part was measured.
 
 The file is the JSON object of a calibration with three more fields, "pattern", "size" and
-"measured". All are optional, so a bare calibration is a valid camera file.
+"measured". All are optional, so a bare calibration is a valid camera file; channels that either
+the calibration or the pattern names are those of both.
 """
 
 from collections.abc import Mapping
@@ -187,7 +188,11 @@ class Camera:
         shape = given.pop("size", None)
         if not isinstance(measured, dict):
             raise InputError(f"camera: measured is {shown(measured)}, expected an object")
+        if isinstance(pattern, dict) and "channels" in given:
+            pattern = {"channels": given["channels"], **pattern}
         known = None if pattern is None else CfaPattern.from_json(pattern)
+        if known is not None:
+            given.setdefault("channels", known.channels)
         return cls(SensorCalibration.from_json(given), known, measured, shape)
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arrays import DoubleArray, FloatArray
 from .calibration import SensorCalibration
@@ -69,14 +70,14 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     tops, lefts = grid.whole_rows, grid.whole_columns
     every = max(1, len(tops) * len(lefts) // _MOST_BLOCKS)
     tops = tops[every // 2 :: every]
-    if not len(tops):
-        return None
     places, derived = list(pattern.sites), pattern.derived
     if derived is not None:  # Eq. 7 needs luminance, too
         tile = pattern.filter_map(pattern.block_shape, pattern.block_origin)
         clear = np.argwhere(tile == len(pattern.channels)).tolist() or [[0, -1]]
         places += [(row, column, len(pattern.channels)) for row, column in clear]
         lefts = lefts[lefts > 0] if clear[0][1] < 0 else lefts
+    if not (len(tops) and len(lefts)):
+        return None
     blocks = np.zeros((len(pattern.planes), len(tops), len(lefts)), np.float32)
     for row, column, plane in places:
         rows = slice(tops[0] + row, tops[-1] + row + 1, every * pattern.period)
@@ -114,9 +115,7 @@ def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
     return np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
 
 
-def raised_to_white(
-    readings: Real, gone: Real, clipping: float, neutral: tuple[float, ...]
-) -> Real:
+def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: ArrayLike) -> Real:
     """Raise clipped readings to what a white surface would read, given the other channels; nothing
     is lowered.
 
@@ -131,8 +130,8 @@ def raised_to_white(
         (..., C), how far each reading counts as clipped, 0 to 1.
     clipping : float
         The limit of the readings.
-    neutral : tuple[float, ...]
-        What white reads in each channel, up to scale.
+    neutral : ArrayLike
+        (C,), what white reads in each channel, up to scale.
     """
     white = np.array(neutral, readings.dtype)
     all_gone = gone.prod(axis=-1, keepdims=True)

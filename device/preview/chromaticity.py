@@ -64,19 +64,21 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
 
     The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that
     the parts add up to 1. Where panchromatic samples are saturated, those of the block say how much
-    light there is (Eq. 7): with less, white would be yellow.
+    light there is (Eq. 7): with less, white would be yellow. Where a channel has no sites they do
+    not say it: blocks beside a saturated sample are grey.
     """
     filled, luminance, gap, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
     derived = g.geometry.pattern.derived
     counts = [channels.count(channel) for channel in range(g.channels) if channel != derived]
     first, last = SATURATED
-    above = g(
-        "Add",
-        g("Mul", luminance, g("Div", 1 / (last - first), g.full_scale)),
-        -first / (last - first),
-    )
-    filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", above, 0.0, 1.0)))
+
+    def above(light: str) -> str:
+        slope = g("Div", 1 / (last - first), g.full_scale)
+        return g("Add", g("Mul", light, slope), -first / (last - first))
+
+    beyond = above(luminance)
+    filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", beyond, 0.0, 1.0)))
 
     def of_channels(products: str) -> str:
         if counts == [1] * g.channels:
@@ -97,7 +99,16 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     )
     pull = g("Div", g("Mul", g.gamma, g.gamma), a)
     missing = g("Sub", 1.0, g.total(parts, g.channels, axis=0))
-    return g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
+    parts = g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
+    if derived is None:
+        return parts
+    # No sample bounds that channel: bright sites in the dark, or in light that saturates
+    # panchromatic pixels, would make it negative.
+    parts = g("Relu", parts)
+    parts = g("Div", parts, g.total(parts, g.channels, axis=0))
+    brightest = g("Max", *g.split(blocks.filled, [1] * len(channels), axis=0))
+    saturated = g("Clip", above(brightest), 0.0, 1.0)
+    return g("Add", parts, g("Mul", saturated, g("Sub", grey, parts)))
 
 
 class Pooled(NamedTuple):

@@ -22,7 +22,9 @@ luminance l around it (Eq. 7):
 If it is more than contrast and noise explain, the sample that deviates most from the neighbouring
 blocks' prediction, their median of c / l, is defective. So texture and small bright objects, which
 all samples of a block see, stay. A defective colour sample is replaced by what the rest of its
-block predicts, so that it carries no information of its own into Eqs. 8-9.
+block predicts, so that it carries no information of its own into Eqs. 8-9. Where a channel has no
+sites, no sum is known: there a sample is defective that reads more than all light, gamma_i c > l,
+and lies above the range of the neighbouring blocks.
 """
 
 from dataclasses import dataclass
@@ -333,7 +335,8 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
     it.
     """
     pattern, channels = frame.mosaic.pattern, frame.sites.channels
-    if pattern.derived is not None:  # Eq. 7 is what defines that channel, and can find nothing
+    if pattern.derived is not None:
+        _find_brighter_than_light(frame, bad, settings)
         return
     gamma, (lights, lowest, highest) = frame.gamma, frame.around
     share = (gamma / pattern.site_counts)[channels]  # weight of each site in the sum of Eq. 7
@@ -360,6 +363,29 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
     certain &= (np.abs(surplus - excess) < np.abs(surplus) / 2) & (
         np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST
     )
+    bad[rows[certain], columns[certain], site[certain]] = True
+
+
+def _find_brighter_than_light(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
+    """Mark in `bad`, (*B, S), each site that reads more than all light there: where a channel has
+    no sites, Eq. 7 defines it, and tells no more than that it is not negative.
+    """
+    channels, gamma, around = frame.sites.channels, frame.gamma, frame.around
+    weights, lights = gamma[channels], around.light
+    tolerance = (settings.contrast / 2 * (around.highest - around.lowest))[..., None]
+    tolerance = tolerance + settings.floor * frame.level
+    if frame.noise is not None:
+        variance = frame.noise.variance(lights.astype(np.float32), channels)
+        tolerance = tolerance + settings.deviations * weights * np.sqrt(variance)
+    odd = (weights * frame.samples - lights > tolerance) & ~bad
+    odd &= (around.highest < frame.clipping)[..., None]
+    if odd.sum() > _MOST_OUTLIERS * bad.size:
+        return
+    rows, columns, site = np.nonzero(odd)
+    near = _ratios_around(frame, bad | odd, rows, columns)[:, np.arange(len(site)), site]
+    ratio = frame.samples[odd] / np.maximum(lights[odd], _LEAST_LIGHT * frame.level)
+    low, high = np.fmin.reduce(near), np.fmax.reduce(near)
+    certain = (ratio - high > high - low) & (np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST)
     bad[rows[certain], columns[certain], site[certain]] = True
 
 

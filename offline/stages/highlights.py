@@ -98,15 +98,18 @@ def restore_highlights(
     if not settings.used or not signal.max() >= clipping:
         return frame
     progress.stage("highlights", 1)
-    neutral = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma)
-    samples = frame.samples
-    gamma = frame.gamma
+    samples, gamma, read = frame.samples, frame.gamma, np.flatnonzero(sites.pattern.site_counts)
+    neutral = np.array(frame.mosaic.calibration.neutral or np.ones(len(gamma)), samples.dtype)
     result, total, gone = copy_array(signal), np.empty(sites.shape), np.empty(sites.shape)
 
     def restore(rows: slice) -> None:
         means = sites.means(samples[rows])
-        clipped = clipped_share(means, clipping, settings.shoulder)
-        raised = raised_to_white(means, clipped, clipping, neutral)
+        measured = means.take(read, axis=2)
+        clipped = clipped_share(measured, clipping, settings.shoulder)
+        measured = raised_to_white(measured, clipped, clipping, neutral[read])
+        # a channel without sites: as in white of the mean brightness of the others
+        raised = neutral * (measured / neutral[read]).mean(axis=2, keepdims=True)
+        raised[..., read] = measured
         # in proportion, so that two sites of one channel keep their difference
         raise_by = raised / np.where(means > 0, means, 1)
         for site, (place, channel) in enumerate(zip(sites.at(rows), sites.channels, strict=True)):

@@ -64,15 +64,46 @@ def test_render_and_preview_show_the_colours_of_a_scene(letters: str) -> None:
     assert psnr(Preview(pattern, 2, linear=True).run(mosaic), half) > 28
 
 
-def test_overexposed_white_is_white() -> None:
-    pattern = CfaPattern.of_letters("rccb")
+@pytest.mark.parametrize("letters", ["rccb", "rccg", "RWWB/WWWW/WWWW/WWWW"])
+@pytest.mark.parametrize("exposure", [1.3, 2.0, 8.0])
+def test_overexposed_white_is_white(letters: str, exposure: float) -> None:
+    """As the light shows it: two channels read half of what the third one does."""
+    pattern, neutral = CfaPattern.of_letters(letters), (0.6, 1.0, 0.5)
     white = np.full_like(SCENE, 0.2)
-    white[30:70, 40:90] = 1.2
-    mosaic = seen(white, pattern)[0]
+    white[30:70, 40:90] = exposure
+    mosaic = seen(white * np.array(neutral, np.float32), pattern)[0]
+    codes = replace(
+        mosaic,
+        samples=mosaic.codes.clip(0, mosaic.calibration.white_level),
+        calibration=replace(mosaic.calibration, neutral=neutral),
+    )
+    middle = (render(codes).rgb / np.array(neutral))[40:60, 50:80]
+    assert middle.min() > 1.1
+    assert np.ptp(middle, axis=2).max() < 0.1 * middle.min()
+    preview = Preview(pattern).run(codes)
+    assert preview[40:60, 50:80].min() > 250
+
+
+@pytest.mark.parametrize("letters", ["rccb", "rccg"])
+def test_a_thin_overexposed_line_has_no_colour_in_the_preview(letters: str) -> None:
+    pattern = CfaPattern.of_letters(letters)
+    line = np.full_like(SCENE, 0.1)
+    line[np.abs(np.arange(96)[:, None] - np.arange(120) + 20) < 2] = 2.5
+    mosaic = seen(line, pattern)[0]
+    samples = mosaic.codes.clip(0, mosaic.calibration.white_level)
+    calibration = replace(mosaic.calibration, neutral=(1.0, 1.0, 1.0))
+    picture = Preview(pattern).run(replace(mosaic, samples=samples, calibration=calibration))
+    assert np.mean(np.ptp(picture.astype(int), axis=2) > 40) < 0.005
+
+
+def test_overexposed_yellow_does_not_turn_red() -> None:
+    """Where red clips and blue is dark, the missing green lies between them."""
+    yellow = np.broadcast_to(np.array([4.0, 4.0, 0.3], np.float32), SCENE.shape)
+    mosaic = seen(yellow, CfaPattern.of_letters("rccb"))[0]
     codes = replace(mosaic, samples=mosaic.codes.clip(0, mosaic.calibration.white_level))
-    middle = render(codes).rgb[45:55, 60:70]
-    assert middle.min() > 0.9
-    assert np.ptp(middle, axis=2).max() < 0.1
+    red, green, blue = np.median(render(codes).rgb, axis=(0, 1))
+    assert green > 0.5 * red
+    assert blue < 0.3 * red
 
 
 @pytest.mark.parametrize("letters", TILES)
@@ -91,3 +122,33 @@ def test_a_dng_keeps_the_channels(letters: str) -> None:
     again = decode_dng(encode_dng(mosaic, np.zeros((12, 15, 3), np.uint8)))
     assert (again.pattern, again.calibration) == (mosaic.pattern, mosaic.calibration)
     assert np.array_equal(again.codes, mosaic.codes)
+
+
+def test_white_balance_of_a_frame_without_clear_pixels_beside_a_block_is_unknown() -> None:
+    mosaic, _ = seen(SCENE[:3, :3], CfaPattern.of_letters("RBWW/WWWW/WWWW/WWWW"))
+    assert estimate_neutral(mosaic) is None
+
+
+def test_the_preview_shows_no_colours_that_are_brighter_than_all_light() -> None:
+    """A bright line through a site, whose block is dark otherwise, would make the missing channel
+    as negative.
+    """
+    pattern = CfaPattern.of_letters("RWW/WWW/WWB")
+    lines = np.full_like(SCENE, 0.02)
+    lines[np.arange(0, 90), np.arange(0, 90)] = 1.0
+    lines[np.arange(0, 90), np.arange(119, 29, -1)] = 1.0
+    mosaic, _ = seen(lines, pattern)
+    picture = Preview(pattern, linear=True).run(mosaic)
+    assert picture.min() > -0.1
+    assert picture.max() < 2.9
+
+
+@pytest.mark.parametrize("letters", TILES)
+def test_a_hot_colour_site_is_found_where_it_reads_more_than_all_light(letters: str) -> None:
+    pattern = CfaPattern.of_letters(letters)
+    even = np.broadcast_to(np.array([0.3, 0.2, 0.1], np.float32), SCENE.shape)
+    mosaic, truth = seen(even, pattern, 0.01)
+    (_, rows, columns), *_ = pattern.lattices
+    samples = mosaic.samples.copy()
+    samples[rows, columns][8, 8] = 2.0
+    assert render(replace(mosaic, samples=samples)).rgb == pytest.approx(truth, abs=0.06)

@@ -43,7 +43,7 @@ def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
         ({"pattern": {**TILE, "origin": [0]}}, "pattern: .* is not an object with tile"),
         ({"pattern": {**TILE, "origin": [0, 0.5]}}, "origin is 0.5, expected a whole number"),
         ({"pattern": {**TILE, "size": 1}}, "pattern: .* is not an object with tile"),
-        ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "XYZ.*RGB"),
+        ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "RGB.*XYZ"),
         ({"size": [0, 24]}, "size is .*, expected .rows, columns."),
         ({"measured": []}, "measured"),
         ({"measured": {"taste": {}}}, "unknown part 'taste'"),
@@ -58,6 +58,19 @@ def test_what_is_wrong_in_a_file_is_named(
     with pytest.raises(InputError, match=words) as caught:
         read_camera(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("tile", "channels", "expected"),
+    [(("RWRW", "WBWB") * 2, "RB", "RB"), (("WWWW", "WRWR") * 2, "", "RC")],
+)
+def test_channels_that_only_one_part_names_are_those_of_both(
+    tile: tuple[str, ...], channels: str, expected: str
+) -> None:
+    document = {"schema": 1, "gamma": [1, 2], "pattern": {"tile": tile}}
+    camera = Camera.from_json(document | ({"channels": channels} if channels else {}))
+    assert camera.pattern is not None
+    assert (camera.calibration.channels, camera.pattern.channels) == (expected, expected)
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from ...shared.lights import CalibratedLight
 from ..io.colour_difference import delta_e_2000
 from .chart.place import PATCHES
 from .colour_matrix import (
+    FEWEST_CHANNELS,
     GREYS,
     UNEVEN,
     VERY_UNEVEN,
@@ -205,8 +206,9 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     if fit is None:
         stated = ", ".join(f"{value:g}" for value in measured.calibration.gamma)
         line = f"gamma was not measured, and stays as the shots state it ({stated})"
-        remedy = "shoot a ColorChecker, and add it with `update`"
-        return None if "gamma" in measured.known else Part("gamma", warnings=[f"{line}; {remedy}"])
+        if len(measured.calibration.channels) >= FEWEST_CHANNELS:
+            line += "; shoot a ColorChecker, and add it with `update`"
+        return None if "gamma" in measured.known else Part("gamma", warnings=[line])
     refusal, contradictions = "", _contradictions(fit, measured.shots)
     try:
         check_determined(fit)

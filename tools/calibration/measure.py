@@ -23,7 +23,7 @@ from ..batch.jobs import reason
 from ..io.page import without_folders
 from .chart.find import FoundChart, chart_at, find_chart
 from .chart.picture import overlay
-from .colour_matrix import check_channel_order, expected_levels
+from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .content import check_dark, check_flat, why_no_chart
 from .dark_frames import DarkResult, measure_dark
 from .files import KINDS, Files
@@ -230,6 +230,11 @@ def measure_chart(
     InputError
         With the reason, if the shot cannot be used.
     """
+    if len(mosaic.pattern.channels) < FEWEST_CHANNELS:
+        raise InputError(
+            f"a sensor with the channels {mosaic.pattern.channels} cannot tell the colours of a "
+            "chart apart: calibrate it with dark and flat frames alone"
+        )
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
     places, derived = patch_samples(mosaic, chart.place.measured()), mosaic.pattern.derived
     if derived is None:

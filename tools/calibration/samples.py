@@ -78,12 +78,12 @@ def robust_deviation(residuals: DoubleArray) -> float:
 
 def planes_of(pattern: CfaPattern, shape: tuple[int, int]) -> ByteArray:
     """Return the plane of each sample, uint8 (H, W), as `CfaPattern.filter_map`; a channel without
-    filters has every second panchromatic row, because it is read by their electronics.
+    filters has every second panchromatic pixel of a row, because it is read by their electronics.
     """
     planes = pattern.filter_map(shape)
     if pattern.derived is not None:
-        rows = planes[::2]
-        rows[rows == len(pattern.channels)] = pattern.derived
+        clear = planes == len(pattern.channels)
+        planes[clear & (clear.cumsum(axis=1, dtype=np.uint8) % 2 == 1)] = pattern.derived
     return planes
 
 

@@ -63,8 +63,11 @@ _DENSE_APART = 40.0
 # same 0.002
 _UNLIKE = 0.005
 # Change of clear sites over the mean of the two others: in eight photographs 2.2 and more, for they
-# see both and a third. Green sites of 14 RAWs and photographs: 1.3 to 1.9.
+# see both and a third. Green sites of 14 RAWs and photographs: 1.3 to 2.3.
 _ALL_LIGHT = 2.1
+# Of the range of clear sites: what others read more there, at most; in eight photographs less than
+# nothing. A strong red or blue in front of a Bayer sensor: 0.07 to 0.6.
+_BEYOND = 0.01
 # letters of three kinds, the one with most sites first; no frame tells which of the others is which
 _COLOURS = "GRB"
 _MORE_COLOURS = "CDEFHIJK"
@@ -394,10 +397,13 @@ def _is_sum(levels: DoubleArray, letters: Letters) -> bool:
 
 def _sees_all_light(levels: DoubleArray, sites: BoolArray) -> bool:
     """True if these sites see all light: from part to part they change `_ALL_LIGHT` times as much
-    as the mean of the others.
+    as the mean of the others, and in no part do others read more.
     """
-    these, others = (levels[:, chosen].mean(axis=1).std() for chosen in (sites, ~sites))
-    return bool(these > _ALL_LIGHT * others)
+    these, others = levels[:, sites].mean(axis=1), levels[:, ~sites]
+    beyond = (others.max(axis=1) - these).max()
+    return bool(
+        these.std() > _ALL_LIGHT * others.mean(axis=1).std() and beyond < _BEYOND * np.ptp(these)
+    )
 
 
 def _join_sites(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:

@@ -149,6 +149,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
             "name": pattern.name or None,
             "period": pattern.period,
             "channels": pattern.channels,
+            "derived": None if pattern.derived is None else pattern.channels[pattern.derived],
             "letters": pattern.letters_from(),
             "light_efficiency": round(_light(mosaic), 3),
         },
@@ -187,6 +188,7 @@ def _rows(facts: dict[str, Any]) -> Rows:
     camera = f", from camera file {calibration['camera']}" if calibration["camera"] else ""
     size = f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits"
     light = f"{pattern['light_efficiency']:.2f} times the light of a Bayer sensor"
+    derived = f"; {pattern['derived']} is what W sees beyond the others" * bool(pattern["derived"])
     sensor = f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}{camera}"
     rows = {
         "network": facts["learned"] or "none for this pattern: rendered without learned colour",
@@ -198,7 +200,7 @@ def _rows(facts: dict[str, Any]) -> Rows:
     }
     return [
         ("size", f"{size}; samples match their digest"),
-        ("pattern", f"{name}period {pattern['period']}, {light}"),
+        ("pattern", f"{name}period {pattern['period']}, {light}{derived}"),
         *(("", " ".join(row)) for row in pattern["letters"]),
         *rows.items(),
     ]

@@ -3,6 +3,7 @@
 import argparse
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -210,6 +211,9 @@ def camera_of(
     camera = read_camera(arguments.camera) if arguments.camera else None
     if arguments.pattern is not None:
         pattern = read_pattern(arguments.pattern)
+        if camera:
+            with suppress(InputError):  # a camera of another pattern is refused below
+                pattern = replace(pattern, channels=camera.calibration.channels)
     else:
         pattern = stated or (camera and camera.pattern) or CfaPattern.bayer()
     if arguments.channels is not None:

@@ -57,8 +57,13 @@ def test_every_mosaic_survives(original: Mosaic) -> None:
         (CfaPattern.of_letters("K=8"), [0, 1, 2, 6]),
         (CfaPattern.of_letters("K=9"), None),
         *(
-            (CfaPattern.of_letters(f"{block}/WWW"), None)
-            for block in ("RWW/WBW", "GBW/CWW", "RGW/BCW", "RGW/KWW")
+            (CfaPattern.of_letters(f"{block}/WWW", channels=channels), None)
+            for block, channels in (
+                ("RWW/WBW", "RB"),
+                ("GBW/CWW", "GBC"),
+                ("RGW/BCW", "RGBC"),
+                ("RGW/KWW", "RGK"),
+            )
         ),
     ],
 )

@@ -10,6 +10,7 @@ from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import CodeArray, FloatArray
 from panchroma.shared.tiles import TILES, letters_of
 from panchroma.tools.capture.identity import CLEAR, DENSE, UNKNOWN, facts_of, identify, pattern_of
+from panchroma.tools.simulation.load import load_scene
 from tests.data import photograph
 from tests.scenes import leaves
 
@@ -96,6 +97,15 @@ def test_clear_sites_are_told_from_green_ones(name: str, origin: tuple[int, int]
     assert facts["name"] == ("RCCC" if name == "RCCC" else "RCCB")
     fitting = [facts["pattern"], *facts["alternatives"]]
     assert tile in [CfaPattern.of_letters(*each).letters_from() for each in fitting]
+
+
+def test_green_sites_that_are_brighter_than_others_are_not_clear() -> None:
+    """Red reads more than green in some places: in daylight green is the strongest channel, and
+    changes as much as clear sites do.
+    """
+    daylight = np.array([0.5, 1.0, 0.6], np.float32)
+    scene = load_scene(str(photograph("kodak/kodim05.png"))).rgb * daylight
+    assert identify(taken(scene, ("RG", "GB"), 0.003)).name == "Bayer"
 
 
 @pytest.mark.parametrize("letters", ["BGRG/GEGE/RGBG/GEGE", "GRGB/RGBG/GBGR/BGRG"])

@@ -37,9 +37,12 @@ def test_channels_are_named_by_an_option(out: Path) -> None:
     assert "letters 'RB'" in run(*scene, "--channels", "RGC", code=2).err
     run(*scene, "--channels", "BGR", code=0)
     assert read_dng(out / "builtin-120x90.dng").pattern.channels == "BGR"
+    said = run("inspect", out / "builtin-120x90.dng", code=0).out
+    assert "G is what W sees beyond the others" in said
 
 
-def test_gamma_comes_from_a_chart(out: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("tile", ["rccb", "RB/WW"])
+def test_gamma_comes_from_a_chart(tile: str, out: Path, tmp_path: Path) -> None:
     """That of the missing channel is the mean of the others: its unit is free."""
     known = tmp_path / "known.json"
     levels = {"white_level": 4095, "black_level": [256] * 4}
@@ -51,7 +54,7 @@ def test_gamma_comes_from_a_chart(out: Path, tmp_path: Path) -> None:
         "-o",
         out,
         "--pattern",
-        "rccb",
+        tile,
         "--camera",
         known,
         "--light",
@@ -75,3 +78,14 @@ def test_a_photograph_keeps_its_green(out: Path) -> None:
     truth, render = (tifffile.imread(out / name) for name in ("kodim23.truth.tif", "kodim23.tif"))
     error = np.square(truth - render).mean(axis=(0, 1))
     assert (-10 * np.log10(error)).min() > 33
+
+
+def test_a_sensor_with_one_kind_of_filter_needs_no_chart(out: Path, tmp_path: Path) -> None:
+    frames = ("chart:300x200", "dark:300x200")
+    run("simulate", *frames, "-o", out, "--pattern", "rccc", "--light", "0.8", code=0)
+    dark = ("--dark", out / "dark-300x200.dng", "-o", tmp_path / "camera.json")
+    said = run("calibrate", out / "chart-300x200.dng", *dark, code=1).err
+    assert "the channels RC cannot tell the colours of a chart apart" in said
+    said = run("calibrate", *dark, code=0).err
+    assert "gamma was not measured" in said
+    assert "ColorChecker" not in said

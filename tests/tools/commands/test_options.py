@@ -1,10 +1,12 @@
 """What options mean that several commands have."""
 
+import json
 from argparse import ArgumentParser
+from pathlib import Path
 
 import pytest
 
-from panchroma.shared import CfaPattern
+from panchroma.shared import Camera, CfaPattern, SensorCalibration
 from panchroma.tools.commands.options import add, camera_of
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
@@ -27,3 +29,12 @@ def test_the_pattern_that_options_describe(
     parser = ArgumentParser()
     add(parser, "camera", "pattern", "channels", "origin")
     assert camera_of(parser.parse_args(options.split()), known) == (None, expected)
+
+
+def test_a_pattern_has_the_channels_of_the_camera(tmp_path: Path) -> None:
+    known = Camera(SensorCalibration(channels="RB"), CfaPattern.of_letters("RW/WB", channels="RB"))
+    (tmp_path / "camera.json").write_text(json.dumps(known.to_json()))
+    parser = ArgumentParser()
+    add(parser, "camera", "pattern", "channels", "origin")
+    options = ["--camera", str(tmp_path / "camera.json"), "--pattern", "RW/WB"]
+    assert camera_of(parser.parse_args(options)) == (known, known.pattern)

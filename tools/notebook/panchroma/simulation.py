@@ -53,10 +53,10 @@ def simulate(
         of another shot.
     pattern : str | int | CfaPattern | None, optional
         The filters of one tile of the sensor, row by row, W is panchromatic, such as
-        "WBWG/BWGW/WGWR/GWRW"; rows may also be parted by blanks or lines. "kodak", "sony", "honda"
-        and "kaizu" are names of tiles. A number is the period of the paper's pattern, one 2 x 2
-        Bayer block in K x K pixels; that with 6 is the default. Letters other than R, G and B are
-        channels that the scene has, or C, M and Y made from its colours.
+        "WBWG/BWGW/WGWR/GWRW"; rows may also be parted by blanks or lines. "kodak", "sony", "honda",
+        "kaizu", "rccb", "rccg" and "rccc" are names of tiles. A number is the period of the paper's
+        pattern, one 2 x 2 Bayer block in K x K pixels; that with 6 is the default. Letters other
+        than R, G and B are channels that the scene has, or C, M and Y made from its colours.
     sigma : float | None, optional
         Noise as in the paper: additive, Gaussian, of this standard deviation in scene units. By
         default there is none.
