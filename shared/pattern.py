@@ -20,7 +20,7 @@ from .colorimetry import COMPLEMENTS
 from .errors import InputError
 from .figures import shown, whole
 from .spelling import meant
-from .tiles import EXPECTED, TILES, letters_of, name_of
+from .tiles import CLEAR, EXPECTED, TILES, letters_of, name_of
 
 PANCHROMATIC = "W"
 PERIODS = range(3, 17)
@@ -226,7 +226,8 @@ class CfaPattern:
     @property
     def name(self) -> str:
         """Name of the tile, wherever it begins, from `shared.tiles`; "" if it has none."""
-        return name_of(self.tile)
+        name = name_of(self.tile)
+        return "" if name in CLEAR and self.derived is None else name
 
     @property
     def period(self) -> int:

@@ -19,6 +19,8 @@ TILES = {
 """Name -> letters, row by row. Case does not count; "K=4" is the paper's block, RGGB, in every 4 x
 4 pixels.
 """
+CLEAR = "RCCB", "RCCG", "RCCC"
+"""Names of tiles in which one of the channels has no filter."""
 EXPECTED = (
     "the capital letters of a tile's filters, row by row, such as RGWW/GBWW/WWWW/WWWW, or a name: "
     f"{', '.join(name.casefold() for name in TILES)}, or K=4 for the paper's block in 4 x 4 pixels"

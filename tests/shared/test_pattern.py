@@ -107,7 +107,7 @@ def test_one_channel_may_have_no_filter(letters: str, channels: str, derived: in
 
 def test_all_named_channels_may_have_filters() -> None:
     pattern = CfaPattern.of_letters("RW/WB", channels="RB")
-    assert (pattern.derived, pattern.channels) == (None, "RB")
+    assert (pattern.derived, pattern.channels, pattern.name) == (None, "RB", "")
     for channels in ("R", "RGBX", "RWB", "RRB", "RG"):
         with pytest.raises(InputError, match="channels"):
             CfaPattern.of_letters("RW/WB", channels=channels)

@@ -26,7 +26,7 @@ from ...device.capture.tiles import Tiles
 from ...shared.arrays import BoolArray, CodeArray, DoubleArray
 from ...shared.errors import InputError
 from ...shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
-from ...shared.tiles import TILES, name_of, place_of
+from ...shared.tiles import CLEAR, TILES, name_of, place_of
 
 DENSE = {
     "Bayer": "RG/GB",
@@ -34,8 +34,6 @@ DENSE = {
     "X-Trans": "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG",
 }
 """Name -> letters, row by row, of the usual tiles that have no panchromatic pixel."""
-CLEAR = "RCCB", "RCCG", "RCCC"
-"""Names of the tiles of `shared.tiles` whose green, or all but red, has no filter."""
 UNKNOWN = "?"
 """Letter of a colour that a frame does not tell."""
 _PERIODS = range(2, PERIODS[-1] + 1)

@@ -74,6 +74,7 @@ natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
 amount = value(float, "a number from 0 on", lambda number: 0 <= number < float("inf"))
 factor = value(_fraction, "a number, or a fraction such as 1/4")
 file_name = value(str, "the name of a file", bool)  # an empty variable of a shell
+letters = value(str, "letters such as RGB", str.isalpha)
 _origin = value(_row_and_column, "a row and a column, such as 2,3")
 _size = value(parse_bytes, "a size such as 800M or 4G")
 
@@ -126,7 +127,7 @@ _SHARED = {
     "camera": _option("--camera", "FILE", _CAMERA, type=file_name),
     "recalibrate": _option("--camera", "FILE", _RECALIBRATED, type=file_name),
     "pattern": _option("--pattern", "PATTERN", _PATTERN),
-    "channels": _option("--channels", "LETTERS", _CHANNELS),
+    "channels": _option("--channels", "LETTERS", _CHANNELS, type=letters),
     "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
     "sensor-bits": _option("--bits", "N", _BITS, dest="sensor_bits", type=int),
     "linear": _switch("--linear", _LINEAR),

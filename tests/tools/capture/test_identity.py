@@ -8,8 +8,8 @@ import pytest
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import CodeArray, FloatArray
-from panchroma.shared.tiles import TILES, letters_of
-from panchroma.tools.capture.identity import CLEAR, DENSE, UNKNOWN, facts_of, identify, pattern_of
+from panchroma.shared.tiles import CLEAR, TILES, letters_of
+from panchroma.tools.capture.identity import DENSE, UNKNOWN, facts_of, identify, pattern_of
 from panchroma.tools.simulation.load import load_scene
 from tests.data import photograph
 from tests.scenes import leaves
