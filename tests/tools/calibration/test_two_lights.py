@@ -129,7 +129,6 @@ def test_raw_developers_show_the_colours_of_our_own_picture(bench: Bench, tmp_pa
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["--chart-light", "A=a.dng"], "names two lights"),
         (["--chart-light", "A=a.dng", "--chart-light", "2900=b.dng"], "are alike"),
         (["c.dng", "--chart-light", "A=a.dng", "--chart-light", "D65=b.dng"], "c.dng: shows"),
     ],
