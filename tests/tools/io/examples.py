@@ -7,9 +7,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import rawpy
 
 from panchroma.shared import SensorCalibration
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.io.development import Development, write_picture
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.io.formats import FORMATS
@@ -64,6 +65,14 @@ def picture_dng(rgb: FloatArray, calibration: SensorCalibration = CALIBRATION) -
     """A rendered picture (H, W, 3) as a linear DNG."""
     kind = PictureKind.of("dng")
     return encode_picture(rgb, development(kind, rgb.shape, calibration=calibration))
+
+
+def developed(file: str | BytesIO) -> DoubleArray:
+    """Return a DNG in linear sRGB, 0..1, as LibRaw renders it with the white balance of the shot."""
+    with rawpy.imread(file) as raw:
+        # LibRaw brightens pictures whose maximum is not quite white unless told not to.
+        plain: Any = {"gamma": (1, 1), "no_auto_bright": True, "adjust_maximum_thr": 0.0}
+        return raw.postprocess(use_camera_wb=True, output_bps=16, user_flip=0, **plain) / 65535
 
 
 def shown(rgb: FloatArray, space: str, orientation: int) -> FloatArray:
