@@ -103,7 +103,7 @@ def write_dng(
     return str(path)
 
 
-def replace_segment(path: Path, segment: bytes) -> None:
+def replace_segment(path: Path, segment: bytes | bytearray) -> None:
     """Put a strip or tile, behind all others, in the place of the first one of a DNG's samples."""
     end = path.stat().st_size
     with tifffile.TiffFile(path, mode="r+") as file:

@@ -8,7 +8,6 @@ import pytest
 import rawpy
 
 from panchroma.shared import SensorCalibration
-from panchroma.shared.arrays import FloatArray
 from panchroma.shared.colorimetry import SRGB_TO_XYZ, as_rows
 from panchroma.shared.dng import codec
 from panchroma.shared.dng.tags import TAG
@@ -20,13 +19,6 @@ PATCH = 16
 # of full scale: two roundings to 16 bits, and LibRaw's matrix in floats of four digits
 QUANTISED = 1e-4
 NEUTRAL = np.array([0.5, 1.0, 0.7])
-
-
-def patches(low: float = 0.1, high: float = 0.9) -> FloatArray:
-    """A chart of random colours, the first one grey; (96, 80, 3)."""
-    colours = np.random.default_rng(3).uniform(low, high, (6, 5, 3)).astype(np.float32)
-    colours[0, 0] = 0.5
-    return colours.repeat(PATCH, axis=0).repeat(PATCH, axis=1)
 
 
 @pytest.mark.parametrize("shape", [(22, 23), (64, 301), (520, 37), (300, 160)])
@@ -45,11 +37,12 @@ def test_libraw_reads_the_very_codes_and_black_and_white_beyond_them(
 def test_calibrated_colours_are_kept() -> None:
     crosstalk = np.array([[1.2, -0.1, -0.1], [0.1, 0.8, 0.1], [0.0, 0.2, 0.8]])  # white to white
     camera_to_xyz = SRGB_TO_XYZ @ crosstalk / NEUTRAL
-    camera = (patches(0.3, 0.7) * NEUTRAL).astype(np.float32)
+    patches = np.random.default_rng(3).uniform(0.3, 0.7, (6, 5, 3)) * NEUTRAL
+    camera = patches.repeat(PATCH, axis=0).repeat(PATCH, axis=1).astype(np.float32)
     calibration = SensorCalibration(neutral=tuple(NEUTRAL), camera_to_xyz=as_rows(camera_to_xyz))
     shown = developed(BytesIO(picture_dng(camera, calibration)))
     middles = slice(PATCH // 2, None, PATCH)
-    expected = (camera / NEUTRAL @ crosstalk.T)[::PATCH, ::PATCH]
+    expected = patches / NEUTRAL @ crosstalk.T
     np.testing.assert_allclose(shown[middles, middles], expected, atol=QUANTISED)
 
 
