@@ -49,12 +49,6 @@ def hdr(data: bytes, boost: float | None = None) -> NDArray[np.float32]:
     return np.asarray(halves[..., :3], np.float32)
 
 
-def light(rgb: FloatArray, space: str, exposure: float) -> FloatArray:
-    """The render as it is: linear light of the space's primaries, nothing clipped."""
-    shown = ColourTransform.to_space(CALIBRATION, space)
-    return replace(shown, space=replace(shown.space, linear=True)).apply(rgb, exposure)
-
-
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])
 @pytest.mark.parametrize("shape", SIZES)
 def test_the_picture_is_that_of_a_jpeg_and_segments(shape: tuple[int, int], space: str) -> None:
@@ -74,7 +68,9 @@ def test_a_display_with_room_shows_the_render(
 ) -> None:
     rgb, kind = highlights(), PictureKind.of("uhdr", space=space)
     data = encoded(rgb, kind, orientation, exposure=exposure).getvalue()
-    result, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
+    clipped = ColourTransform.to_space(CALIBRATION, space)
+    linear = replace(clipped, space=replace(clipped.space, linear=True))
+    result, expected = hdr(data), upright(linear.apply(rgb, exposure), orientation)
     assert result.shape == expected.shape
     result, expected = result[4::16, 4::16], expected[4::16, 4::16]  # inside every patch
     weights = SPACES[space].to_xyz[1]
