@@ -19,7 +19,6 @@ from panchroma.tools.simulation.sensor import (
     sample,
     simulate_additive,
     simulate_sensor,
-    typical_noise,
 )
 from tests.offline.scenes import every_case, gamma_of, materials
 from tests.reference.sensor import observe
@@ -134,5 +133,4 @@ def test_light_is_clipped_at_full_scale_not_above() -> None:
 
 def test_a_sensor_without_noise_model_gets_a_typical_one() -> None:
     mosaic = simulate_sensor(flat(0.4, 0.4, 0.4), PATTERN, SensorCalibration(), 1.0, rng())
-    assert mosaic.calibration.noise == typical_noise(SensorCalibration())
     assert mosaic.calibration.noise == NoiseModel((TYPICAL_SHOT,) * 4, (TYPICAL_READ,) * 4)
