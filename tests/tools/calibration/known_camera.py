@@ -17,8 +17,10 @@ from panchroma.tools.calibration.gamma import Assumed
 from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.drawn.charts import CORNERS, chart_scene
+from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.perspective import apply_homography, homography, rectangle
-from panchroma.tools.simulation.sensor import simulate_sensor
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
+from tests.data import photograph
 
 NOISE = NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4))
 TRUTH = SensorCalibration(
@@ -66,6 +68,14 @@ def frame(
     pattern = pattern or CfaPattern.bayer(period)
     light, random = np.asarray(rgb, np.float32), np.random.default_rng(seed)
     taken = simulate_sensor(light, pattern, TRUTH, 1.0, random)
+    return Mosaic(taken.codes, pattern, says)
+
+
+def shot_of(name: str, period: int) -> Mosaic:
+    """A shot simulated from a photograph, which states neither black level nor shading."""
+    says, pattern = SensorCalibration.of_bits(12), CfaPattern.bayer(period)
+    rgb = load_scene(str(photograph(name))).rgb
+    taken = simulate_additive(rgb, pattern, says, 0.003, np.random.default_rng(0))
     return Mosaic(taken.codes, pattern, says)
 
 

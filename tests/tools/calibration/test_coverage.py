@@ -24,18 +24,14 @@ SIMPLE = SimulatedCamera(
 )
 
 
-def frames_of(
-    camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks: SimulatedCamera | None = None
-) -> Frames:
-    """Shots of the chart, in this light, and four dark frames, of another camera if one is
-    given.
-    """
+def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1) -> Frames:
+    """Shots of the chart, in this light, and four dark frames."""
     random, frames = np.random.default_rng(5), Frames()
     for each in range(number):
         frames.mosaics[f"chart{each}"] = camera.shot(charts() * np.array(light), random)
         frames.places[f"chart{each}"] = ChartPlace(true_place().corners)
     for each in range(4):
-        frames.mosaics[f"dark{each}"] = (darks or camera).shot(np.zeros((*SHAPE, 3)), random)
+        frames.mosaics[f"dark{each}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
     return frames
 
 

@@ -20,9 +20,6 @@ from panchroma.tools.calibration.gamma import (
 )
 from panchroma.tools.calibration.measure import measure_chart
 from panchroma.tools.calibration.samples import PlaceSamples, patch_samples
-from panchroma.tools.simulation.load import load_scene
-from panchroma.tools.simulation.sensor import simulate_additive
-from tests.data import photograph
 from tests.tools.calibration.known_camera import (
     BLIND,
     NOISE,
@@ -32,6 +29,7 @@ from tests.tools.calibration.known_camera import (
     chart,
     frame,
     measured,
+    shot_of,
     true_place,
 )
 from tests.tools.calibration.test_coverage import SIMPLE
@@ -163,10 +161,7 @@ def test_gamma_of_a_small_chart_in_a_photograph_is_known_to_five_per_cent() -> N
     """A fifth of the frame wide, beside the middle; nothing is known of black level and shading but
     what the shot states.
     """
-    says, pattern = SensorCalibration.of_bits(12), CfaPattern.bayer(6)
-    rgb = load_scene(str(photograph("raw/indoor1.dng"))).rgb
-    taken = simulate_additive(rgb, pattern, says, 0.003, np.random.default_rng(0))
-    fit = measure_chart("indoor1.dng", Mosaic(taken.codes, pattern, says), REFERENCE).fit
+    fit = measure_chart("indoor1.dng", shot_of("raw/indoor1.dng", 6), REFERENCE).fit
     assert np.abs(fit.gamma - 1).max() < 0.02
     assert fit.worst < 0.05
 

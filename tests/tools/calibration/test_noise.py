@@ -44,14 +44,6 @@ def concluded(base: Mosaic, *seen: Any) -> Result:
     return conclude(Measurements(REFERENCE, base, None, *seen))
 
 
-def test_black_level_and_read_noise_of_dark_frames_per_filter() -> None:
-    dark = measure_dark(darks(6))
-    assert (np.abs(dark.black - TRUTH.black_level) < 5 * dark.black_error + 1e-9).all()
-    read = dark.read * FULL / (4095 - dark.black)
-    np.testing.assert_allclose(read, NOISE.read, rtol=0.05)
-    assert len(dark.defects) <= 1e-5 * SHAPE[0] * SHAPE[1]
-
-
 def test_planted_hot_pixels_are_found_and_nothing_else() -> None:
     hot = np.zeros(SHAPE)
     hot.ravel()[np.random.default_rng(1).choice(hot.size, 50, replace=False)] = 25
@@ -75,8 +67,9 @@ def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> 
             measure_dark([first, edited(second, edit)])
 
 
-def test_gain_and_read_noise_of_flats_and_darks() -> None:
+def test_black_level_gain_and_read_noise_of_flats_and_darks() -> None:
     dark = measure_dark(darks(4))
+    assert (np.abs(dark.black - TRUTH.black_level) < 5 * dark.black_error + 1e-9).all()
     seen, alone = measure_flats(flats(0.05, 0.3, 0.8))
     model = noise_of_flats(seen, BLIND, dark).model(FULL)
     np.testing.assert_allclose(model.shot, NOISE.shot, rtol=0.05)

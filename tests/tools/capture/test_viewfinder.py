@@ -155,11 +155,14 @@ def test_the_figures(served: Served) -> None:
     names = ("frames", "fps", "latency_ms", "clipped", "width", "height")
     none = dict.fromkeys(names, 0) | {"dropped": 7, "can_save": True, "silent": True}
     assert served.facts("/status") == (200, none)
+    samples = np.full(SIZE, 500, "<u2")
+    samples[:, :15] = 1023
     for number in range(3):
-        show(served.finder, number)
+        show(served.finder, number, samples=samples)
     _, facts = served.facts("/status")
     assert min(facts["fps"], facts["latency_ms"]) > 0
-    assert (facts["frames"], facts["width"], facts["height"]) == (3, 30, 20)
+    known = {"frames": 3, "width": 30, "height": 20, "clipped": 0.5}
+    assert known.items() <= facts.items()
 
 
 @pytest.mark.parametrize(("interval", "rate"), [(0.05, 20.0), (2.5, 0.4), (30.0, 1 / 30)])
@@ -179,13 +182,6 @@ def test_a_camera_is_silent_by_its_own_interval(
     now += max(2.0, 2.5 * interval) + 0.01
     assert finder.status()["silent"]
     assert finder.status()["fps"] == 0.0
-
-
-def test_the_fraction_of_the_samples_that_is_clipped() -> None:
-    samples, finder = np.full(SIZE, 500, "<u2"), Viewfinder(lambda: 0)
-    samples[:, :15] = 1023
-    show(finder, 0, samples=samples)
-    assert finder.status()["clipped"] == 0.5
 
 
 def test_the_button_saves_the_frame_that_is_shown_and_its_picture(

@@ -7,15 +7,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+import rawpy
 
-from panchroma.shared import CaptureMetadata, SensorCalibration
-from panchroma.shared.arrays import FloatArray
-from panchroma.shared.tiff import encode_tiff
+from panchroma.shared import SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.io.development import Development, write_picture
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.io.formats import FORMATS
-from panchroma.tools.io.formats.dng import PART, encode_part, linear_dng
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.io.samples import upright
 from tests.shared.dng import examples
@@ -63,21 +61,20 @@ def encoded(rgb: FloatArray, kind: PictureKind, orientation: int = 6, **changed:
     return BytesIO(encode_picture(rgb, development(kind, rgb.shape, orientation, **changed)))
 
 
-def picture_dng(
-    rgb: FloatArray,
-    camera_to_xyz: ArrayLike | None = None,
-    neutral: ArrayLike | None = None,
-    metadata: CaptureMetadata = examples.METADATA,
-) -> bytes:
-    """A rendered picture (H, W, 3) as a linear DNG, with itself as the preview."""
-    shape = rgb.shape[0], rgb.shape[1]
-    preview = (np.nan_to_num(rgb).clip(0, 1) * 255).astype(np.uint8)
-    parts = [encode_part(rgb[top : top + PART], shape) for top in range(0, shape[0], PART)]
-    return encode_tiff(linear_dng(parts, preview, metadata, camera_to_xyz, neutral))
+def picture_dng(rgb: FloatArray, calibration: SensorCalibration = CALIBRATION) -> bytes:
+    """A rendered picture (H, W, 3) as a linear DNG."""
+    kind = PictureKind.of("dng")
+    return encode_picture(rgb, development(kind, rgb.shape, calibration=calibration))
 
 
-def shown(
-    rgb: FloatArray, space: str, orientation: int, calibration: SensorCalibration = CALIBRATION
-) -> FloatArray:
+def developed(file: str | BytesIO) -> DoubleArray:
+    """Return a DNG in linear sRGB, 0..1, as LibRaw renders it with the white balance of the shot."""
+    with rawpy.imread(file) as raw:
+        # LibRaw brightens pictures whose maximum is not quite white unless told not to.
+        plain: Any = {"gamma": (1, 1), "no_auto_bright": True, "adjust_maximum_thr": 0.0}
+        return raw.postprocess(use_camera_wb=True, output_bps=16, user_flip=0, **plain) / 65535
+
+
+def shown(rgb: FloatArray, space: str, orientation: int) -> FloatArray:
     """A picture as the file is to show it, before it is quantised."""
-    return upright(ColourTransform.to_space(calibration, space).apply(rgb), orientation)
+    return upright(ColourTransform.to_space(CALIBRATION, space).apply(rgb), orientation)

@@ -17,6 +17,11 @@ Fields = dict[int, tuple[int, Any]]
 """Tag -> (TIFF type, values; numerator and denominator in turn where they are rational)."""
 
 
+def noise(*shape: int, dtype: Any = np.uint16) -> np.ndarray[Any, Any]:
+    """Random samples of 12 bits, none of them dark or saturated."""
+    return np.random.default_rng(0).integers(200, 4000, shape).astype(dtype)
+
+
 def save(path: Path, light: Any, channels: str = "RGB") -> Path:
     """Write samples (H, W, C), without loss where the format has none, in the format of the name's
     ending.
@@ -96,6 +101,18 @@ def write_dng(
         grey, linear = (struct.pack("<HHII", 262, SHORT, 1, number) for number in (1, LINEAR_RAW))
         path.write_bytes(path.read_bytes().replace(grey, linear))
     return str(path)
+
+
+def replace_segment(path: Path, segment: bytes | bytearray) -> None:
+    """Put a strip or tile, behind all others, in the place of the first one of a DNG's samples."""
+    end = path.stat().st_size
+    with tifffile.TiffFile(path, mode="r+") as file:
+        page: Any = file.pages.first
+        tags = (page.pages[0] if page.pages else page).tags
+        for numbers, value in (((273, 324), end), ((279, 325), len(segment))):
+            tag = next(tags[number] for number in numbers if number in tags)
+            tag.overwrite((value, *tag.value[1:]))
+    path.write_bytes(path.read_bytes() + segment)
 
 
 def _tags(fields: Fields) -> list[Any]:

@@ -14,7 +14,6 @@ import pytest
 import rawpy
 import tifffile
 
-from panchroma.shared.arrays import CodeArray
 from panchroma.shared.colorimetry import D50, xyz
 from panchroma.shared.errors import InputError
 from panchroma.shared.lights import ILLUMINANTS
@@ -29,7 +28,9 @@ from tests.tools.io.files import (
     SHORT,
     SRATIONAL,
     Fields,
+    noise,
     rationals,
+    replace_segment,
     write_dng,
 )
 
@@ -41,10 +42,6 @@ NEUTRAL = (0.5, 1.0, 0.625)
 def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
     """The scene in a DNG with these samples, quads as they are. Arguments: of `write_dng`."""
     return load_scene(write_dng(path / "a.dng", *arguments, **options), registered=False)
-
-
-def noise(rows: int, columns: int) -> CodeArray:
-    return np.random.default_rng(0).integers(200, 4000, (rows, columns), np.uint16)
 
 
 @pytest.mark.parametrize("order", BAYER_ORDERS)
@@ -177,8 +174,8 @@ CAMERA: Fields = {
 }
 
 
-def codes(dtype: Any = np.uint16, seed: int = 0) -> Any:
-    values = np.random.default_rng(seed).integers(0, 60000, SHAPE)
+def codes(dtype: Any = np.uint16) -> Any:
+    values = np.random.default_rng(0).integers(0, 60000, SHAPE)
     return values.astype(dtype) if np.dtype(dtype).kind == "u" else (values / 65536).astype(dtype)
 
 
@@ -267,14 +264,7 @@ def test_a_jpeg_xl_that_declares_more_than_its_tile_is_not_decoded(
     bomb = imagecodecs.jpegxl_encode(np.zeros((300, 500), np.uint8), lossless=True)
     if boxes:
         bomb = b"\0\0\0\x0cJXL \r\n\x87\n" + (len(bomb) + 8).to_bytes(4, "big") + b"jxlc" + bomb
-    with tifffile.TiffFile(path) as file:
-        below: Any = file.pages.first.pages[0]
-        places = below.tags[324], below.tags[325]
-    data = bytearray(Path(path).read_bytes())
-    for tag, value in zip(places, (len(data), len(bomb)), strict=True):
-        size = 2 if tag.dtype == SHORT else 4
-        data[tag.valueoffset : tag.valueoffset + size] = value.to_bytes(size, "little")
-    Path(path).write_bytes(bytes(data) + bomb)
+    replace_segment(Path(path), bomb)
     monkeypatch.setattr(tifffile.TiffPage, "asarray", None)
     with pytest.raises(InputError, match="declares 500 x 300 pixels in a place for 16 x 16"):
         load_scene(path)

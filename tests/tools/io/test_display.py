@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared.arrays import FloatArray
 from panchroma.shared.calibration import SensorCalibration
 from panchroma.shared.colorimetry import as_rows
 from panchroma.shared.errors import InputError
@@ -25,10 +24,6 @@ NEUTRAL = (0.48, 1.0, 0.65)
 # White reads NEUTRAL; the matrix is for balanced channels, nearly right only, as fits are.
 TO_XYZ = as_rows(np.array(MATRIX) / NEUTRAL)
 CAMERA = SensorCalibration(neutral=NEUTRAL, camera_to_xyz=TO_XYZ)
-
-
-def random_picture(shape: tuple[int, ...], seed: int = 0) -> FloatArray:
-    return np.random.default_rng(seed).random(shape, np.float32)
 
 
 # --- white ---------------------------------------------------------------------------------------
@@ -65,7 +60,7 @@ def test_noise_below_black_does_not_lift_the_other_channels_shadows() -> None:
 
 
 def test_an_uncalibrated_sensor_has_the_primaries_of_srgb() -> None:
-    rgb = random_picture((20, 30, 3))
+    rgb = np.random.default_rng(0).random((20, 30, 3), np.float32)
     shown = ColourTransform.to_space(SensorCalibration()).apply(rgb)
     np.testing.assert_allclose(shown, encode_srgb(rgb), atol=ROUNDING)
 
@@ -79,7 +74,7 @@ def test_a_perfect_matrix_gives_back_the_colours_of_the_scene(name: str) -> None
     camera_to_xyz = SPACES["display-p3"].to_xyz @ np.linalg.inv(mixing)
     white = mixing.sum(axis=1)
     sensor = SensorCalibration(neutral=tuple(white), camera_to_xyz=as_rows(camera_to_xyz))
-    scene = random_picture((8, 9, 3), seed=2) * 0.5
+    scene = np.random.default_rng(2).uniform(0, 0.5, (8, 9, 3))
     linear = scene @ (np.linalg.inv(SPACES[name].to_xyz) @ SPACES["display-p3"].to_xyz).T
     expected = linear if SPACES[name].linear else encode_srgb(linear.astype(np.float32))
     measured = (scene @ mixing.T / white.max()).astype(np.float32)
@@ -90,15 +85,9 @@ def test_a_perfect_matrix_gives_back_the_colours_of_the_scene(name: str) -> None
 
 def test_exposure_is_in_stops() -> None:
     transform = ColourTransform.to_space(CAMERA, "linear-srgb")
-    rgb = random_picture((4, 4, 3))
+    rgb = np.random.default_rng(0).random((4, 4, 3), np.float32)
     np.testing.assert_allclose(transform.apply(rgb, 1.5), 2**1.5 * transform.apply(rgb), rtol=1e-5)
-    shown = ColourTransform.to_space(CAMERA)
-    whites = np.array(NEUTRAL) * np.array([[0.5], [1], [2], [4]])
-    darker = shown.apply(whites[None].astype(np.float32), -1.0)
-    expected = encode_srgb(np.array([0.25, 0.5, 1, 1], np.float32))
-    np.testing.assert_allclose(darker[0, :, 1], expected, atol=ROUNDING)
-    assert np.ptp(darker, axis=2).max() < ROUNDING
-    assert shown.apply(rgb, MAX_EXPOSURE).max() <= 1.0
+    assert ColourTransform.to_space(CAMERA).apply(rgb, MAX_EXPOSURE).max() <= 1.0
 
 
 @pytest.mark.parametrize("restored", [True, False])

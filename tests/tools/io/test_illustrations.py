@@ -11,7 +11,6 @@ from panchroma.tools.io.illustrations import comparison, overview
 from panchroma.tools.simulation.sensor import simulate_additive
 
 PANEL, GAP, CAPTION = illustrations._PANEL, illustrations._GAP, illustrations._CAPTION
-FILTERS = illustrations._FILTERS
 Shown = tuple[Mosaic, FloatArray, FloatArray]
 
 
@@ -34,7 +33,7 @@ def test_the_overview_draws_both_patterns_and_shows_holes_where_the_colour_is(sh
     sheet = overview(*shot, (12, 12))  # a block begins here
     cell = PANEL // 12
     middles = slice((PANEL - 12 * cell + cell) // 2, 12 * cell, cell)
-    names = {colour: letter for letter, colour in FILTERS.items()}
+    names = {colour: letter for letter, colour in illustrations._FILTERS.items()}
     for column, tile in enumerate((["RG" * 3, "GB" * 3] * 3, CfaPattern.bayer(6).tile)):
         drawn = panel(sheet, 0, column)[middles, middles].tolist()
         letters = ["".join(names[tuple(pixel)] for pixel in row) for row in drawn]

@@ -17,7 +17,7 @@ from panchroma.shared.errors import InputError
 from panchroma.tools.io.display import SPACES, ColourTransform
 from panchroma.tools.io.formats.uhdr import GainMap
 from panchroma.tools.io.kind import PictureKind
-from panchroma.tools.io.samples import quantise, upright
+from panchroma.tools.io.samples import upright
 from tests.exiftool import fields
 from tests.tools.io.examples import CALIBRATION, SIZES, encoded, scene, shown
 from tests.tools.io.examples import KINDS as ALL_KINDS
@@ -49,12 +49,6 @@ def hdr(data: bytes, boost: float | None = None) -> NDArray[np.float32]:
     return np.asarray(halves[..., :3], np.float32)
 
 
-def light(rgb: FloatArray, space: str, exposure: float) -> FloatArray:
-    """The render as it is: linear light of the space's primaries, nothing clipped."""
-    shown = ColourTransform.to_space(CALIBRATION, space)
-    return replace(shown, space=replace(shown.space, linear=True)).apply(rgb, exposure)
-
-
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])
 @pytest.mark.parametrize("shape", SIZES)
 def test_the_picture_is_that_of_a_jpeg_and_segments(shape: tuple[int, int], space: str) -> None:
@@ -63,9 +57,7 @@ def test_the_picture_is_that_of_a_jpeg_and_segments(shape: tuple[int, int], spac
     quantisation = plain.index(b"\xff\xdb")
     assert ultra[:quantisation] == plain[:quantisation]
     assert ultra[ultra.index(b"\xff\xdb") :].startswith(plain[quantisation:])
-    image = Image.open(io.BytesIO(ultra))
-    assert image.format == "JPEG"
-    assert np.array_equal(np.asarray(image), np.asarray(Image.open(io.BytesIO(plain))))
+    assert Image.open(io.BytesIO(ultra)).format == "JPEG"
 
 
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])
@@ -76,7 +68,9 @@ def test_a_display_with_room_shows_the_render(
 ) -> None:
     rgb, kind = highlights(), PictureKind.of("uhdr", space=space)
     data = encoded(rgb, kind, orientation, exposure=exposure).getvalue()
-    result, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
+    clipped = ColourTransform.to_space(CALIBRATION, space)
+    linear = replace(clipped, space=replace(clipped.space, linear=True))
+    result, expected = hdr(data), upright(linear.apply(rgb, exposure), orientation)
     assert result.shape == expected.shape
     result, expected = result[4::16, 4::16], expected[4::16, 4::16]  # inside every patch
     weights = SPACES[space].to_xyz[1]
@@ -122,11 +116,6 @@ and more.
 """
 
 
-def samples(rgb: FloatArray, kind: PictureKind) -> NDArray[np.generic]:
-    pixels = shown(rgb, kind.space, 6)
-    return pixels if kind.bits == 32 else quantise(pixels, kind.bits)
-
-
 def smooth() -> FloatArray:
     """Saturated colours of all hues, beyond those of sRGB too, without noise."""
     down, across = np.mgrid[0:1:80j, 0:1:120j]
@@ -137,15 +126,14 @@ def smooth() -> FloatArray:
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> None:
     """The reader makes them from JPEG XL's own, as the codec has labelled them."""
-    sizes = []
-    for quality in (20, 90):
-        data = encoded(smooth(), replace(kind, quality=quality)).getvalue()
-        read, expected = imagecodecs.jpegxl_decode(data), samples(smooth(), kind)
-        sizes.append(len(data))
-    assert read.dtype == expected.dtype
+    worse, good = (
+        encoded(smooth(), replace(kind, quality=quality)).getvalue() for quality in (20, 90)
+    )
+    read = imagecodecs.jpegxl_decode(good)
+    assert read.dtype == ("float32" if kind.bits == 32 else f"uint{kind.bits}")
     white = 1 if kind.bits == 32 else 2**kind.bits - 1
-    assert np.abs(read.astype(float) - expected).mean() < LITTLE * white
-    assert sizes[0] < sizes[1]
+    assert np.abs(read / white - shown(smooth(), kind.space, 6)).mean() < LITTLE
+    assert len(worse) < len(good)
 
 
 def test_quality_100_is_without_loss() -> None:

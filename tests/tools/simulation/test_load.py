@@ -27,7 +27,17 @@ from panchroma.tools.io.scene import Scene, check_size
 from panchroma.tools.simulation.load import load_scene, set_aside
 from tests.data import DATA
 from tests.python import run_python
-from tests.tools.io.files import CFA, LINEAR_RAW, LONG, RATIONAL, SHORT, save, write_dng
+from tests.tools.io.files import (
+    CFA,
+    LINEAR_RAW,
+    LONG,
+    RATIONAL,
+    SHORT,
+    noise,
+    replace_segment,
+    save,
+    write_dng,
+)
 
 PHOTOGRAPHS = sorted(
     path for folder in ("chart", "kodak", "linear", "raw") for path in (DATA / folder).glob("*")
@@ -162,10 +172,6 @@ X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
 LOSSY = {"compression": "jpeg", "compressionargs": {"level": 90}}
 
 
-def noise(*shape: int, dtype: Any = np.uint16) -> np.ndarray[Any, Any]:
-    return np.random.default_rng(0).integers(200, 4000, shape).astype(dtype)
-
-
 def written(samples: Any, **options: Any) -> Write:
     """A file by `save`."""
     return partial(save, light=samples, **options)
@@ -192,13 +198,7 @@ BROKEN_SHOT = b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20
 def inflating(path: Path) -> None:
     """A small linear DNG whose only strip inflates to 50 MB of zeros."""
     linear(compression="deflate", rowsperstrip=40)(path)
-    with tifffile.TiffFile(path) as file:
-        tags = file.pages.first.tags
-        offset, count = tags[273].valueoffset, tags[279].valueoffset
-    strip, data = zlib.compress(bytes(50_000_000), 9), bytearray(path.read_bytes())
-    for place, value in ((offset, len(data)), (count, len(strip))):
-        data[place : place + 4] = value.to_bytes(4, "little")
-    path.write_bytes(bytes(data) + strip)
+    replace_segment(path, zlib.compress(bytes(50_000_000), 9))
 
 
 @pytest.mark.parametrize(

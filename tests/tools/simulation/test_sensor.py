@@ -19,10 +19,8 @@ from panchroma.tools.simulation.sensor import (
     sample,
     simulate_additive,
     simulate_sensor,
-    typical_noise,
 )
 from tests.offline.scenes import every_case, gamma_of, materials
-from tests.reference import geometry
 from tests.reference.sensor import observe
 
 ERRORS = 5  # standard errors
@@ -34,14 +32,13 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def flat(*channels: float, shape: tuple[int, int] = SHAPE) -> FloatArray:
-    return np.full((*shape, len(channels)), channels, np.float32)
+def flat(*channels: float) -> FloatArray:
+    return np.full((*SHAPE, len(channels)), channels, np.float32)
 
 
-def planes_of(pattern: CfaPattern, shape: tuple[int, int] = SHAPE) -> Any:
-    """Letters of all pixels."""
-    letters = [geometry.letter(pattern, *place) for place in np.ndindex(shape)]
-    return np.reshape(letters, shape)
+def of_filter(letter: str, samples: Any) -> DoubleArray:
+    """The samples under a filter of `PATTERN`."""
+    return np.asarray(samples[PATTERN.filter_map(SHAPE) == "RGBW".index(letter)], float)
 
 
 def assert_moments(values: DoubleArray, mean: float, variance: float) -> None:
@@ -71,11 +68,10 @@ def test_a_pixel_reads_one_channel_or_the_weighted_sum(
 def test_additive_noise_has_its_sigma_on_every_plane_and_is_not_clipped(sigma: float) -> None:
     light = {"R": 0.0, "G": 1.0, "B": 0.5, "W": 1.5}
     mosaic = simulate_additive(flat(0.0, 1.0, 0.5), PATTERN, SensorCalibration(), sigma, rng())
-    letters = planes_of(PATTERN)
     for letter, value in light.items():
-        assert_moments(mosaic.signal[letters == letter].astype(np.float64), value, sigma**2)
+        assert_moments(of_filter(letter, mosaic.signal), value, sigma**2)
     assert mosaic.samples.dtype == np.float32
-    assert mosaic.signal[letters == "R"].min() < 0  # not clipped at black
+    assert of_filter("R", mosaic.signal).min() < 0  # not clipped at black
     assert mosaic.calibration.noise == NoiseModel.gaussian(sigma, 4)
 
 
@@ -119,25 +115,22 @@ def test_sensor_noise_is_shot_noise_and_read_noise_of_each_plane(
 ) -> None:
     """In the dark it goes below black, and the black level keeps it."""
     mosaic = simulate_sensor(flat(red, green, blue), PATTERN, SENSOR, exposure, rng())
-    letters = planes_of(PATTERN)
     values = (red, green, blue, red * 0.9 + green + blue * 1.1)
     for plane, value in enumerate(values):
         signal = value * exposure
-        measured = mosaic.signal[letters == "RGBW"[plane]].astype(np.float64)
+        measured = of_filter("RGBW"[plane], mosaic.signal)
         assert_moments(measured, signal, NOISE.sigma(signal, plane) ** 2 + ROUNDING)
     assert mosaic.samples.dtype == np.uint16
     assert mosaic.calibration == SENSOR
 
 
 def test_light_is_clipped_at_full_scale_not_above() -> None:
-    letters = planes_of(PATTERN)
     mosaic = simulate_sensor(flat(2.0, 0.5, 0.5), PATTERN, SENSOR, 2.0, rng())
     assert mosaic.codes.max() == WHITE
-    assert (mosaic.codes[letters == "R"] == WHITE).all()  # 4.0 of 3.0
-    assert (mosaic.codes[letters == "G"] < WHITE).all()  # 1.0 of 3.0
+    assert (of_filter("R", mosaic.codes) == WHITE).all()  # 4.0 of 3.0
+    assert (of_filter("G", mosaic.codes) < WHITE).all()  # 1.0 of 3.0
 
 
 def test_a_sensor_without_noise_model_gets_a_typical_one() -> None:
     mosaic = simulate_sensor(flat(0.4, 0.4, 0.4), PATTERN, SensorCalibration(), 1.0, rng())
-    assert mosaic.calibration.noise == typical_noise(SensorCalibration())
     assert mosaic.calibration.noise == NoiseModel((TYPICAL_SHOT,) * 4, (TYPICAL_READ,) * 4)
