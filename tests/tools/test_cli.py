@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -25,10 +26,8 @@ SHOT = "builtin-24x18.dng"
 @pytest.fixture
 def shots(tmp_path: Path) -> Path:
     """A folder with one small shot."""
-    folder = tmp_path / "shots"
-    folder.mkdir()
-    run("simulate", "builtin:24x18", "-o", folder, code=0)
-    return folder
+    run("simulate", "builtin:24x18", "-o", tmp_path / "shots", code=0)
+    return tmp_path / "shots"
 
 
 # --- help ----------------------------------------------------------------------------------------
@@ -80,38 +79,7 @@ def test_a_command_does_not_load_what_it_does_not_need(
     assert heavy.isdisjoint(modules)
 
 
-# Commands that write into a folder, which is named last.
-INTO = {
-    "simulate": "simulate builtin:24x18 -o",
-    "preview": f"preview {SHOT} -o",
-    "render": f"render {SHOT} -o",
-    "capture": "capture builtin:24x18@50 --frames 1 -o",
-    "evaluate": "evaluate builtin:48x48 --sigma 0 --methods bilinear --jobs 1 -o",
-    "calibrate": "calibrate chart-300x200.dng -o camera.json --report",
-}
-
-
-@pytest.mark.parametrize("verb", INTO)
-def test_the_output_folder_is_made(
-    verb: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(shots)
-    if verb == "calibrate":
-        run("simulate chart:300x200 -o . --light 1", code=0)
-    run(INTO[verb], tmp_path / "new", code=0)
-    assert names(tmp_path / "new")
-
-
 # --- errors --------------------------------------------------------------------------------------
-
-
-def failing(error: Exception) -> Callable[..., None]:
-    """A function that raises the error."""
-
-    def fail(*_: object, **__: object) -> None:
-        raise error
-
-    return fail
 
 
 @pytest.mark.parametrize(
@@ -128,14 +96,13 @@ def failing(error: Exception) -> Callable[..., None]:
 def test_what_ends_a_render_is_one_line(
     error: Exception, words: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fail = failing(error)
-    monkeypatch.setattr("panchroma.offline.measure", fail)
+    monkeypatch.setattr("panchroma.offline.measure", Mock(side_effect=error))
     assert_refused(run("render", shots / SHOT, "-o", tmp_path), words, name=str(shots / SHOT))
     assert names(tmp_path) == {"shots"}
 
 
 def test_a_fault_outside_of_any_file_is_one_line_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inspect, "run", failing(RuntimeError("odd")))
+    monkeypatch.setattr(inspect, "run", Mock(side_effect=RuntimeError("odd")))
     (line,) = run("inspect", "x.dng", code=1).err.splitlines()
     place = "RuntimeError in cli.py:"  # the last place of ours
     assert line.startswith(f"panchroma: a fault of Panchroma, please report it: {place}")
@@ -312,12 +279,6 @@ def test_file_names_that_no_encoding_holds(shots: Path) -> None:
 
 
 # --- what is shown -------------------------------------------------------------------------------
-
-
-def test_a_list_may_begin_with_a_negative_number(tmp_path: Path) -> None:
-    for stops in ("-2,0", "-.5,1"):
-        options = f"--burst 2 --bracket={stops} -o"
-        run("simulate builtin:60x60", options, tmp_path / stops, code=0)
 
 
 def test_no_command_leaves_anything_in_the_home_or_sends_anything(

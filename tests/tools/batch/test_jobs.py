@@ -2,17 +2,15 @@
 for the rest.
 """
 
-import errno
 import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 
 from panchroma.shared.errors import InputError, OutputError
-from panchroma.tools.batch.console import Console, StandardOutputError
+from panchroma.tools.batch.console import Console
 from panchroma.tools.batch.folders import Source, plan
 from panchroma.tools.batch.jobs import Job, Outcome, Work, output_folder, run_jobs
 from panchroma.tools.batch.progress import StageProgress
@@ -60,17 +58,6 @@ def test_one_failure_is_one_line_and_the_rest_goes_on(
     assert [json.loads(record)["ok"] for record in shown.out.splitlines()] == [True, False, True]
     assert shown.err.startswith(f"panchroma: bad.in: {line}")
     assert shown.err.count("\n") == 1
-
-
-def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path) -> None:
-    broken = StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe"))
-    for error in (KeyboardInterrupt(), broken):
-
-        def work(job: Job, listener: StageProgress, error: BaseException = error) -> NoReturn:
-            raise error
-
-        with pytest.raises(type(error)):
-            do(["one.in", "two.in"], tmp_path, work)
 
 
 # --- what may be written -------------------------------------------------------------------------

@@ -3,6 +3,7 @@ costs one line.
 """
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -111,10 +112,7 @@ def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -
 def test_a_dry_run_checks_and_does_nothing(
     out: Path, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(*_: object) -> None:
-        raise AssertionError("rendered")
-
-    monkeypatch.setattr("panchroma.offline.measure", fail)
+    monkeypatch.setattr("panchroma.offline.measure", Mock(side_effect=AssertionError("rendered")))
     (tmp_path / "text.dng").write_text("no picture")
     (out / "old.tif").write_text("old")
     shots = (shot, tmp_path / "text.dng", save(tmp_path / "old.dng"))

@@ -107,7 +107,7 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(
         ("--linear", 3),
         ("--shading 1,10", 0.25),
         ("--reduce 2", 0.25),
-        ("--burst 2 --motion 1 --bracket=1,-1", 3),
+        ("--burst 2 --motion 1 --bracket=-1,1", 3),
     ],
 )
 def test_the_truth_is_as_bright_as_a_render_under_any_light(
