@@ -53,10 +53,7 @@ class Outline(HTMLParser):
 
 def of_evaluation(folder: Path, text: str) -> bytes:
     """Every name and remark is the text."""
-    path = Path(of_quads(folder, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS))
-    for end in (".onnx", ".json"):
-        path.with_suffix(end).rename(folder / f"{text}{end}")
-    (rival,) = choose([str(folder / f"{text}.onnx")])
+    (rival,) = choose([of_quads(folder, [1, 0, 0, 0, 0], text, order="GRBG", inputs=QUADS)])
     networks = ((rival.name, rival.file),)
     study = study_of(folder, methods=("paper", "bilinear", rival.name), networks=networks)
     scenes = tuple(

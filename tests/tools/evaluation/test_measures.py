@@ -7,7 +7,7 @@ import pytest
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation.measures import WINDOW, Histogram, Measures, window_origins
-from panchroma.tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, psnr, quality
+from panchroma.tools.evaluation.metrics import BORDER, CAP, patch_psnr, psnr, quality
 from tests.tools.evaluation.examples import pair
 
 BIN = 0.0041  # dB: two bins, and rounding
@@ -69,15 +69,6 @@ def test_what_cannot_be_compared_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=words):
             function(*pictures)
-
-
-def test_pooled_quantiles_are_those_of_all_patches() -> None:
-    """Frames differ in size: every patch counts once."""
-    sizes = ((60, 70, 0), (44, 41, 1), (90, 50, 2))
-    for planes in zip(*(patch_psnr(*pair(*size)) for size in sizes), strict=True):
-        pooled = Histogram.pooled(list(map(Histogram.of, planes))).quantiles()
-        expected = np.quantile(np.concatenate([plane.ravel() for plane in planes]), QUANTILES)
-        np.testing.assert_allclose(pooled, expected, atol=BIN)
 
 
 @pytest.mark.parametrize(
