@@ -28,11 +28,10 @@ LARGE = (1700, 1500)
 
 
 def mosaic(shape: tuple[int, int]) -> Mosaic:
-    """A busy one of 12 bits, a small one repeated."""
-    codes = np.random.default_rng(0).integers(300, 4000, (60, 60), np.uint16)
-    repeated = np.tile(codes, (-(-shape[0] // 60), -(-shape[1] // 60)))[: shape[0], : shape[1]]
+    """A busy one of 12 bits."""
+    codes = np.random.default_rng(0).integers(300, 4000, shape, np.uint16)
     levels = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
-    return Mosaic(repeated, CfaPattern.bayer(), levels)
+    return Mosaic(codes, CfaPattern.bayer(), levels)
 
 
 # --- how much ------------------------------------------------------------------------------------

@@ -16,7 +16,6 @@ from panchroma.tools.batch.console import Console, StandardOutputError
 from panchroma.tools.batch.folders import Source, plan
 from panchroma.tools.batch.jobs import Job, Outcome, Work, output_folder, run_jobs
 from panchroma.tools.batch.progress import StageProgress
-from tests.tools.command import run
 
 Output = pytest.CaptureFixture[str]
 
@@ -69,16 +68,6 @@ def test_a_lost_output_is_no_failure_of_a_file(tmp_path: Path) -> None:
 
 
 # --- what may be written -------------------------------------------------------------------------
-
-
-def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Output) -> None:
-    (tmp_path / "one.out").write_text("old")
-    assert do(["one.in", "two.in"], tmp_path) == 1
-    assert (tmp_path / "one.out").read_text() == "old"
-    assert (tmp_path / "two.out").read_text() == "two.in"
-    assert f"{tmp_path}/one.out: exists already" in capsys.readouterr().err
-    assert do(["one.in"], tmp_path, overwrite=True) == 0
-    assert (tmp_path / "one.out").read_text() == "one.in"
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -142,8 +131,3 @@ def test_no_other_output_folder_is_taken(
     (tmp_path / "link").symlink_to("nowhere")
     with pytest.raises(OutputError, match=re.escape(words)):
         output_folder(str(tmp_path / name))
-
-
-def test_an_empty_folder_that_was_there_is_not_removed(out: Path) -> None:
-    run("render", "missing", "-o", out, code=1)
-    assert out.is_dir()

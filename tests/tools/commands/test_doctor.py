@@ -68,8 +68,7 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
 def test_there_is_one_opencv(
     installed: tuple[str, ...], state: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    versions = dict.fromkeys(installed, "5.0")
-    monkeypatch.setattr(doctor, "package_version", versions.get)
+    monkeypatch.setattr(doctor, "package_version", dict.fromkeys(installed, "5.0").get)
     finding = only("OpenCV")
     assert (finding.state, words in finding.found) == (state, True)
     assert (f"-y {' '.join(installed)} &&" in finding.remedy) == (state == BAD)

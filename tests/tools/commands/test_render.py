@@ -89,8 +89,7 @@ def cast(path: Path) -> float:
 
 def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) -> None:
     shot = uncalibrated(tmp_path / "a.dng")
-    multipliers = ",".join(str(1 / level) for level in LIGHT)
-    for balance in ("camera", "auto", multipliers):
+    for balance in ("camera", "auto", ",".join(str(1 / level) for level in LIGHT)):
         options, balanced = f"--preset paper --overwrite --wb {balance}", balance != "camera"
         outcome = run("render", shot, "-o", out, options, "--json", code=0)
         assert (cast(out / "a.tif") < 0.03) == balanced, options

@@ -3,7 +3,6 @@ say what is wrong.
 """
 
 import json
-import pydoc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -41,11 +40,6 @@ def pixels(path: Path) -> np.ndarray[Any, Any]:
 def shown(result: Any) -> np.ndarray[Any, Any]:
     """The picture that a notebook shows."""
     return np.asarray(imagecodecs.png_decode(result._repr_png_()))
-
-
-def test_help_names_everything() -> None:
-    text = pydoc.plain(pydoc.render_doc(panchroma))
-    assert all(name in text for name in panchroma.__all__)
 
 
 def test_a_render_is_that_of_the_library(shot: panchroma.Shot) -> None:
