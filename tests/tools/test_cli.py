@@ -126,15 +126,6 @@ def test_verbose_shows_the_traceback_of_a_fault_once(
     assert "Traceback" not in run(*words, code=1).err
 
 
-def test_a_verb_or_option_that_went_is_answered_by_what_to_use() -> None:
-    gone = "there is no verb design any more: panchroma evaluate SCENE"
-    assert gone in run("design -o x", code=2).err
-    options = {"burst": "--report", "evaluate": "--show", "simulate": "--aberration"}
-    for verb, option in options.items():
-        gone = f"there is no option {option} any more: {cli.GONE[option]}"
-        assert gone in run(f"{verb} x -o y {option}", code=2).err
-
-
 def test_options_of_every_verb_may_stand_before_it(shots: Path) -> None:
     quiet = run("inspect", shots, "--quiet", code=0)
     assert run("-q -v inspect", shots, code=0).out == quiet.out

@@ -41,11 +41,7 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
     camera = f"--pattern {FIVE} --origin 2,1 --truth --sigma 0.01 --bits 14"
     run("simulate", scene, "-o", out, camera, code=0)
     assert np.array_equal(tifffile.imread(out / "bands.truth.tif"), bands())
-    saved = read_dng(shot)
-    assert saved.pattern == CfaPattern.of_letters(FIVE, (2, 1))
-    calibration = saved.calibration
-    assert (calibration.channels, calibration.gamma) == ("VRGNU", (1.0,) * 5)
-    assert calibration.bits == 14
+    assert read_dng(shot).pattern == CfaPattern.of_letters(FIVE, (2, 1))
     shown = run("inspect", shot).out
     assert "gamma         1  (VRGNU)" in shown
     # 30 pixels see all of it, and 6 a fifth
