@@ -23,7 +23,6 @@ from tests.python import run_python
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, names, run
 
-SMALL = (60, 90)
 LARGE = (1700, 1500)
 
 
@@ -72,7 +71,7 @@ def test_no_more_memory_is_taken_than_was_foreseen(
 
 def test_100_megapixels_are_foreseen_to_fit_2_2_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a rendering of that size took when it was measured, with a photograph: 2.0 GB."""
-    frame = mosaic(SMALL)
+    frame = mosaic((60, 90))
     monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
     assert 1.7e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 2.2e9
 

@@ -23,8 +23,8 @@ from panchroma.tools.io.kind import PictureKind
 from tests.walking import one_field_changed
 
 
-def entry(output: str = "a.tif", digest: str = "d", run: str = "r") -> Entry:
-    return Entry(output, digest, "k", run, "a.dng")
+def entry(output: str = "a.tif", digest: str = "d") -> Entry:
+    return Entry(output, digest, "k", "r", "a.dng")
 
 
 def test_what_is_appended_is_found_by_all_who_hold_it(tmp_path: Path) -> None:

@@ -18,13 +18,12 @@ from panchroma.tools.simulation.bayer import ORDER, sample_bayer
 from panchroma.tools.simulation.noise import BayerShot, PaperProtocol
 
 RIVALS = [name for name, method in methods().items() if not method.ours and method.missing is None]
-WHITE = np.ones(3, np.float32)
 CODE = 2 / 65535  # what 16 bits over a range of 1.3 may be wrong by
 EDGE = 8  # pixels: rivals do as they like there
 
 
 def demosaic(name: str, mosaic: FloatArray) -> FloatArray:
-    return methods()[name].function(BayerShot(mosaic, 0.0, 0.0), WHITE)
+    return methods()[name].function(BayerShot(mosaic, 0.0, 0.0), np.ones(3, np.float32))
 
 
 def smooth_scene(rows: int, columns: int) -> FloatArray:
