@@ -21,9 +21,7 @@ from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, results, run
 from tests.tools.io.examples import encode_picture
 
-SCENE = (48, 36)
-SOURCE = f"builtin:{SCENE[0]}x{SCENE[1]}"
-STEM = SOURCE.replace(":", "-")
+STEM = "builtin-48x36"
 MEASURED = "--bits 32 --space camera"
 
 
@@ -31,7 +29,7 @@ MEASURED = "--bits 32 --space camera"
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A noisy shot of the built-in scene, 16 bits."""
     folder = tmp_path_factory.mktemp("shots")
-    run("simulate", SOURCE, "-o", folder, "--bits 16 --sigma 0.02", code=0)
+    run("simulate builtin:48x36 -o", folder, "--bits 16 --sigma 0.02", code=0)
     return folder / f"{STEM}.dng"
 
 

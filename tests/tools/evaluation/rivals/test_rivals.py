@@ -1,10 +1,7 @@
 """All rivals at once: what each must hold whatever its quality."""
 
-import io
-
 import numpy as np
 import pytest
-import rawpy
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
@@ -13,8 +10,8 @@ from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
-from panchroma.tools.evaluation.rivals.libraw import encode_bayer_dng, encode_codes
-from panchroma.tools.simulation.bayer import ORDER, sample_bayer
+from panchroma.tools.evaluation.rivals.libraw import encode_codes
+from panchroma.tools.simulation.bayer import sample_bayer
 from panchroma.tools.simulation.noise import BayerShot, PaperProtocol
 
 RIVALS = [name for name, method in methods().items() if not method.ours and method.missing is None]
@@ -68,15 +65,6 @@ def test_codes_have_a_pedestal_where_it_is_needed() -> None:
         codes, black, white = encode_codes(values.astype(np.float32))
         np.testing.assert_allclose((codes - black) / (white - black), values, atol=CODE)
     assert encode_codes(np.zeros(3, np.float32))[1] == 0  # ratios of samples stay
-
-
-def test_libraw_reads_the_dng_as_it_was_written() -> None:
-    codes = np.random.default_rng(0).integers(0, 65536, (30, 40), dtype=np.uint16)
-    with rawpy.imread(io.BytesIO(encode_bayer_dng(codes))) as raw:
-        np.testing.assert_array_equal(raw.raw_image_visible, codes)
-        letters = [raw.color_desc.decode()[index] for index in raw.raw_pattern.ravel().tolist()]
-        assert letters == list(ORDER)
-        assert raw.white_level == 65535
 
 
 def test_denoising_lowers_noise_and_keeps_the_light() -> None:
