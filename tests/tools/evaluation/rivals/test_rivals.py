@@ -1,7 +1,10 @@
 """All rivals at once: what each must hold whatever its quality."""
 
+import io
+
 import numpy as np
 import pytest
+import rawpy
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
@@ -10,7 +13,7 @@ from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
-from panchroma.tools.evaluation.rivals.libraw import encode_codes
+from panchroma.tools.evaluation.rivals.libraw import encode_bayer_dng, encode_codes
 from panchroma.tools.simulation.bayer import sample_bayer
 from panchroma.tools.simulation.noise import BayerShot, PaperProtocol
 
@@ -65,6 +68,11 @@ def test_codes_have_a_pedestal_where_it_is_needed() -> None:
         codes, black, white = encode_codes(values.astype(np.float32))
         np.testing.assert_allclose((codes - black) / (white - black), values, atol=CODE)
     assert encode_codes(np.zeros(3, np.float32))[1] == 0  # ratios of samples stay
+
+
+def test_libraw_takes_no_code_for_saturated() -> None:
+    with rawpy.imread(io.BytesIO(encode_bayer_dng(np.zeros((30, 40), np.uint16)))) as raw:
+        assert raw.white_level == 65535
 
 
 def test_denoising_lowers_noise_and_keeps_the_light() -> None:
