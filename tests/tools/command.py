@@ -128,11 +128,11 @@ def results(folder: Path) -> set[str]:
     return names(folder) - {JOURNAL}
 
 
-def assert_refused(outcome: Outcome, *words: str, name: str, code: int = 1) -> None:
+def assert_refused(outcome: Outcome, *words: str, name: str) -> None:
     """Fail unless there is one error line that names the file once and says `words`, and no
     traceback.
     """
-    assert outcome.code == code, outcome.err
+    assert outcome.code == 1, outcome.err
     (line,) = outcome.errors
     assert line.startswith(f"panchroma: {name}: "), line
     assert line.count(Path(name).name) == 1, line

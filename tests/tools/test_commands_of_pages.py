@@ -30,11 +30,10 @@ def commands(page: str) -> list[list[str]]:
     ]
     ours = [part.removeprefix(".venv/bin/") for part in parts if "$" not in part]
     words = [shlex.split(part, comments=True)[1:] for part in ours if part.startswith("panchroma ")]
-    general = ("VERB", "-")
     return [
         command
         for command in words
-        if not command[0].startswith(general) and "genicam:" not in command
+        if not command[0].startswith(("VERB", "-")) and "genicam:" not in command
     ]
 
 

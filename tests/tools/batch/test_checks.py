@@ -23,16 +23,14 @@ from tests.python import run_python
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, names, run
 
-SMALL = (60, 90)
 LARGE = (1700, 1500)
 
 
 def mosaic(shape: tuple[int, int]) -> Mosaic:
-    """A busy one of 12 bits, a small one repeated."""
-    codes = np.random.default_rng(0).integers(300, 4000, (60, 60), np.uint16)
-    repeated = np.tile(codes, (-(-shape[0] // 60), -(-shape[1] // 60)))[: shape[0], : shape[1]]
+    """A busy one of 12 bits."""
+    codes = np.random.default_rng(0).integers(300, 4000, shape, np.uint16)
     levels = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
-    return Mosaic(repeated, CfaPattern.bayer(), levels)
+    return Mosaic(codes, CfaPattern.bayer(), levels)
 
 
 # --- how much ------------------------------------------------------------------------------------
@@ -73,7 +71,7 @@ def test_no_more_memory_is_taken_than_was_foreseen(
 
 def test_100_megapixels_are_foreseen_to_fit_2_2_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a rendering of that size took when it was measured, with a photograph: 2.0 GB."""
-    frame = mosaic(SMALL)
+    frame = mosaic((60, 90))
     monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
     assert 1.7e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 2.2e9
 

@@ -17,8 +17,7 @@ import pytest
 from panchroma.tools.batch import cluster as module
 from panchroma.tools.batch.cluster import source_digest
 from panchroma.tools.batch.journal import NAME
-from tests.dask_cluster import cluster, scheduler, worker
-from tests.data import ROOT
+from tests.dask_cluster import SOURCE, cluster, scheduler, worker
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import assert_refused, contents, ended, run, start
 
@@ -102,12 +101,7 @@ def test_without_workers_it_says_so_and_can_be_interrupted(tmp_path: Path, out: 
 
 def test_a_worker_with_another_source_ends_the_run(tmp_path: Path, out: Path) -> None:
     shot, other = save_shot(tmp_path / "0.dng"), tmp_path / "changed"
-    ignored = shutil.ignore_patterns("__pycache__", "images")
-    for package in ("shared", "device", "offline", "tools"):
-        copy = other / "panchroma" / package
-        shutil.copytree(ROOT / package, copy, ignore=ignored, symlinks=True)
-    for path in (ROOT / "tools/notebook/panchroma").glob("*.py"):
-        shutil.copy(path, other / "panchroma")
+    shutil.copytree(SOURCE, other, ignore=shutil.ignore_patterns("__pycache__", "notebook"))
     with (other / "panchroma/offline/settings.py").open("a") as file:
         file.write("\nSOMETHING = 1\n")
     with scheduler(tmp_path) as (address, _), worker(tmp_path, address, "changed", other):

@@ -16,15 +16,15 @@ from panchroma.shared import Camera, CfaPattern, SensorCalibration, Shading
 from panchroma.shared.calibration import NoiseModel
 from panchroma.shared.errors import OutputError
 from panchroma.tools.batch.burst import BurstOrder
-from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, key, output_lock
+from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, output_lock
 from panchroma.tools.batch.order import Order
 from panchroma.tools.batch.white_balance import WhiteBalance
 from panchroma.tools.io.kind import PictureKind
 from tests.walking import one_field_changed
 
 
-def entry(output: str = "a.tif", digest: str = "d", run: str = "r") -> Entry:
-    return Entry(output, digest, "k", run, "a.dng")
+def entry(output: str = "a.tif", digest: str = "d") -> Entry:
+    return Entry(output, digest, "k", "r", "a.dng")
 
 
 def test_what_is_appended_is_found_by_all_who_hold_it(tmp_path: Path) -> None:
@@ -85,9 +85,7 @@ def test_a_link_in_the_place_of_a_lock_makes_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "elsewhere").exists()
 
 
-def test_a_key_tells_every_part_and_a_digest_every_byte(tmp_path: Path) -> None:
-    assert len({key(a=1, b=2), key(a=1, b=3), key(a=2, b=1), key(a=1)}) == 4
-    assert key(a=1, b=2) == key(b=2, a=1)
+def test_a_digest_is_that_of_every_byte(tmp_path: Path) -> None:
     (tmp_path / "one").write_bytes(b"12")
     assert digest(tmp_path / "one") == hashlib.sha256(b"12").hexdigest()
     for path in (tmp_path, tmp_path / "none", "/dev/zero", "x" * 300, "nul\0"):

@@ -9,24 +9,6 @@ from panchroma.shared import processors as counted
 from panchroma.tools.batch.memory import available_memory
 from tests.python import run_python
 
-
-def test_a_container_may_have_less_than_the_machine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(control_groups, "_MOUNT", tmp_path)
-    everything = available_memory()
-    assert everything > 2**20
-    kernel_drops_first = "anon 2000\ninactive_file 500\nactive_file 500\n"
-    for files, left in (
-        ({"current": "3000\n", "max": "5000\n"}, 2000),
-        ({"max": "max\n", "high": "6000\n"}, 3000),
-        ({"stat": kernel_drops_first}, 3500),
-    ):
-        for name, content in files.items():
-            (tmp_path / f"memory.{name}").write_text(content)
-        assert available_memory() == left
-
-
 GROUPS = ("system.slice/job 1/step/task", "system.slice/job 1", "system.slice", "")
 
 
@@ -48,10 +30,16 @@ def test_the_limit_of_a_job_counts_in_whichever_of_its_groups_it_is(
     (tmp_path / "groups/other.slice/memory.max").write_text("1\n")  # of a job of somebody else
     (folder := tmp_path / "groups" / group).mkdir(parents=True, exist_ok=True)
     assert available_memory() > 2**20
-    (folder / "memory.max").write_text("5000\n")
-    assert available_memory() == 5000
-    for used, left in ((3000, 2000), (9000, 0)):
-        (folder / "memory.current").write_text(f"{used}\n")
+    for name, content, left in (
+        ("max", "5000", 5000),
+        ("current", "9000", 0),
+        ("current", "3000", 2000),
+        ("high", "6000", 2000),
+        ("max", "max", 3000),
+        # which the kernel drops first
+        ("stat", "anon 2000\ninactive_file 500\nactive_file 500", 3500),
+    ):
+        (folder / f"memory.{name}").write_text(f"{content}\n")
         assert available_memory() == left
     for nonsense in ("0::/../../elsewhere\nnonsense\n", "0::"):
         membership.write_text(nonsense)

@@ -59,7 +59,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "camera.json"
-    outcome = run("calibrate", folder, "-o", output, "--report", tmp_path, "--json", code=0)
+    outcome = run(
+        "calibrate", folder, "-o", output, "--report", tmp_path / "made", "--json", code=0
+    )
     camera = read_camera(output)
     np.testing.assert_allclose(camera.calibration.gamma, TRUTH.gamma, rtol=0.01)
     np.testing.assert_allclose(camera.calibration.black_level, TRUTH.black_level, atol=0.1)
@@ -69,7 +71,7 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     assert camera.pattern == read_dng(folder / "chart.dng").pattern
     assert [record["ok"] for record in outcome.records] == [True] * 10
     assert outcome.records[-1]["id"] == camera.calibration.id
-    page = (tmp_path / "report.html").read_text("utf-8")
+    page = (tmp_path / "made" / "report.html").read_text("utf-8")
     counted = {"Use it": 1, "<img": 3, 'class="patch"': 24}
     assert {words: page.count(words) for words in counted} == counted
     assert not re.search(r'(?:src|href)="(?!data:)', page), "the page loads something"

@@ -204,10 +204,8 @@ def test_frames_of_another_size_than_the_camera_file_s_are_refused(
     file.write_text(json.dumps(SensorCalibration.of_bits(12).to_json() | maps))
     options = ("-o", out, "--camera", file)
     described = from_recording(b"", *options, "--pixel-format raw12 --size 26x18", code=2)
-    for source, done in (
-        ("-", described),
-        ("builtin:26x18@9", run("builtin:26x18@9", *options, code=2)),
-    ):
+    drawn = run("builtin:26x18@9", *options, code=2)
+    for source, done in (("-", described), ("builtin:26x18@9", drawn)):
         sizes = "the frames have 26 x 18 pixels, those of the camera file 30 x 20"
         assert f"{source}: {sizes}" in done.err
         assert 'take a copy of this one without "size", "shading"' in done.err

@@ -5,7 +5,7 @@ remedy.
 import errno
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from unittest.mock import Mock
 
 import pytest
 
@@ -20,13 +20,6 @@ from tests.tools.test_base_install import camera
 def only(name: str) -> Finding:
     (finding,) = (finding for check in doctor.CHECKS for finding in check() if finding.name == name)
     return finding
-
-
-def failing(error: Exception) -> Callable[..., NoReturn]:
-    def fail(*_: object, **__: object) -> NoReturn:
-        raise error
-
-    return fail
 
 
 def test_this_installation_is_well() -> None:
@@ -75,15 +68,14 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
 def test_there_is_one_opencv(
     installed: tuple[str, ...], state: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    versions = dict.fromkeys(installed, "5.0")
-    monkeypatch.setattr(doctor, "package_version", versions.get)
+    monkeypatch.setattr(doctor, "package_version", dict.fromkeys(installed, "5.0").get)
     finding = only("OpenCV")
     assert (finding.state, words in finding.found) == (state, True)
     assert (f"-y {' '.join(installed)} &&" in finding.remedy) == (state == BAD)
 
 
 def test_what_fails_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    illegal = failing(RuntimeError("illegal instruction"))
+    illegal = Mock(side_effect=RuntimeError("illegal instruction"))
     monkeypatch.setattr("panchroma.device.Preview.run", illegal)
     preview = only("preview")
     assert (preview.state, preview.found) == (BAD, "does not run: illegal instruction")
@@ -93,7 +85,9 @@ def test_what_fails_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert (kernels.state, "NUMBA_CACHE_DIR" in kernels.remedy) == (BAD, True)
     monkeypatch.setattr(doctor, "available_memory", lambda: 100 * 2**20)
     assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
-    monkeypatch.setattr(doctor, "write_durably", failing(OSError(28, "No space left on device")))
+    monkeypatch.setattr(
+        doctor, "write_durably", Mock(side_effect=OSError(28, "No space left on device"))
+    )
     assert only("writing").state == BAD
 
 
@@ -113,7 +107,7 @@ def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch)
     assert (compiled.state, compiled.found[:13]) == (GOOD, "1 kernels in ")
     assert (again.state, again.found) == (GOOD, "all kernels were compiled already")
     assert (kept_nowhere.state, kept_nowhere.found) == (BAD, "could not keep mix")
-    nowhere = failing(RuntimeError("no locator available"))
+    nowhere = Mock(side_effect=RuntimeError("no locator available"))
     monkeypatch.setattr("panchroma.offline.kernels_to_compile", nowhere)
     finding = doctor._compiled(Console(quiet=True))
     assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)

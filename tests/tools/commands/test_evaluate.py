@@ -45,8 +45,7 @@ def test_a_folder_of_mixed_files(out: Path, tmp_path: Path) -> None:
     # With --resume another method adds itself to what is kept.
     kept = times(out / "results")
     added = (*options, "--methods bilinear,dlmmse --resume")
-    more = run("evaluate", mixed, "builtin:60x60", *added, code=1)
-    assert "6 results are kept" in more.err
+    assert "6 results are kept" in run("evaluate", mixed, "builtin:60x60", *added, code=1).err
     after = times(out / "results")
     assert {path: after[path] for path in kept} == kept
     assert len(after) == len(kept) + 6

@@ -147,5 +147,4 @@ def test_another_packing_or_stride_is_named_and_fails(
     stride = FrameLayout(SONY.shape[1], 1, sent).stride + padding
     (tmp_path / "frames.bin").write_bytes(pack(SONY, sent, stride) * 2)
     options = f"{SIZE} --pixel-format {described}"
-    outcome = run("identify", tmp_path / "frames.bin", options, code=1)
-    assert words in outcome.errors[0]
+    assert words in run("identify", tmp_path / "frames.bin", options, code=1).errors[0]

@@ -13,6 +13,7 @@ import pytest
 import tifffile
 
 from panchroma.shared import Camera, CfaPattern, SensorCalibration
+from panchroma.tools.cli import GONE
 from tests.tools.command import contents, run
 
 FRAMES = "--size 128x96 --pixel-format raw12"
@@ -23,6 +24,10 @@ MISSPELT = {
         "rendr shots -o out": "panchroma: error: argument VERB: invalid choice: 'rendr'",
         "render shots": "panchroma render: error: the following arguments are required:",
         "demo x.dng": "panchroma: error: unrecognized arguments: x.dng",
+        "design -o x": "there is no verb design any more: panchroma evaluate SCENE",
+        "burst x -o y --report": f"there is no option --report any more: {GONE['--report']}",
+        "evaluate x -o y --show": f"there is no option --show any more: {GONE['--show']}",
+        "simulate x -o y --aberration": GONE["--aberration"],
         "inspect shot '--\x1b[2J\nall_is_well'": r"arguments: --\x1b[2J all_is_well",
     },
     "render shots -o out": {

@@ -3,6 +3,7 @@ costs one line.
 """
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -20,9 +21,7 @@ from tests.tools.batch.examples import save_mosaic
 from tests.tools.command import assert_refused, results, run
 from tests.tools.io.examples import encode_picture
 
-SCENE = (48, 36)
-SOURCE = f"builtin:{SCENE[0]}x{SCENE[1]}"
-STEM = SOURCE.replace(":", "-")
+STEM = "builtin-48x36"
 MEASURED = "--bits 32 --space camera"
 
 
@@ -30,7 +29,7 @@ MEASURED = "--bits 32 --space camera"
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A noisy shot of the built-in scene, 16 bits."""
     folder = tmp_path_factory.mktemp("shots")
-    run("simulate", SOURCE, "-o", folder, "--bits 16 --sigma 0.02", code=0)
+    run("simulate builtin:48x36 -o", folder, "--bits 16 --sigma 0.02", code=0)
     return folder / f"{STEM}.dng"
 
 
@@ -88,8 +87,7 @@ def cast(path: Path) -> float:
 
 def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) -> None:
     shot = uncalibrated(tmp_path / "a.dng")
-    multipliers = ",".join(str(1 / level) for level in LIGHT)
-    for balance in ("camera", "auto", multipliers):
+    for balance in ("camera", "auto", ",".join(str(1 / level) for level in LIGHT)):
         options, balanced = f"--preset paper --overwrite --wb {balance}", balance != "camera"
         outcome = run("render", shot, "-o", out, options, "--json", code=0)
         assert (cast(out / "a.tif") < 0.03) == balanced, options
@@ -111,10 +109,7 @@ def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -
 def test_a_dry_run_checks_and_does_nothing(
     out: Path, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(*_: object) -> None:
-        raise AssertionError("rendered")
-
-    monkeypatch.setattr("panchroma.offline.measure", fail)
+    monkeypatch.setattr("panchroma.offline.measure", Mock(side_effect=AssertionError("rendered")))
     (tmp_path / "text.dng").write_text("no picture")
     (out / "old.tif").write_text("old")
     shots = (shot, tmp_path / "text.dng", save(tmp_path / "old.dng"))

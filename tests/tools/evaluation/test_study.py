@@ -88,14 +88,8 @@ def test_everything_that_changes_a_result_changes_its_name(
     scene, method, tile = study.scenes[0], registry.methods()["dlmmse-wb"], study.tile
 
     def name_of(**changes: Any) -> str:
-        facts: dict[str, Any] = {
-            "scene": scene,
-            "level": NOISY,
-            "method": method,
-            "tile": tile,
-            "seed": 0,
-        }
-        return name_cell(**(facts | changes)).name
+        facts = {"scene": scene, "level": NOISY, "method": method, "tile": tile, "seed": 0}
+        return name_cell(**(facts | changes)).name  # type: ignore[arg-type]
 
     # Without noise any seed is the same, and so is a pattern under another name.
     quiet, same = PaperProtocol(0.0), replace(tile, name="mine")
@@ -160,10 +154,7 @@ def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_al
 ) -> None:
     def written(folder: Path, weight: float, name: str = "mine") -> tuple[str, Study]:
         folder.mkdir(exist_ok=True)
-        path = of_quads(folder, [weight, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
-        for end in (".onnx", ".json"):
-            Path(path).with_suffix(end).rename(folder / f"{name}{end}")
-        path = str(folder / f"{name}.onnx")
+        path = of_quads(folder, [weight, 0, 0, 0, 0], name, order="GRBG", inputs=QUADS)
         (method,) = registry.choose([path])
         return path, study_of(tmp_path, methods=(method.name,), networks=((method.name, path),))
 

@@ -3,7 +3,6 @@ say what is wrong.
 """
 
 import json
-import pydoc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -41,11 +40,6 @@ def pixels(path: Path) -> np.ndarray[Any, Any]:
 def shown(result: Any) -> np.ndarray[Any, Any]:
     """The picture that a notebook shows."""
     return np.asarray(imagecodecs.png_decode(result._repr_png_()))
-
-
-def test_help_names_everything() -> None:
-    text = pydoc.plain(pydoc.render_doc(panchroma))
-    assert all(name in text for name in panchroma.__all__)
 
 
 def test_a_render_is_that_of_the_library(shot: panchroma.Shot) -> None:
@@ -173,9 +167,7 @@ def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_p
     assert white > 300 > bare
 
 
-def test_what_is_lost_has_the_shape_of_its_picture() -> None:
-    with pytest.raises(panchroma.PanchromaError, match=r"expected uint8 \(4, 6\)"):
-        panchroma.Picture(np.ones((4, 6, 3), np.float32), lost=np.zeros((4, 5), np.uint8))
+def test_a_large_picture_of_which_much_is_lost_shows_itself() -> None:
     spots = np.zeros((2100, 1100), np.uint8)
     spots[::2] = 255
     panchroma.Picture(np.ones((2100, 1100, 3), np.float32), lost=spots)._repr_png_()
@@ -247,6 +239,7 @@ def colourless() -> panchroma.Picture:
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.to_srgb(colourless()), 'space="camera"'),
         (lambda: panchroma.Picture(GREY, white=0), "`white` is 0"),
+        (lambda: panchroma.Picture(GREY, lost=np.zeros((4, 5), np.uint8)), "uint8 (48, 48)"),
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),

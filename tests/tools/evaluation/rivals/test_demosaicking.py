@@ -1,38 +1,18 @@
-"""Bilinear interpolation and DLMMSE, pixel by pixel as they are defined."""
+"""DLMMSE, pixel by pixel as it is defined; bilinear interpolation up to the border, see also
+test_network.
+"""
 
-from itertools import product
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.arrays import FloatArray
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from panchroma.tools.simulation.bayer import ORDER, sample_bayer
 
-
-def bilinear(mosaic: FloatArray) -> DoubleArray:
-    """Each missing value: the mean of its channel's samples among the eight neighbours, in the
-    mirrored frame.
-    """
-    padded, steps = np.pad(mosaic.astype(float), 1, mode="reflect"), (-1, 0, 1)
-    rgb = np.empty((*mosaic.shape, 3))
-    for row, column, channel in np.ndindex(rgb.shape):
-        neighbours = [
-            padded[row + 1 + down, column + 1 + right]
-            for down, right in product(steps, steps)
-            if ORDER[(row + down) % 2 * 2 + (column + right) % 2] == "RGB"[channel]
-        ]
-        own = ORDER[row % 2 * 2 + column % 2] == "RGB"[channel]
-        rgb[row, column, channel] = mosaic[row, column] if own else np.mean(neighbours)
-    return rgb
-
-
-@pytest.mark.parametrize("shape", [(2, 2), (5, 8), (6, 7), (9, 9)])
-def test_bilinear_is_the_mean_of_the_nearest_samples(shape: tuple[int, int]) -> None:
-    mosaic = np.random.default_rng(1).random(shape).astype(np.float32)
-    # float32 rounding
-    np.testing.assert_allclose(demosaic_bilinear(mosaic), bilinear(mosaic), atol=1e-6)
+Demosaic = Callable[[FloatArray], FloatArray]
 
 
 def green_of(mosaic: FloatArray, row: int, column: int) -> float:
@@ -79,9 +59,9 @@ def test_green_is_the_papers() -> None:
                 assert picture[row, column, 1] == pytest.approx(expected, abs=1e-6)  # float32
 
 
-def test_measured_samples_stay_and_an_even_colour_comes_back() -> None:
+@pytest.mark.parametrize("demosaic", [demosaic_bilinear, demosaic_dlmmse])
+def test_measured_samples_stay_and_an_even_colour_comes_back(demosaic: Demosaic) -> None:
     rgb = np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), (17, 19, 3))
-    np.testing.assert_allclose(demosaic_dlmmse(sample_bayer(rgb)), rgb, atol=1e-6)
-    noise = np.random.default_rng(1).random((18, 20, 3)).astype(np.float32)
-    mosaic = sample_bayer(noise)
-    np.testing.assert_array_equal(sample_bayer(demosaic_dlmmse(mosaic)), mosaic)
+    np.testing.assert_allclose(demosaic(sample_bayer(rgb)), rgb, atol=1e-6)
+    mosaic = np.random.default_rng(1).random((18, 20)).astype(np.float32)
+    np.testing.assert_array_equal(sample_bayer(demosaic(mosaic)), mosaic)

@@ -23,7 +23,9 @@ WHITE = np.array([0.5, 1.0, 0.8], np.float32)
 QUADS = {"x": {"form": "quads", "sites": [1, 0, 2, 3], "noise": True}}
 
 
-def network(folder: Path, weights: np.ndarray, blocks: int, **fields: Any) -> str:
+def network(
+    folder: Path, weights: np.ndarray, blocks: int, name: str = "mine", **fields: Any
+) -> str:
     """A convolution with these weights, its planes then put into blocks x blocks pixels each; and
     its description.
     """
@@ -33,14 +35,15 @@ def network(folder: Path, weights: np.ndarray, blocks: int, **fields: Any) -> st
     graph.add("DepthToSpace", [values], "y", blocksize=blocks)
     inputs: Values = "x", [1, weights.shape[1], "h", "w"]
     graph.write(folder / "mine.onnx", inputs, ("y", [1, 3, "H", "W"]))
-    (folder / "mine.json").write_text(json.dumps(fields))
-    return str(folder / "mine.onnx")
+    path = (folder / "mine.onnx").rename(folder / f"{name}.onnx")  # whose content knows no name
+    (folder / f"{name}.json").write_text(json.dumps(fields))
+    return str(path)
 
 
-def of_quads(folder: Path, red: list[float], **fields: Any) -> str:
+def of_quads(folder: Path, red: list[float], name: str = "mine", **fields: Any) -> str:
     """Every pixel of a quad has its mean colour; red is that of the five planes weighted so."""
     weights = np.tile([red, [0, 0.5, 0, 0.5, 0], [0, 0, 1, 0, 0]], (4, 1))
-    return network(folder, weights[..., None, None], 2, **fields)
+    return network(folder, weights[..., None, None], 2, name, **fields)
 
 
 @pytest.mark.parametrize(
@@ -92,10 +95,7 @@ def test_a_network_for_unbalanced_samples_gets_them_as_they_are(tmp_path: Path) 
 
 
 def test_a_name_has_characters_that_plots_can_show(tmp_path: Path) -> None:
-    path = Path(of_quads(tmp_path, [1, 0, 0, 0, 0], inputs=QUADS))
-    for end in (".onnx", ".json"):
-        path.with_suffix(end).rename(tmp_path / f"a$<\udc80\n{end}")
-    (method,) = choose([str(tmp_path / "a$<\udc80\n.onnx")])
+    (method,) = choose([of_quads(tmp_path, [1, 0, 0, 0, 0], "a$<\udc80\n", inputs=QUADS)])
     assert method.name.startswith("a____-")
 
 
