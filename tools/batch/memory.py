@@ -12,12 +12,6 @@ from ...shared.control_groups import control_groups, number_in
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
 _UNKNOWN = 4 * 2**30
-# Files of a control group, of version 2 and 1: limits, bytes in use, and of these the file cache
-# that the kernel drops first.
-_GROUPS = (
-    (("memory.max", "memory.high"), "memory.current", "inactive_file"),
-    (("memory.limit_in_bytes",), "memory.usage_in_bytes", "total_inactive_file"),
-)
 # Limit of a process -> what /proc/self/status calls the memory that counts.
 _LIMITS = {resource.RLIMIT_AS: "VmSize", resource.RLIMIT_DATA: "VmData"}
 
@@ -56,12 +50,11 @@ def available_memory() -> int:
 def _left_in_groups() -> Iterator[int]:
     """Yield the bytes that each limit of each control group leaves."""
     for group in control_groups():
-        for limits, usage, dropped in _GROUPS:
-            cached = system_figure(group / "memory.stat", dropped)
-            used = max(0, (number_in(group / usage) or 0) - cached)
-            yield from (
-                limit - used for name in limits if (limit := number_in(group / name)) is not None
-            )
+        dropped_first = system_figure(group / "memory.stat", "inactive_file")  # of the file cache
+        used = max(0, (number_in(group / "memory.current") or 0) - dropped_first)
+        for limit in (number_in(group / "memory.max"), number_in(group / "memory.high")):
+            if limit is not None:
+                yield limit - used
 
 
 def _left_to_process() -> Iterator[int]:
