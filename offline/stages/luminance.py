@@ -49,7 +49,7 @@ from ..numerics.arrays import (
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
-from ..numerics.lanes import WIDTH, Lanes, lesser, load, store
+from ..numerics.lanes import WIDTH, Lanes, greater, lesser, load, store
 from ..numerics.pieces import copy_array, in_strips
 from ..stage import Between, Count, Positive, StageSettings
 from .luminance_network import correct_fill
@@ -374,6 +374,7 @@ def _subtract(plane: Floats1, removed: Floats1, holes: Bools1, out: Floats1) -> 
         out[column] = plane[column] - (removed[column] if holes[column] else _ZERO)
 
 
+_NINE = np.float32(9.001)  # coefficients; more than rounding can hide
 CHUNK = 4
 """Holes that are computed together; their number is rounded up to a multiple of this."""
 
@@ -431,6 +432,7 @@ def fill_blocks(
         window, squares = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
         known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
         values, before = zeros(chunks * CHUNK, WIDTH), zeros(chunks * CHUNK, WIDTH)
+        largest = zeros(1, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
         changes[row] = _ZERO
         for group in range(0, blocks.across, WIDTH):
@@ -446,11 +448,14 @@ def fill_blocks(
                 for lane in range(WIDTH):
                     values[hole, lane], window[i, j, lane] = window[i, j, lane], _ZERO
             _decompose_blocks(window, blocks.filters, squares, known)
+            all_removed = True  # while the threshold is large
             for threshold in thresholds:
                 for hole in range(len(values)):
                     store(before, (hole, 0), load(values, (hole, 0)))
                 _respond(values, known, blocks.response, removed, squares)
-                _shrink_blocks(squares, threshold, removed)
+                all_removed = all_removed and _removes_all(squares, threshold, largest)
+                if not all_removed:
+                    _shrink_blocks(squares, threshold, removed)
                 _remove(removed, blocks.response, values)
             for hole in range(len(holes)):
                 i, j = top + holes[hole, 0], holes[hole, 1]
@@ -497,6 +502,20 @@ def _respond(
                     store(coefficients, (place, 0), total)
                     store(squares, (band, row, column, 0), total * total)
                     place += 1
+
+
+@kernel
+def _removes_all(squares: Floats4, threshold: Scalar, largest: Floats2) -> bool:
+    """Return whether Eq. 5 removes all: no norm of nine coefficients reaches the threshold.
+    largest: (1, WIDTH), for the largest squares.
+    """
+    most = load(squares, (0, 0, 0, 0))
+    for band in range(3):
+        for row in range(squares.shape[1]):
+            for column in range(squares.shape[2]):
+                most = greater(most, load(squares, (band, row, column, 0)))
+    store(largest, (0, 0), most)
+    return largest.max() * _NINE < threshold * threshold
 
 
 @kernel
