@@ -40,8 +40,7 @@ class ConfidenceSettings(Switch):
     tolerance: Positive = 0.4
 
 
-# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most
-# (README).
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
 _CLIPPED = 0.5  # of the tolerance, next to a clipped sample (0.3)
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity (0.2)
 # next to a clipped sample: by which share of their light blocks may be darker than those around

@@ -55,7 +55,7 @@ class PosteriorSettings(Switch):
 
 
 # Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it
-# changes most (README). error of filled luminance as a multiple of its curvature (0.4); pooling has
+# changes most. Error of filled luminance as a multiple of its curvature (0.4); pooling has
 # a setting of its own
 _CURVED = 0.7
 _TINT = 0.5  # fraction of the power of residuals that is colour at least (0.3)

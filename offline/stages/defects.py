@@ -66,7 +66,7 @@ class DefectsSettings(StageSettings):
     floor: Positive = 0.04
 
 
-# Chosen; half and twice change none of the measured scenes (README).
+# Chosen; half and twice change none of the measured scenes.
 # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
 _LEAST_LIGHT = 2e-4
 _FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a corner has no more

@@ -55,7 +55,7 @@ class HighlightsSettings(StageSettings):
 
 
 # Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a
-# stop (README). periods: standard deviation of the weights with which unclipped samples correct
+# stop. Periods: standard deviation of the weights with which unclipped samples correct
 # their surroundings (0.9)
 _WIDTH = 1 / 3
 # fraction of the limit: blocks with darker samples around them belong to another surface (0.8)

@@ -38,7 +38,7 @@ class NoiseSettings(StageSettings):
 # blind to cubic shading; keeps the variance of noise
 _FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)
 # Chosen; in brackets, by how many decibels half or twice changes crops at sigma 0.02 whose noise is
-# unknown (README).
+# unknown.
 _LINES, _LENGTH = 8, 16  # rows and columns of a tile (0.1, 0.2)
 _MOST_LINES = 2048  # lines of each direction that are looked at, for time
 _CLIPPED = 0.95  # fraction of full scale above which clipping cuts noise off (0.2)

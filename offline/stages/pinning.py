@@ -32,8 +32,8 @@ from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
 from ..parts import DARK, Halo, Part, RowStage
 from .correction import signal_power, site_reach
 
-# Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01
-# (README). of the solution, relative to the precision of a sample (0.1, 0.1)
+# Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01.
+# Of the solution, relative to the precision of a sample (0.1, 0.1).
 _SMOOTHNESS, _FADING = 0.1, 1e-3
 _EDGE = 0.05  # difference of luminance that is an edge, a share of the mean luminance (0.2)
 _LEAST_EDGE = 1e-6  # scene units: the least difference that is an edge

@@ -101,8 +101,7 @@ _LEAST_PRECISION = 1e-6  # of a chromaticity
 _LEAST_LIGHT = 2e-3
 # grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
 _FAINTEST, _STRONGEST = 0.06, 3.0
-# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most
-# (README).
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
 _WINDOW_WIDTH = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
 # standard deviations of noise added to luminance that is compared: without, shadows have a tenth
 # more wrong hues
