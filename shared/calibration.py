@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .colorimetry import is_pair
@@ -421,6 +422,26 @@ class SensorCalibration:
             values = (default,) * count
         object.__setattr__(self, name, numbers(f"calibration: {name}", values, count))
         _check_range(name, getattr(self, name), limits)
+
+
+def derived_channel(
+    luminance: NDArray[Any] | float, colours: NDArray[Any], gamma: NDArray[Any], derived: int
+) -> NDArray[Any]:
+    """Return the channel without filters by Eq. 7, (l - sum_(i != d) gamma_i c_i) / gamma_d, (...).
+
+    Parameters
+    ----------
+    luminance : NDArray[Any] | float
+        l, (...); 1 if the colours are chromaticities.
+    colours : NDArray[Any]
+        (..., C); what they say of this channel is not used.
+    gamma : NDArray[Any]
+        (C,), the weights of Eq. 7.
+    derived : int
+        The channel, see `CfaPattern.derived`.
+    """
+    others = np.delete(colours, derived, axis=-1) @ np.delete(gamma, derived)
+    return np.asarray((luminance - others) / gamma[derived])
 
 
 def _check_range(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import DoubleArray, FloatArray
-from .calibration import SensorCalibration
+from .calibration import SensorCalibration, derived_channel
 from .colorimetry import D50, as_rows
 from .errors import InputError
 from .mosaic import Mosaic
@@ -78,28 +78,26 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
         lefts = lefts[lefts > 0] if clear[0][1] < 0 else lefts
     if not (len(tops) and len(lefts)):
         return None
-    blocks = np.zeros((len(pattern.planes), len(tops), len(lefts)), np.float32)
+    planes = len(pattern.channels) + (derived is not None)
+    blocks = np.zeros((planes, len(tops), len(lefts)), np.float32)
     for row, column, plane in places:
         rows = slice(tops[0] + row, tops[-1] + row + 1, every * pattern.period)
         columns = slice(lefts[0] + column, lefts[-1] + column + 1, pattern.period)
         blocks[plane] += mosaic.samples[rows, columns]
-    number = np.bincount([plane for *_, plane in places], minlength=len(blocks))
+    number = np.bincount([plane for *_, plane in places], minlength=planes)
     blocks /= np.maximum(number, 1)[:, None, None]
     if mosaic.samples.dtype == np.uint16:
-        blocks -= np.array(calibration.black_level, np.float32)[:, None, None]
-        blocks *= calibration.scale().astype(np.float32)[:, None, None]
+        blocks -= np.array(calibration.black_level[:planes], np.float32)[:, None, None]
+        blocks *= calibration.scale()[:planes].astype(np.float32)[:, None, None]
         if calibration.shading is not None:
             rows = slice(tops[0], tops[-1] + 1, every * pattern.period)
             columns = slice(lefts[0], lefts[-1] + 1, pattern.period)
-            for plane in range(len(blocks)):
+            for plane in range(planes):
                 blocks[plane] *= calibration.shading.of_plane(mosaic.shape, plane, rows, columns)
-    *colours, luminance = blocks
     if derived is not None:
-        gamma = np.array(calibration.gamma, np.float32)
-        colours[derived] = np.zeros_like(luminance)
-        rest = luminance - np.tensordot(gamma, np.stack(colours), 1)
-        colours[derived] = np.maximum(rest, 0) / gamma[derived]
-    blocks = np.stack(colours)
+        luminance, blocks = blocks[-1], blocks[:-1]
+        gamma, colours = np.array(calibration.gamma, np.float32), np.moveaxis(blocks, 0, -1)
+        blocks[derived] = derived_channel(luminance, colours, gamma, derived).clip(0)
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.
     left, middle, right = (
         blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3)

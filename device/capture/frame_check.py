@@ -158,25 +158,23 @@ class _Check:
         calibration = self._sensor.calibration
         codes = layout.unpack(frame.data)
         tiles = Tiles.of(codes, self._side, _TILES)
-        shown = shows_filters(tiles, pattern)
         reason = (
             impossible_level(codes, tiles, calibration)
             or padding(codes, calibration)
             or self._unused_bits(frame)
         )
-        pixels = FORMATS[layout.format].pixels
-        if len(tiles.parts) >= _FEWEST_TILES and is_misread(
-            tiles, pattern, pixels, calibration.bits
-        ):
-            reason = reason or f"the bits of its samples are not in the order of {layout.format}"
-        if not reason and shown is False and self._confirmed:
-            rows = f"frames have another number of rows than {layout.height}"
-            reason = f"it does not begin where the frame before it ended: {rows}"
-        elif not reason and (shown is False or (shown and has_longer_period(tiles, pattern))):
-            rows = "or rows do not begin where `stride` and `width` say"
-            reason = f"the colour sites are not where `pattern`, `period` and `origin` say, {rows}"
         if reason:
             self._refuse(frame, reason)
+        if is_misread(tiles, pattern, FORMATS[layout.format].pixels, calibration.bits):
+            self._refuse(frame, f"the bits of its samples are not in the order of {layout.format}")
+        shown = shows_filters(tiles, pattern)
+        if shown is False and self._confirmed:
+            rows = f"frames have another number of rows than {layout.height}"
+            self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
+        if shown is False or (shown and has_longer_period(tiles, pattern)):
+            places = "the colour sites are not where `pattern`, `period` and `origin` say"
+            rows = "or rows do not begin where `stride` and `width` say"
+            self._refuse(frame, f"{places}, {rows}")
         if shown is None:
             if not is_even(codes, calibration) and lacks_filters(tiles, pattern, calibration):
                 colours = "the samples at the places of the colour filters"
@@ -315,6 +313,8 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
     bits : int
         Of a sample.
     """
+    if len(tiles.parts) < _FEWEST_TILES:
+        return False
     clear = tiles.panchromatic(pattern)
     position = (tiles.places[:, 1, None] + np.arange(tiles.parts.shape[2])) % pixels
     for number in range(pixels):
@@ -323,8 +323,8 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
             continue
         alike = []
         for step in (*_NEIGHBOURS, *np.negative(_NEIGHBOURS)):
-            beside, known = (np.roll(plane, step, (1, 2)) for plane in (tiles.parts, clear))
-            if (pair := ours & known).sum() >= _PAIRS:
+            beside, is_clear = (np.roll(plane, step, (1, 2)) for plane in (tiles.parts, clear))
+            if (pair := ours & is_clear).sum() >= _PAIRS:
                 alike.append(np.corrcoef(tiles.parts[pair], beside[pair])[0, 1])
         if alike and max(alike) < _RESEMBLE:
             return True

@@ -153,14 +153,14 @@ class Preview:
 
     def _check(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the graph was made for this pattern."""
-        expected, found = (
-            {"pattern": contract.tile_name(each), "channels": each.channels}
-            for each in (self._geometry.pattern, pattern)
+        ours, other = (
+            {"pattern": contract.tile_name(filters), "channels": filters.channels}
+            for filters in (self._geometry.pattern, pattern)
         )
-        for name, text in expected.items():
-            if text != found[name]:
+        for name, text in ours.items():
+            if text != other[name]:
                 raise InputError(
-                    f"the preview is for the {name} {text}, the mosaic has {found[name]}"
+                    f"the preview is for the {name} {text}, the mosaic has {other[name]}"
                 )
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:

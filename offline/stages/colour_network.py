@@ -340,7 +340,7 @@ class Cells:
         """Return the cells of a frame with channels R, G and B."""
         pattern = sites.pattern
         grid = sites.grid
-        period = sites.grid.period
+        period = grid.period
         steps = Block.of(sites.pattern).steps
         axes = list[tuple[int, int, int]]()
         for axis, whole in enumerate((grid.whole_rows, grid.whole_columns)):

@@ -24,6 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from ...shared.arrays import BoolArray, FloatArray
+from ...shared.calibration import derived_channel
 from ...shared.progress import SILENT, Progress
 from ..measured import BlockSamples, Measured
 from ..numerics.gaussian import smoothed
@@ -172,8 +173,7 @@ class Pinning(RowStage):
         own, pinned = part.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
         gamma, derived = self.measured.gamma, self.measured.pattern.derived
         if derived is not None:  # Eq. 7
-            others = np.delete(pinned, derived, axis=2) @ np.delete(gamma, derived)
-            pinned[..., derived] = np.maximum(1 - others, 0) / gamma[derived]
+            pinned[..., derived] = derived_channel(1, pinned, gamma, derived).clip(0)
         total = (pinned @ gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
         pinned = np.where(whole, pinned / np.where(whole, total, 1), own.chromaticity)

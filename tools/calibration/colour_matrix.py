@@ -267,14 +267,13 @@ def expected_levels(
         R, G, B, or C, M, Y, which is the mean of two of them.
     """
     light = fit_colour(levels, reference, cells).light
-    shown = reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
     parts = {name: kind[i] for names, kind in _KINDS.items() for i, name in enumerate(names)}
     if letter not in parts:
         raise InputError(
             f"the channel {letter} has no filter, and nobody knows what it should see of a chart; "
             f"such a channel has to be one of {', '.join(parts)}"
         )
-    return light * (shown @ parts[letter]) / parts[letter].sum()
+    return light * (_linear_srgb(reference) @ parts[letter]) / parts[letter].sum()
 
 
 def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: CfaPattern) -> None:
@@ -294,11 +293,16 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
     pattern : CfaPattern
         Of the shot.
     """
-    shown = reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
+    srgb = _linear_srgb(reference)
     for names, mixture in _KINDS.items():
         if set(names) <= set(pattern.channels):
             own = [pattern.channels.index(letter) for letter in names]
-            _check_order(names, shown @ mixture, levels[:, own], pattern)
+            _check_order(names, srgb @ mixture, levels[:, own], pattern)
+
+
+def _linear_srgb(colours: DoubleArray) -> DoubleArray:
+    """XYZ (D50) as linear sRGB, (N, 3)."""
+    return colours @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
 
 
 def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: CfaPattern) -> None:

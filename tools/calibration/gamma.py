@@ -30,6 +30,7 @@ from scipy.special import chdtrc, huber, ndtri, stdtrit  # scipy.stats takes two
 
 from ...shared import SensorCalibration
 from ...shared.arrays import BoolArray, DoubleArray
+from ...shared.calibration import derived_channel
 from ...shared.errors import InputError
 from ...shared.figures import numbers
 from .dark_frames import DarkResult
@@ -424,8 +425,8 @@ def fit_with_derived(
         others = np.delete(fit.gamma, derived)
         unit = float(fit.gamma[derived] / others.mean())
         expected = expected * unit
-    colours = np.delete(places.mean[:, :-1], derived, axis=1)
-    level = (places.mean[:, -1] - colours @ others) / others.mean()
+    gamma = np.insert(others, derived, others.mean())
+    level = derived_channel(places.mean[:, -1], places.mean[:, :-1], gamma, derived)
     variance = places.variance[:, -1] / others.mean() ** 2
     return replace(fit, limit=_WORST_DERIVED), with_levels(level, variance)
 
