@@ -5,7 +5,7 @@ arrays.
 import numpy as np
 
 from ...shared.arrays import FloatArray
-from .arrays import Area, Pair, Scalar
+from .arrays import Area, Floats1, Pair, Scalar
 from .compile import kernel
 from .lanes import BYTES, WIDTH, Lanes, root_seed
 
@@ -78,21 +78,34 @@ def tile_at(number: int, shape: Pair, tile: Pair) -> Area:
 
 
 @kernel
+def _aligned(size: int) -> Floats1:
+    """A line of arbitrary values, aligned to the size of a vector, where reading is fastest."""
+    buffer = np.empty(size + WIDTH, np.float32)
+    first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
+    return buffer[first : first + size]
+
+
+@kernel
+def _zeroed(size: int) -> Floats1:
+    line = _aligned(size)
+    for index in range(size):
+        line[index] = np.float32(0)
+    return line
+
+
+@kernel
 def unset(*shape: int) -> FloatArray:
-    """An array of float32, of arbitrary values, aligned to the size of a vector, where reading is
-    fastest.
-    """
+    """An array of float32, of arbitrary values, aligned to the size of a vector."""
     size = 1
     for length in shape:
         size *= length
-    buffer = np.empty(size + WIDTH, np.float32)
-    first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
-    return buffer[first : first + size].reshape(shape)
+    return _aligned(size).reshape(shape)
 
 
 @kernel
 def zeros(*shape: int) -> FloatArray:
     """An array of zeros, otherwise like `unset`."""
-    array = unset(*shape)
-    array[:] = np.float32(0)
-    return array
+    size = 1
+    for length in shape:
+        size *= length
+    return _zeroed(size).reshape(shape)

@@ -422,17 +422,17 @@ def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: F
 
     scale: d^(-1/2), 0 at the blocks.
     """
-    every = zeros(*scale.shape)
+    solved, every = len(residual), zeros(*scale.shape)
     every[:] = _ONE
     linked_sum(links, every, scale)
     every[:] = _ZERO
     for row in range(scale.shape[0] - 2 * BORDER):
-        line, pinned = scale[BORDER + row], _given(pins, _SOLVED, row, columns)
+        line, pinned = scale[BORDER + row], _given(pins, solved, row, columns)
         for column in range(columns):
             line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST_DIAGONAL))
-    _right_side(links, pins, _SOLVED, columns, scale, every)
+    _right_side(links, pins, solved, columns, scale, every)
     norm, start = 0.0, every.reshape(-1)
-    for field in range(_SOLVED):
+    for field in range(solved):
         _right_side(links, pins, field, columns, scale, residual[field])
         norm = max(norm, product(residual[field], residual[field]))
         out = residual[field].reshape(-1)
@@ -492,11 +492,11 @@ def _finish(
 
     inner, place: row and first column in the region, and in `fields`.
     """
-    row, left = inner
+    (row, left), solved = inner, len(solution)
     sums = zeros(columns)
-    pinned = _given(pins, _SOLVED, row, left + columns)[left:]
+    pinned = _given(pins, solved, row, left + columns)[left:]
     roots = scale[BORDER + row][left:]
-    for field in range(_SOLVED):
+    for field in range(solved):
         source = solution[field, BORDER + row][left:]
         pin = _given(pins, field, row, left + columns)[left:]
         out = fields[field, place[0]][place[1] :]
@@ -504,7 +504,7 @@ def _finish(
             start = pin[column] + _QUARTER * (_ONE - pinned[column])
             out[column] = max(start + roots[column] * source[column], _ZERO)
             sums[column] += out[column]
-    last = fields[_SOLVED, place[0]][place[1] :]
+    last = fields[solved, place[0]][place[1] :]
     for column in range(columns):
         last[column] = max(_ONE - sums[column], _ZERO)
         sums[column] = _ONE / (sums[column] + last[column])
