@@ -5,9 +5,6 @@ Reading compares a shot's samples with their digest, and checks every field of a
 """
 
 import argparse
-import os
-import stat
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -16,18 +13,14 @@ import numpy as np
 
 from ...shared import Mosaic, Shading, read_camera, read_dng
 from ...shared.dng import read_preview, verify_dng
-from ...shared.errors import ForeignFileError
 from ...shared.networks import network_for
 from ...shared.processors import processors
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
-from ..batch.jobs import FAILED, Job, Outcome, do_jobs, file_status, run_jobs
+from ..batch.jobs import FAILED, Job, Outcome, do_jobs, run_jobs
 from ..batch.parallel import follow, in_threads
 from ..batch.progress import StageProgress
 from .options import add, add_shots, pixel_limit
-
-_KINDS = "damaged", "that cannot be read", "of other programs, without a digest to check"
-_DAMAGED, _UNREAD, _FOREIGN = _KINDS
 
 Rows = list[tuple[str, str]]
 """Names and values of a table for people."""
@@ -39,7 +32,7 @@ EXAMPLE = "panchroma inspect shots --verify"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma inspect`."""
     add_shots(parser, "a camera.json, ")
-    verify = "only count the undamaged files and name the damaged ones"
+    verify = "check each file against its digest, and only count the whole ones and name the others"
     parser.add_argument("--verify", action="store_true", help=verify)
     add(parser, "json")
 
@@ -75,43 +68,21 @@ def _shot(source: str, max_pixels: int) -> tuple[dict[str, Any], Rows]:
 
 
 def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
-    """Check each file against its own digest, and name those that are damaged or cannot be read;
-    returns the exit code.
-    """
-    faults: dict[str, str] = {}  # file -> what is wrong with it
+    """Check each file against its own digest, and count those that fail; returns the exit code."""
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        try:
-            if _is_camera(job.source):
-                return Outcome({"calibration_id": read_camera(job.source).calibration.id})
-            rows, columns = verify_dng(job.source, max_pixels=max_pixels)
-            return Outcome({"width": columns, "height": rows, "digest": "shot"})
-        except ForeignFileError:
-            faults[job.source] = _FOREIGN
-            raise
-        except Exception:
-            faults[job.source] = _DAMAGED if _is_readable(job.source) else _UNREAD
-            raise
+        if _is_camera(job.source):
+            return Outcome({"calibration_id": read_camera(job.source).calibration.id})
+        rows, columns = verify_dng(job.source, max_pixels=max_pixels)
+        return Outcome({"width": columns, "height": rows, "digest": "shot"})
 
-    files = {job.source: job for job in jobs}  # one that is named twice is checked once
-    jobs = list(files.values())
+    jobs = list({job.source: job for job in jobs}.values())  # one named twice is checked once
     with console.progress("verify") as progress:
         results = in_threads(work, jobs, processors(), console.note)
-        code = FAILED if do_jobs(follow(results, jobs, progress), console)["failed"] else 0
-    kinds = Counter(faults.values())
-    counts = [f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind] or kind == _DAMAGED]
-    to_mend = [file for kind in (_DAMAGED, _UNREAD) for file in files if faults.get(file) == kind]
-    summary = ", ".join([f"{len(files) - len(faults)} whole", *counts])
-    console.say(summary, *(f"  {file}" for file in to_mend))
-    return code
-
-
-def _is_readable(file: str) -> bool:
-    """True if there is such a file, and it can be opened: otherwise nothing is known about
-    damage.
-    """
-    status = file_status(file)
-    return status is not None and stat.S_ISREG(status.st_mode) and os.access(file, os.R_OK)
+        states = do_jobs(follow(results, jobs, progress), console)
+    foreign = f", {states['foreign']} of other programs" if states["foreign"] else ""
+    console.say(f"{states['made']} whole, {states['failed']} damaged or unreadable{foreign}")
+    return FAILED if states["failed"] else 0
 
 
 def _camera(source: str) -> tuple[dict[str, Any], Rows]:
