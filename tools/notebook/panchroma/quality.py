@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .pictures import Picture, light_of
+from .pictures import Picture
 from .shared.errors import InputError
 from .shots import Shot
 from .tools.evaluation.measures import PLANES, Measures
@@ -109,12 +109,12 @@ def evaluate(
     truth = truth.truth if isinstance(truth, Shot) else truth
     if truth is None:
         raise InputError("`truth` is None: only a simulated shot knows what it saw")
-    rgb, true_rgb = light_of(picture), light_of(truth)
+    rgb, true_rgb = np.asarray(picture), np.asarray(truth)
     count = true_rgb.shape[-1] if true_rgb.ndim == 3 else len("RGB")
     source = next((image for image in (truth, picture) if isinstance(image, Picture)), None)
     if white is None:
         white = source.white if source else 1.0
-    elif not 0 < white < np.inf:
+    if not 0 < white < np.inf:
         meaning = "what the white of the scene reads in both pictures"
         raise InputError(f"`white` is {white}, expected a positive number: {meaning}")
     rgb, true_rgb = checked_picture(rgb, count), checked_picture(true_rgb, count)

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .pictures import Image, Picture
+from .pictures import Image, Picture, checked_flag
 from .shared import (
     CaptureMetadata,
     CfaPattern,
@@ -92,7 +92,8 @@ class Shot:
         """
         if Path(path).suffix.lower() != ".dng":
             raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
-        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=overwrite)
+        replaced = checked_flag(overwrite)
+        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=replaced)
 
     def __repr__(self) -> str:
         (rows, columns), pattern = self.shape, self.pattern
@@ -226,21 +227,8 @@ def with_notes_shown(shot: Shot) -> Shot:
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:
-    """The shot itself, or that in a file.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
-    if isinstance(shot, Shot):
-        return shot
-    if isinstance(shot, str | Path):
-        return open(shot)
-    raise InputError(
-        "expected a shot (of panchroma.open or panchroma.simulate) or the name of its file, not "
-        f"{type(shot).__name__}"
-    )
+    """The shot itself, or that in a file."""
+    return shot if isinstance(shot, Shot) else open(shot)
 
 
 _previews = cache(Previews)  # graphs are built once

@@ -48,9 +48,9 @@ def simulate(
     scene : str | Path | Picture | ArrayLike
         One of the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG,
         JPEG, EXR, NPY), "builtin:1800x1200", leaves and charts of any size, the smaller the finer,
-        an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB; wider
-        integers are linear light too, white is their largest value, a `Picture`, such as the truth
-        of another shot.
+        an array (H, W, C), or (H, W) of grey: floating point is linear light, 1.0 = white; uint8 is
+        sRGB; wider integers are linear light too, white is their largest value, a `Picture`, such
+        as the truth of another shot.
     pattern : str | int | CfaPattern | None, optional
         The filters of one tile of the sensor, row by row, W is panchromatic, such as
         "WBWG/BWGW/WGWR/GWRW"; rows may also be parted by blanks or lines. "kodak", "sony", "honda",
@@ -144,17 +144,7 @@ def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
         array = np.array(None)
-    if array.dtype == object:
-        raise InputError(
-            f"expected the name of a file, an array or a picture, and not {type(source).__name__}"
-        )
-    if array.ndim != 3 or not array.size:
-        grey = "; of a grey scene give each pixel three equal channels" if array.ndim == 2 else ""
-        raise InputError(
-            f"the array has shape {array.shape}, expected (rows, columns, channels), none of "
-            f"them 0{grey}"
-        )
-    if channels is not None and array.shape[2] != len(channels):
+    if channels is not None and array.shape[2:] != (len(channels),):
         shape = f"(rows, columns, {len(channels)})"
         raise InputError(
             f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}"
