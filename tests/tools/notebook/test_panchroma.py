@@ -230,7 +230,7 @@ def colourless() -> panchroma.Picture:
         (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
         (lambda: panchroma.simulate(GREY, sigma=0.1, light=1), "sigma"),
         (lambda: panchroma.simulate("there.tif", channels="BGR"), "`channels` is 'BGR'"),
-        (lambda: panchroma.simulate(GREY, pattern=6.0), "`pattern` is 6.0"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0' is not"),  # type: ignore[arg-type]
         (lambda: panchroma.render(panchroma.simulate(GREY), stages=[]), "stages is list"),  # type: ignore[arg-type]
         (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),

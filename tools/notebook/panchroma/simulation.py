@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # help() then shows them as they are written here
 
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from .pictures import Picture
 from .shared import CfaPattern, read_camera
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
-from .shared.tiles import EXPECTED
 from .shots import Shot, with_notes_shown
 from .tools.simulation.lens import Lens
 from .tools.simulation.noise import chosen_protocol
@@ -23,8 +21,6 @@ from .tools.simulation.simulated_camera import (
     scene_in_file,
     scene_of_light,
 )
-
-_PERIOD = 6
 
 
 def simulate(
@@ -117,16 +113,11 @@ def simulate(
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
-    match pattern:
-        case CfaPattern():
-            return pattern
-        case str():
-            return CfaPattern.of_letters(pattern)
-        case None:
-            return CfaPattern.bayer(_PERIOD)
-        case Integral():
-            return CfaPattern.bayer(int(pattern))
-    raise InputError(f"`pattern` is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
+    if isinstance(pattern, CfaPattern):
+        return pattern
+    if pattern is None:
+        return CfaPattern.bayer()
+    return CfaPattern.of_letters(pattern if isinstance(pattern, str) else f"K={pattern}")
 
 
 def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
