@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from .pictures import Picture
 from .shared.errors import InputError
 from .shots import Shot
-from .tools.evaluation.measures import PLANES, Measures
+from .tools.evaluation.measures import Measures
 from .tools.io.display import checked_picture
 
 
 @dataclass(frozen=True, repr=False, match_args=False)
 class Evaluation:
-    """Figures of a picture. Jupyter shows them as a table.
+    """Figures of a picture.
 
     Attributes
     ----------
@@ -57,18 +57,6 @@ class Evaluation:
         rgb, luminance, chrominance = self.median
         medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
         return f"<Evaluation: median PSNR {medians}{hue}>"
-
-    def _repr_html_(self) -> str:
-        table = "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th>"
-        table += "<th>whole picture</th></tr>"
-        planes = self.rgb, self.luminance, self.chrominance
-        for name, quantiles, whole in zip(PLANES, planes, self.psnr, strict=True):
-            values = (f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole))
-            table += f"<tr><th>{name}</th>{''.join(values)}</tr>"
-        hue = ""
-        if self.wrong_hue is not None:
-            hue = f"Wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
-        return f"<table>{table}</table>{hue}"
 
 
 def evaluate(
