@@ -12,7 +12,6 @@ What goes in, and what becomes of the result, is computed by `offline.stages.col
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,16 +52,8 @@ class Graph:
         self._nodes.append(helper.make_node(kind, inputs, [output], **attributes))
         return output
 
-    def write(
-        self,
-        path: Path,
-        source: Values,
-        result: Values,
-        facts: Mapping[str, str] = MappingProxyType({}),
-    ) -> None:
-        """Write a file that onnxruntime reads; `facts` become metadata. Raises what the check of
-        ONNX raises.
-        """
+    def write(self, path: Path, source: Values, result: Values) -> None:
+        """Write a file that onnxruntime reads. Raises what the check of ONNX raises."""
         first, last = (
             helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
             for name, shape in (source, result)
@@ -70,7 +61,6 @@ class Graph:
         graph = helper.make_graph(self._nodes, path.stem, [first], [last], self._stored)
         opsets = [helper.make_opsetid("", _OPSET)]
         model = helper.make_model(graph, opset_imports=opsets, ir_version=_IR)
-        helper.set_model_props(model, {**facts})
         onnx.checker.check_model(model, full_check=True)
         write_durably(path, model.SerializeToString(deterministic=True), overwrite=True)
 
@@ -98,11 +88,9 @@ def save_graph(
     weights: Mapping[str, FloatArray],
     units: Mapping[str, float],
     path: Path,
-    facts: Mapping[str, str],
     turn: Turn | None = None,
 ) -> None:
-    """Write a network to an ONNX file, with weights of 16 bits; `facts` and its reach become
-    metadata.
+    """Write a network to an ONNX file, with weights of 16 bits.
 
     Parameters
     ----------
@@ -147,7 +135,7 @@ def save_graph(
             _add_blocks(graph, side, output, blocks, kept, units, f"{side}correction_of")
         graph.add("Mean", ["correction_of", f"{_TURNED}correction_of"], "correction")
     source: Values = "features", [1, inputs, "rows", "columns"]
-    graph.write(path, source, ("correction", [1, outputs, "inner_rows", "inner_columns"]), facts)
+    graph.write(path, source, ("correction", [1, outputs, "inner_rows", "inner_columns"]))
 
 
 def _add_blocks(
