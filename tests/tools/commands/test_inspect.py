@@ -126,20 +126,17 @@ def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path) -> Non
         [],
     )
     assert outcome.err.startswith(f"{tmp_path}: left out note.txt\n")
-    damaged = sorted([paths[1], paths[3]])
-    for path in damaged:
-        data = bytearray(path.read_bytes())
-        data[len(data) // 3 if path == paths[1] else len(data) // 2] ^= 1
-        path.write_bytes(data)
+    data = bytearray(paths[1].read_bytes())
+    data[len(data) // 3] ^= 1
+    paths[1].write_bytes(data)
     outcome = run("inspect", "--verify", "--json", tmp_path, code=1)
-    assert {record["source"] for record in outcome.records} == set(map(str, paths))
-    facts = {"ok": True, "width": 30, "height": 20, "digest": "shot"}
-    assert {"source": str(paths[0]), **facts} in outcome.records
-    failed = sorted(record["source"] for record in outcome.records if not record["ok"])
-    assert failed == list(map(str, damaged))
-    assert "2 whole, 2 damaged or unreadable" in outcome.err
-    for path, line in zip(damaged, sorted(outcome.errors), strict=True):
-        assert line.startswith(f"panchroma: {path}: damaged")
+    whole = {"ok": True, "width": 30, "height": 20, "digest": "shot"}
+    facts = {record.pop("source"): record for record in outcome.records}
+    assert facts.keys() == set(map(str, paths))
+    assert [name for name, fact in facts.items() if fact != whole] == [str(paths[1])]
+    assert "3 whole, 1 damaged or unreadable" in outcome.err
+    (line,) = outcome.errors
+    assert line.startswith(f"panchroma: {paths[1]}: damaged")
 
 
 def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:

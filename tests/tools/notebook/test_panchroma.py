@@ -252,16 +252,13 @@ def test_an_error_names_what_is_wrong(
     assert said in str(caught.value)
 
 
-@pytest.mark.parametrize("result", ["shot", "picture", "image"])
-def test_what_overwrites_is_true_or_false(
-    result: str, shot: panchroma.Shot, tmp_path: Path
-) -> None:
-    results = {"shot": shot, "picture": shot.truth, "image": panchroma.preview(shot)}
-    path = tmp_path / ("kept.dng" if result == "shot" else "kept.png")
-    path.touch()
-    with pytest.raises(TypeError, match="`overwrite` is 'no', expected True or False"):
-        results[result].save(path, overwrite="no")
-    assert path.read_bytes() == b""
+def test_what_overwrites_is_true_or_false(shot: panchroma.Shot, tmp_path: Path) -> None:
+    results = {"kept.dng": shot, "kept.tif": shot.truth, "kept.png": panchroma.preview(shot)}
+    for name, result in results.items():
+        (tmp_path / name).touch()
+        with pytest.raises(TypeError, match="`overwrite` is 'no', expected True or False"):
+            result.save(tmp_path / name, overwrite="no")
+        assert (tmp_path / name).read_bytes() == b""
 
 
 def test_a_lens_is_simulated_and_known() -> None:
