@@ -253,7 +253,11 @@ def test_an_error_names_what_is_wrong(
 
 
 def test_what_overwrites_is_true_or_false(shot: panchroma.Shot, tmp_path: Path) -> None:
-    results = {"kept.dng": shot, "kept.tif": shot.truth, "kept.png": panchroma.preview(shot)}
+    results: dict[str, Any] = {
+        "kept.dng": shot,
+        "kept.tif": shot.truth,
+        "kept.png": panchroma.preview(shot),
+    }
     for name, result in results.items():
         (tmp_path / name).touch()
         with pytest.raises(TypeError, match="`overwrite` is 'no', expected True or False"):
