@@ -73,9 +73,7 @@ def photographed(
     )
 
 
-def make_example(
-    source: str, pattern: CfaPattern, seed: tuple[int, ...]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> list[FloatArray]:
     """Inputs and target of the network for h x w cells of K x K pixels, from a picture file or a
     drawing (`DRAWN`). The same arguments give the same bytes.
 
@@ -107,12 +105,12 @@ def make_example(
     rows, columns = ((1, count - 1) for count in cells.shape)
     error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
-    return (
+    return [
         _picture(cells, corrected, rows, columns).astype(_KIND),
         _picture(cells, truth, rows, columns).astype(_KIND),
         error.astype(_KIND),
         variance[None],
-    )
+    ]
 
 
 def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> FloatArray:

@@ -32,6 +32,8 @@ from .network import HALO, Network, descent, losses, optimiser_of, share_left, u
 
 Example = list[Any]
 """Tensors of what `examples.make_example` returns."""
+Examples = tuple[list[Path], list[Path]]
+"""Files of examples to learn from, and of those kept back."""
 _NORM = 1.0  # of the gradient: larger ones are cut
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints
@@ -127,8 +129,8 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
         fault = "holds another training (other sources, settings or version)"
         raise InputError(f"{work}: {fault}; give another folder, or remove it")
     begun.write_text(plan.document, encoding="utf-8")
-    learned, kept_back = make_examples(plan, work, jobs, progress)
-    network = _descend(plan, work, learned, kept_back, jobs, progress)
+    examples = make_examples(plan, work, jobs, progress)
+    network, learned = _descend(plan, work, examples, jobs, progress), examples[0]
     sampled = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
     batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
     steps = units(network, batches)
@@ -157,13 +159,9 @@ def turn_of(plan: Plan) -> Turn | None:
     return Turn(inputs, outputs, bool(plan.transposed), plan.exchanged)
 
 
-def make_examples(
-    plan: Plan, work: Path, jobs: int, progress: StageProgress
-) -> tuple[list[Path], list[Path]]:
-    """Make the examples that are not there yet; returns those to learn from, and those kept
-    back.
-    """
-    examples: tuple[list[Path], list[Path]] = [], []
+def make_examples(plan: Plan, work: Path, jobs: int, progress: StageProgress) -> Examples:
+    """Make the examples that are not there yet."""
+    examples: Examples = [], []
     missing, sources = [], [*plan.sources, *[DRAWN] * -(-len(plan.sources) // 4)]
     for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
         for variant in range(plan.variants):
@@ -190,12 +188,7 @@ def _make(task: tuple[str, CfaPattern, tuple[int, ...], Path]) -> None:
 
 
 def _descend(
-    plan: Plan,
-    work: Path,
-    learned: list[Path],
-    kept_back: list[Path],
-    jobs: int,
-    progress: StageProgress,
+    plan: Plan, work: Path, paths: Examples, jobs: int, progress: StageProgress
 ) -> Network:
     """Gradient descent from the last checkpoint on; returns the network."""
     device = "cuda" if torch.cuda.is_available() else "cpu"
@@ -211,10 +204,8 @@ def _descend(
         done = state["steps"]
     if done == plan.steps:
         return network.to("cpu")
-    progress.stage("reading", len(learned) + len(kept_back))
-    examples, judges = (
-        [_read(path, device, progress) for path in paths] for paths in (learned, kept_back)
-    )
+    progress.stage("reading", sum(map(len, paths)))
+    examples, judges = ([_read(path, device, progress) for path in side] for side in paths)
     judged = [_batch(judges, plan, (plan.seed, 1, number)) for number in range(_JUDGED)]
     progress.stage("training", plan.steps)
     progress.advance(done)
