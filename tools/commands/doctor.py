@@ -141,9 +141,10 @@ def _packages() -> Iterator[Finding]:
     for name, extra in (match.groups(default="") for match in matches if match):
         if extra in _EXTRAS:
             yield _package(name, extra)
-    if package_version(_OPENCV) and (others := [*filter(package_version, _OTHERS)]):
-        reason = f"{_OPENCV} and {', '.join(others)} overwrite each other"
-        remedy = f"pip uninstall -y {_OPENCV} {' '.join(others)} && pip install {_OPENCV}"
+    installed = [name for name in (_OPENCV, *_OTHERS) if package_version(name)]
+    if len(installed) > 1:
+        reason = f"{' and '.join(installed)} overwrite each other"
+        remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV}"
         yield Finding("OpenCV", BAD, reason, remedy)
 
 
