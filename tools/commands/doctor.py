@@ -185,17 +185,16 @@ def _preview() -> Iterator[Finding]:
 
 def _kernels() -> Iterator[Finding]:
     try:
-        from ...offline import kernel_cache
+        from ...offline import kernel_cache, kernels_to_compile
 
-        folder = kernel_cache()
+        folder, missing = kernel_cache(), kernels_to_compile()
     except ModuleNotFoundError:  # reported with the packages
         return
     except RuntimeError:
         reason = "there is no folder that can be written to: every run compiles for half a minute"
         yield Finding("kernel cache", BAD, reason, CACHE_REMEDY)
     else:
-        compiled = len(list(folder.glob("*.nbc")))
-        yield Finding("kernel cache", GOOD, f"{folder}, {compiled} compiled")
+        yield Finding("kernel cache", GOOD, f"{folder}, {len(missing)} kernels to compile")
 
 
 def _machine() -> Iterator[Finding]:
