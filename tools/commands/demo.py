@@ -132,9 +132,7 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     pictures = {"frame.png": one, "burst.png": merged, "burst.tif": merged, "truth.tif": truth}
     _save(folder, mosaics[0], pictures)
     _compare(folder, mosaics[0], {"truth": truth, **compared}, _BURST_CROPS)
-    medians = {name: quality(rgb, truth).median for name, rgb in compared.items()}
-    before, after = medians.values()
-    return medians | {"Gain": (after[0] - before[0], after[1] - before[1], after[2] - before[2])}
+    return {name: quality(rgb, truth).median for name, rgb in compared.items()}
 
 
 def _photographed(scene: Scene, frame: SimulatedFrame, path: Path, seed: int) -> Mosaic:

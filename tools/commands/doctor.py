@@ -1,4 +1,4 @@
-"""Check the installation (versions, missing packages, kernels, memory, writing) and say how to
+"""Check the installation (versions, missing packages, kernels, memory) and say how to
 repair what is wrong.
 
 With --compile, compile the renderer for this processor first, so that no render has to: for
@@ -11,30 +11,25 @@ import os
 import platform
 import re
 import sys
-import tempfile
 import time
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from functools import partial
 from importlib.metadata import PackageNotFoundError, requires
-from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
-from ...shared.errors import DurabilityWarning, PanchromaError
 from ...shared.processors import processors
-from ...shared.writing import sync_folder, write_durably
 from ..batch.compilation import CACHE_REMEDY, compile_all
 from ..batch.console import Console
 from ..batch.jobs import FAILED
 from ..batch.memory import available_memory
+from ..batch.parallel import follow
 from ..io.font_folder import temporary_font_folder
 from ..io.versions import package_version, program_version
 from .options import add
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
-ALL = "pip install -e '.[all]'"
 _LEAST_MEMORY = 2**30
 
 USAGE = ""
@@ -95,52 +90,43 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def _judged(name: str, right: bool, outcome: str, remedy: str) -> Finding:
-    return Finding(name, GOOD, outcome) if right else Finding(name, BAD, outcome, remedy)
-
-
 def _compiled(console: Console) -> Finding:
     """Compile all kernels that are not in the cache."""
-    bad = partial(Finding, "compilation", BAD)
-    try:
-        from ...offline import kernels_to_compile
+    from ...offline import kernels_to_compile
 
+    try:
         names, start = kernels_to_compile(), time.monotonic()
         with console.progress("doctor") as progress:
-            progress.stage("compiling", len(names))
             compiled = compile_all(names, processors(), console.note)
-            for number, (kernel, error) in enumerate(compiled, 1):
-                if error is not None:
-                    return bad(f"{kernel}: {error}", "close other programs, and run it again")
-                progress.advance()
-                progress.remark(f"compiled kernel {number} of {len(names)}")
-        if missing := kernels_to_compile():
-            remedy = f"free some disk space, or {CACHE_REMEDY}"
-            return bad(f"could not keep {', '.join(missing)}", remedy)
-    except ModuleNotFoundError as error:
-        return bad(f"needs {error.name}, which is not installed", ALL)
+            errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
+        missing = kernels_to_compile()
     except RuntimeError:
-        return bad("there is no folder to keep compiled kernels in", CACHE_REMEDY)
+        reason = "there is no folder to keep compiled kernels in"
+        return Finding("compilation", BAD, reason, CACHE_REMEDY)
+    if missing:
+        reason = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
+        remedy = f"close other programs, free some disk space, or {CACHE_REMEDY}"
+        return Finding("compilation", BAD, reason, remedy)
     took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s"
     return Finding("compilation", GOOD, took if names else "all kernels were compiled already")
 
 
 def _program() -> Iterator[Finding]:
     yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
-    python = f"{platform.python_version()} ({sys.executable})"
-    yield _judged("Python", sys.version_info >= (3, 11), python, "use Python 3.11 or newer")
+    yield Finding("Python", GOOD, f"{platform.python_version()} ({sys.executable})")
 
 
-# Extra -> how it is installed, and what needs its packages.
-_BM3D = "evaluate: the rivals with bm3d (non-commercial use only)"
+# Extra -> what needs its packages.
 _EXTRAS = {
-    "": ("pip install -e .", "nothing works without it"),
-    "offline": (ALL, "render, demo, evaluate, calibrate"),
-    "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, pages, progress bars"),
-    "rivals": ("pip install -e '.[rivals]'", _BM3D),
+    "": "nothing works without it",
+    "offline": "render, demo, burst, evaluate, calibrate",
+    "tools": "scenes (camera RAW, JPEG, PNG, EXR), pictures, pages, progress bars",
+    "rivals": "evaluate: the rivals with bm3d (non-commercial use only)",
 }
-_MODULES = {"onnxruntime": "panchroma.shared.runtime", "Pillow": "PIL"}
-_REQUIREMENT = re.compile(r'([\w.-]+) *>= *([\d.]+)(?:.*extra *== *["\']([\w-]+)["\'])?')
+_OPENCV = "opencv-contrib-python-headless"
+_OTHERS = "opencv-python", "opencv-contrib-python", "opencv-python-headless"
+_MODULES = {"onnxruntime": "panchroma.shared.runtime", "Pillow": "PIL", _OPENCV: "cv2"}
+_REQUIREMENT = re.compile(r'([\w.-]+) *>=(?:.*extra *== *["\']([\w-]+)["\'])?')
 
 
 def _packages() -> Iterator[Finding]:
@@ -149,48 +135,33 @@ def _packages() -> Iterator[Finding]:
     try:
         matches = map(_REQUIREMENT.match, requires("panchroma") or ())
     except PackageNotFoundError:
-        yield Finding("packages", BAD, "Panchroma is not installed here: they are not known", ALL)
+        reason = "Panchroma is not installed here: they are not known"
+        yield Finding("packages", BAD, reason, "pip install -e '.[all]'")
         return
-    for name, least, extra in (match.groups(default="") for match in matches if match):
-        if extra in _EXTRAS and not name.startswith("opencv"):
-            yield _package(name, least, extra)
+    for name, extra in (match.groups(default="") for match in matches if match):
+        if extra in _EXTRAS:
+            yield _package(name, extra)
+    installed = [name for name in (_OPENCV, *_OTHERS) if package_version(name)]
+    if len(installed) > 1:
+        reason = f"{' and '.join(installed)} overwrite each other"
+        remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV}"
+        yield Finding("OpenCV", BAD, reason, remedy)
 
 
-def _package(name: str, least: str, extra: str) -> Finding:
-    remedy, needed_by = _EXTRAS[extra]
-    if (version := package_version(name)) is None:
-        return Finding(name, MISSING if extra else BAD, f"not installed: {needed_by}", remedy)
-    if _numbers(version) < _numbers(least):
-        remedy = f"pip install '{name}>={least}'"
-        return Finding(name, BAD, f"{version}, older than {least}", remedy)
+def _package(name: str, extra: str) -> Finding:
+    version = package_version(name)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # packages warn about each other
             importlib.import_module(_MODULES.get(name, name))
     except Exception as error:  # a broken package may raise anything
-        remedy = f"pip install --force-reinstall {name}"
-        return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
-    return Finding(name, GOOD, version)
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    """The leading whole numbers of a version."""
-    return tuple(map(int, takewhile(str.isdecimal, text.split("."))))
-
-
-def _opencv() -> Iterator[Finding]:
-    """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
-    kinds = "python", "contrib-python", "python-headless", "contrib-python-headless"
-    names = [f"opencv-{kind}" for kind in kinds]
-    installed = {name: version for name in names if (version := package_version(name))}
-    versions = " and ".join(f"{name} {version}" for name, version in installed.items())
-    if not installed:
-        yield Finding("OpenCV", MISSING, "not installed: burst, calibrate (finding a chart)", ALL)
-    elif len(installed) == 1:
-        yield Finding("OpenCV", GOOD, versions)
-    else:
-        remedy = f"pip uninstall -y {' '.join(installed)} && pip install {names[-1]}"
-        yield Finding("OpenCV", BAD, f"{versions} overwrite each other", remedy)
+        if version:
+            remedy = f"pip install --force-reinstall {name}"
+            return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
+        remedy = f"pip install -e '.[{extra}]'" if extra else "pip install -e ."
+        state = MISSING if extra else BAD
+        return Finding(name, state, f"not installed: {_EXTRAS[extra]}", remedy)
+    return Finding(name, GOOD, version or "installed")
 
 
 def _preview() -> Iterator[Finding]:
@@ -205,65 +176,37 @@ def _preview() -> Iterator[Finding]:
         wall, pattern = np.full((24, 24, 3), 0.3, np.float32), CfaPattern.bayer(6)
         sensor, rng = SensorCalibration(), np.random.default_rng(0)
         picture = Previews(threads=1)(simulate_additive(wall, pattern, sensor, 0.0, rng))
-        right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
-        outcome = "runs" if right else "makes a wrong picture"
+        wrong = "" if np.ptp(picture.astype(int)) <= 1 else "makes a wrong picture"
     except Exception as error:  # whatever it is, this check exists to find it
-        right, outcome = False, f"does not run: {error}"
-    remedy = "pip install --force-reinstall onnxruntime, then Panchroma"
-    yield _judged("preview", right, outcome, remedy)
+        wrong = f"does not run: {error}"
+    remedy = "pip install --force-reinstall onnxruntime, then Panchroma" if wrong else ""
+    yield Finding("preview", BAD if wrong else GOOD, wrong or "runs", remedy)
 
 
 def _kernels() -> Iterator[Finding]:
-    remedy = f"{CACHE_REMEDY}: without it every run compiles again, for about half a minute"
-    bad = partial(Finding, "kernel cache", BAD, remedy=remedy)
     try:
-        from ...offline import kernel_cache
+        from ...offline import kernel_cache, kernels_to_compile
 
-        folder = kernel_cache()
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            compiled = len(list(folder.glob("*.nbc")))
+        folder, missing = kernel_cache(), kernels_to_compile()
     except ModuleNotFoundError:  # reported with the packages
         return
     except RuntimeError:
-        yield bad("there is no folder that can be written to")
-    except OSError as error:
-        yield bad(f"{folder}: {error.strerror or error}")
+        reason = "there is no folder that can be written to: every run compiles for half a minute"
+        yield Finding("kernel cache", BAD, reason, CACHE_REMEDY)
     else:
-        first = "" if compiled else ": the first render does it"
-        yield Finding("kernel cache", GOOD, f"{folder}, {compiled} compiled{first}")
+        yield Finding("kernel cache", GOOD, f"{folder}, {len(missing)} kernels to compile")
 
 
 def _machine() -> Iterator[Finding]:
     yield Finding("processors", GOOD, f"{processors()} of {os.cpu_count() or 1} may be used")
     free = available_memory()
+    scarce = free < _LEAST_MEMORY
     remedy = (
         "close other programs, or let the job or the container have more: a render of 12 "
         "megapixels needs about 0.6 GB"
     )
-    yield _judged("memory", free >= _LEAST_MEMORY, f"{free / 2**30:.1f} GB free", remedy)
+    found = f"{free / 2**30:.1f} GB free"
+    yield Finding("memory", BAD if scarce else GOOD, found, remedy if scarce else "")
 
 
-def _writing() -> Iterator[Finding]:
-    """Write a file as every result is written: a temporary file, fsync, rename, fsync of the
-    folder.
-    """
-    place = os.environ.get("TMPDIR", "the folder for temporary files")
-    try:
-        place = tempfile.gettempdir()
-        with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-            warnings.simplefilter("ignore", DurabilityWarning)
-            path = Path(folder) / "written"
-            write_durably(path, b"once")
-            write_durably(path, b"again", overwrite=True)
-            kept = path.read_bytes() == b"again" and len(list(Path(folder).iterdir())) == 1
-            durable = sync_folder(Path(folder))
-    except (OSError, PanchromaError) as error:
-        yield Finding("writing", BAD, f"{place}: {error}", "set TMPDIR to another folder")
-    else:
-        unsynced = f"whole files in {place}, whose folders cannot be synced"
-        remedy = "the file system does not keep what is written; use another"
-        yield _judged("writing", kept, f"durable in {place}" if durable else unsynced, remedy)
-
-
-CHECKS = _program, _packages, _opencv, _preview, _kernels, _machine, _writing
+CHECKS = _program, _packages, _preview, _kernels, _machine

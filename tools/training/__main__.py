@@ -58,8 +58,7 @@ def main() -> int:
 
         sources = tuple(photographs(arguments.folders))
         if len(sources) < _LEAST:
-            needed = f"at least {_LEAST} are needed to learn something"
-            raise InputError(f"{len(sources)} photographs found; {needed}")
+            raise InputError(f"{len(sources)} photographs found; at least {_LEAST} are needed")
         from .run import Plan, train
 
         output = output_folder(arguments.output)
@@ -67,7 +66,7 @@ def main() -> int:
             steps, batch, variants = arguments.steps, arguments.batch, arguments.variants
             plan = Plan(sources, pattern, steps, batch, variants, seed=arguments.seed, start=begun)
             with console.progress(pattern.name or "/".join(pattern.tile)) as progress:
-                path = train(plan, output, arguments.jobs, progress, progress.remark)
+                path = train(plan, output, arguments.jobs, progress)
             console.say(str(path))
     except PanchromaError as error:
         parser.error(str(error))

@@ -7,7 +7,7 @@ rendered up to the network.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,6 @@ from ...offline.settings import BEST
 from ...offline.stages.colour_network import Cells, Residuals, Span
 from ...shared import CfaPattern, Mosaic, SensorCalibration
 from ...shared.arrays import DoubleArray, FloatArray
-from ...shared.writing import durable_file
 from ..simulation.load import load_scene
 from ..simulation.sensor import simulate_additive
 from .drawings import drawing
@@ -33,28 +32,6 @@ _BLURS = (0.0, 0.4, 0.6, 0.8)  # pixels: standard deviations of optics
 _WHITE = 0.35  # standard deviation of the logarithm of each channel's gain
 _OWN_NOISE = 2e-5  # largest shot noise of a picture itself, variance per scene unit
 _KIND = np.float16  # what is kept on the disk: off by 5e-4 of a value at most
-
-
-@dataclass(frozen=True, eq=False)
-class Example:
-    """Inputs and target of the network for h x w cells of K x K pixels.
-
-    Attributes
-    ----------
-    picture : FloatArray
-        float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
-    truth : FloatArray
-        float16, the same of the scene.
-    error : FloatArray
-        float16 (S, h, w), at S sites.
-    variance : FloatArray
-        float32 (1, h, w). See `offline.stages.colour_network.Residuals`.
-    """
-
-    picture: FloatArray
-    truth: FloatArray
-    error: FloatArray
-    variance: FloatArray
 
 
 def photographs(folders: Sequence[str]) -> list[str]:
@@ -96,14 +73,25 @@ def photographed(
     )
 
 
-def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Example:
-    """An example from a picture file, or from a drawing (`DRAWN`). The same arguments give the same
-    bytes.
+def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> list[FloatArray]:
+    """Inputs and target of the network for h x w cells of K x K pixels, from a picture file or a
+    drawing (`DRAWN`). The same arguments give the same bytes.
 
     Parameters
     ----------
     pattern : CfaPattern
         Its tile; where in the frame that begins is random.
+
+    Returns
+    -------
+    picture : FloatArray
+        float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
+    truth : FloatArray
+        float16, the same of the scene.
+    error : FloatArray
+        float16 (S, h, w), at S sites.
+    variance : FloatArray
+        float32 (1, h, w). See `offline.stages.colour_network.Residuals`.
     """
     random = np.random.default_rng(seed)
     scene, mosaic = photographed(source, [pattern], _CLEAN, random)
@@ -117,12 +105,12 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> Exa
     rows, columns = ((1, count - 1) for count in cells.shape)
     error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
-    return Example(
+    return [
         _picture(cells, corrected, rows, columns).astype(_KIND),
         _picture(cells, truth, rows, columns).astype(_KIND),
         error.astype(_KIND),
         variance[None],
-    )
+    ]
 
 
 def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> FloatArray:
@@ -153,21 +141,3 @@ def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
         deviation = np.sqrt(1e-7 + light * random.uniform(0, _OWN_NOISE))
         light = light + random.normal(0, 1, light.shape) * deviation
     return np.ascontiguousarray(light.clip(0), np.float32)
-
-
-def save_example(example: Example, path: Path) -> None:
-    """Write an example to a file of its own, or none at all."""
-    with durable_file(path, overwrite=True) as file:
-        np.savez(file, **vars(example))
-
-
-def load_example(path: Path) -> Example:
-    """Read an example.
-
-    Raises
-    ------
-    OSError
-        Or ValueError when the file is damaged.
-    """
-    with np.load(path) as arrays:
-        return Example(**arrays)

@@ -12,7 +12,6 @@ What goes in, and what becomes of the result, is computed by `offline.stages.col
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +30,8 @@ _TURNED = "turned."  # begins the names of the weights that see the picture turn
 _MIDDLE = 128  # the step of 8 bits that stands for 0 where values may be negative
 _LEAST_WEIGHT = 1e-12  # of a weight: only keeps quotients finite
 
-
+Weights = Mapping[str, FloatArray]
+"""Those of a `network.Network`, by name."""
 Values = tuple[str, list[int | str]]
 """Name of what goes in or comes out, and its shape: lengths, or names of those that may be any."""
 
@@ -53,16 +53,8 @@ class Graph:
         self._nodes.append(helper.make_node(kind, inputs, [output], **attributes))
         return output
 
-    def write(
-        self,
-        path: Path,
-        source: Values,
-        result: Values,
-        facts: Mapping[str, str] = MappingProxyType({}),
-    ) -> None:
-        """Write a file that onnxruntime reads; `facts` become metadata. Raises what the check of
-        ONNX raises.
-        """
+    def write(self, path: Path, source: Values, result: Values) -> None:
+        """Write a file that onnxruntime reads. Raises what the check of ONNX raises."""
         first, last = (
             helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
             for name, shape in (source, result)
@@ -70,7 +62,6 @@ class Graph:
         graph = helper.make_graph(self._nodes, path.stem, [first], [last], self._stored)
         opsets = [helper.make_opsetid("", _OPSET)]
         model = helper.make_model(graph, opset_imports=opsets, ir_version=_IR)
-        helper.set_model_props(model, {**facts})
         onnx.checker.check_model(model, full_check=True)
         write_durably(path, model.SerializeToString(deterministic=True), overwrite=True)
 
@@ -95,25 +86,22 @@ class Turn(NamedTuple):
 
 
 def save_graph(
-    weights: Mapping[str, FloatArray],
+    weights: Weights,
     units: Mapping[str, float],
     path: Path,
-    facts: Mapping[str, str],
     turn: Turn | None = None,
 ) -> None:
-    """Write a network to an ONNX file, with weights of 16 bits; `facts` and its reach become
-    metadata.
+    """Write a network to an ONNX file, with weights of 16 bits.
 
     Parameters
     ----------
-    weights : Mapping[str, FloatArray]
-        Those of a `network.Network`, by name.
+    weights : Weights
+        Those of the network.
     units : Mapping[str, float]
         Of the values that are rounded to 8 bits, from `network.units`.
     turn : Turn | None, optional
         The orientation of the second look; None = there is no second look.
     """
-    blocks = sum(name.startswith("wide.") for name in weights) // 2
     (_, inputs, *_), outputs = weights["enter.weight"].shape, len(weights["leave.bias"])
     spare = -inputs % _GROUP
     enter = np.pad(weights["enter.weight"], ((0, 0), (0, spare), (0, 0), (0, 0)))
@@ -135,33 +123,28 @@ def save_graph(
     padded = graph.add("Pad", ["features", "spare"], "padded")
     if turn is None:  # alone, the first convolution would lose up to 0.07 dB by rounding
         output = graph.add("Conv", [padded, "enter.weight", "enter.bias"], "found")
-        _add_blocks(graph, "", output, blocks, kept, units, "correction")
+        answers = [_add_blocks(graph, "", output, kept, units)]
     else:
-        turn = turn._replace(inputs=np.pad(turn.inputs, (0, spare)))
+        turn, answers = turn._replace(inputs=np.pad(turn.inputs, (0, spare))), []
         _turn(graph, kept, turn)
         rounded = _round(graph, padded, np.float32(units["features"]), np.uint8(_MIDDLE))
         turned = np.einsum("oihw,ij->ojhw", enter, turn.inputs)
         for side, weight in (("", enter), (_TURNED, turned)):
             entered = _convolve(graph, f"{side}enter", rounded, weight, units["features"])
             output = _round(graph, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
-            _add_blocks(graph, side, output, blocks, kept, units, f"{side}correction_of")
-        graph.add("Mean", ["correction_of", f"{_TURNED}correction_of"], "correction")
+            answers.append(_add_blocks(graph, side, output, kept, units))
+    graph.add("Mean", answers, "correction")
     source: Values = "features", [1, inputs, "rows", "columns"]
-    graph.write(path, source, ("correction", [1, outputs, "inner_rows", "inner_columns"]), facts)
+    graph.write(path, source, ("correction", [1, outputs, "inner_rows", "inner_columns"]))
 
 
 def _add_blocks(
-    graph: Graph,
-    side: str,
-    entered: str,
-    blocks: int,
-    weights: Mapping[str, FloatArray],
-    units: Mapping[str, float],
-    out: str,
-) -> None:
-    """Add the residual blocks and the last convolution, whose result is `out`; `side` begins the
-    names of their weights.
+    graph: Graph, side: str, entered: str, weights: Weights, units: Mapping[str, float]
+) -> str:
+    """Add the residual blocks and the last convolution; `side` begins the names of their
+    weights.
     """
+    blocks = sum(name.startswith("wide.") for name in weights) // 2
     for block in range(blocks):
         values = entered
         for name in (f"wide.{block}", f"deep.{block}"):
@@ -173,10 +156,11 @@ def _add_blocks(
         inner = graph.add("Slice", [entered, "first", "last", "axes"], f"{side}inner.{block}")
         entered = graph.add("Add", [added, inner], f"{side}found.{block}")
     lit = graph.add("Relu", [entered], f"{side}lit")
-    graph.add("Conv", [lit, f"{side}leave.weight", f"{side}leave.bias"], out)
+    leave = f"{side}leave"
+    return graph.add("Conv", [lit, f"{leave}.weight", f"{leave}.bias"], f"{leave}.found")
 
 
-def _turn(graph: Graph, weights: Mapping[str, FloatArray], turn: Turn) -> None:
+def _turn(graph: Graph, weights: Weights, turn: Turn) -> None:
     """Add the weights and biases of the network that sees the picture turned."""
     inputs = graph.store("turned_inputs", turn.inputs)
     outputs = graph.store("turned_outputs", turn.outputs)

@@ -61,15 +61,13 @@ class Network(nn.Module):  # type: ignore[misc]
         S, of a block. `forward` takes what `features` returns.
     """
 
-    def __init__(
-        self, period: int, sites: int, channels: int = CHANNELS, blocks: int = BLOCKS
-    ) -> None:
+    def __init__(self, period: int, sites: int, channels: int = CHANNELS) -> None:
         super().__init__()
         pixels = period**2
         self.period = period
         self.enter = nn.Conv2d(3 * pixels + sites + SURROUNDINGS, channels, 3)
-        self.wide = nn.ModuleList(nn.Conv2d(channels, channels, 3) for _ in range(blocks))
-        self.deep = nn.ModuleList(nn.Conv2d(channels, channels, 1) for _ in range(blocks))
+        self.wide = nn.ModuleList(nn.Conv2d(channels, channels, 3) for _ in range(BLOCKS))
+        self.deep = nn.ModuleList(nn.Conv2d(channels, channels, 1) for _ in range(BLOCKS))
         self.leave = nn.Conv2d(channels, 2 * pixels, 1)
         nn.init.zeros_(self.leave.weight)
         nn.init.zeros_(self.leave.bias)
@@ -79,7 +77,7 @@ class Network(nn.Module):  # type: ignore[misc]
         units of the bound.
         """
         values = self.enter(inputs)
-        for block in range(len(self.wide)):
+        for block in range(BLOCKS):
             values = inner(values) + self.inside(block, values)[-1]
         return self.leave(functional.relu(values))
 
@@ -142,7 +140,7 @@ def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float
         for picture, _, error, variance in batches:
             values = {"features": features(*cells_of(picture, network.period), error, variance)[0]}
             output = values["found"] = network.enter(values["features"])
-            for block in range(len(network.wide)):
+            for block in range(BLOCKS):
                 names = (f"wide.{block}", f"deep.{block}", f"added.{block}")
                 values |= zip(names, network.inside(block, output), strict=True)
                 output = inner(output) + values[names[-1]]

@@ -6,9 +6,8 @@ are seen, and the first weights. An interrupted run goes on at its last checkpoi
 weights of one that was not interrupted, on the same machine with the same number of threads.
 """
 
-import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
@@ -23,18 +22,21 @@ from ...offline.stages.colour_network import BASIS, SURROUNDINGS
 from ...offline.version import ALGORITHM
 from ...shared.arrays import FloatArray, IndexArray
 from ...shared.errors import InputError
-from ...shared.networks import Block, load_network, network_file, network_for
+from ...shared.networks import Block, network_file, network_for
 from ...shared.pattern import PANCHROMATIC, CfaPattern
-from ...shared.progress import Progress
 from ...shared.writing import durable_file
-from .examples import DRAWN, kept_back, load_example, make_example, save_example
+from ..batch.progress import StageProgress
+from .examples import DRAWN, kept_back, make_example
 from .graph import Turn, load_weights, save_graph
 from .network import HALO, Network, descent, losses, optimiser_of, share_left, units
 
+Example = list[Any]
+"""Tensors of what `examples.make_example` returns."""
+Examples = tuple[list[Path], list[Path]]
+"""Files of examples to learn from, and of those kept back."""
 _NORM = 1.0  # of the gradient: larger ones are cut
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints
-_TRAINING = "panchroma.training"  # the metadata of a file that say how its weights were learned
 _JUDGED = 12  # batches of the sources kept back
 _MEASURED = 64  # examples that show how large the values in a network are
 
@@ -74,11 +76,6 @@ class Plan:
     start: CfaPattern | None = None
 
     @property
-    def all_sources(self) -> list[str]:
-        """The photographs, then `DRAWN` for the drawings."""
-        return [*self.sources, *[DRAWN] * -(-len(self.sources) // 4)]
-
-    @property
     def transposed(self) -> list[int]:
         """Order of the sites of the mirrored block when it is transposed, which exchanges the
         greens of RGGB.
@@ -99,18 +96,15 @@ class Plan:
         return letters == turned and (period - len(letters)) % 2 == 0
 
     @property
-    def digest(self) -> str:
-        """A digest of the plan and the version of the render: trainings with the same digest give
+    def document(self) -> str:
+        """The plan and the version of the render in JSON: trainings with the same document give
         the same weights.
         """
         names = [Path(source).name for source in self.sources]
-        facts = {**asdict(self), "sources": names, "algorithm": ALGORITHM}
-        return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
+        return json.dumps({**asdict(self), "sources": names, "algorithm": ALGORITHM}, indent=1)
 
 
-def train(
-    plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable[[str], None]
-) -> Path:
+def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     """Train the network of one pattern, or go on with it; returns the path of its file in `folder`.
 
     Parameters
@@ -119,8 +113,8 @@ def train(
         For examples, checkpoints and result; it exists.
     jobs : int
         Processes that make examples, and threads that compute.
-    say : Callable[[str], None]
-        Is told the loss now and then.
+    progress : StageProgress
+        Its remarks are the losses.
 
     Raises
     ------
@@ -131,21 +125,17 @@ def train(
     work = path.with_suffix("")
     work.mkdir(exist_ok=True)
     begun = work / "plan.json"
-    if begun.exists() and json.loads(begun.read_text(encoding="utf-8"))["digest"] != plan.digest:
+    if begun.exists() and begun.read_text(encoding="utf-8") != plan.document:
         fault = "holds another training (other sources, settings or version)"
         raise InputError(f"{work}: {fault}; give another folder, or remove it")
-    facts = json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1)
-    begun.write_text(facts, encoding="utf-8")
-    learned, kept_back = make_examples(plan, work, jobs, progress)
-    network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
+    begun.write_text(plan.document, encoding="utf-8")
+    examples = make_examples(plan, work, jobs, progress)
+    network, learned = _descend(plan, work, examples, jobs, progress), examples[0]
     sampled = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
     batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
     steps = units(network, batches)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    facts = _facts(plan.start)
-    if history:
-        facts = json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})
-    save_graph(weights, steps, path, {_TRAINING: facts}, turn_of(plan))
+    save_graph(weights, steps, path, turn_of(plan))
     return path
 
 
@@ -169,20 +159,10 @@ def turn_of(plan: Plan) -> Turn | None:
     return Turn(inputs, outputs, bool(plan.transposed), plan.exchanged)
 
 
-def _facts(pattern: CfaPattern | None) -> str:
-    """Facts of the training of the network for this pattern."""
-    path = network_for(pattern) if pattern else None
-    return load_network(path).get_modelmeta().custom_metadata_map[_TRAINING] if path else ""
-
-
-def make_examples(
-    plan: Plan, work: Path, jobs: int, progress: Progress
-) -> tuple[list[Path], list[Path]]:
-    """Make the examples that are not there yet; returns those to learn from, and those kept
-    back.
-    """
-    examples: tuple[list[Path], list[Path]] = [], []
-    missing, sources = [], plan.all_sources
+def make_examples(plan: Plan, work: Path, jobs: int, progress: StageProgress) -> Examples:
+    """Make the examples that are not there yet."""
+    examples: Examples = [], []
+    missing, sources = [], [*plan.sources, *[DRAWN] * -(-len(plan.sources) // 4)]
     for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
         for variant in range(plan.variants):
             path = work / f"{variant}-{number:05d}.npz"
@@ -203,39 +183,29 @@ def _make(task: tuple[str, CfaPattern, tuple[int, ...], Path]) -> None:
 
     use_threads(1)
     source, pattern, seed, path = task
-    save_example(make_example(source, pattern, seed), path)
+    with durable_file(path, overwrite=True) as file:
+        np.savez(file, *make_example(source, pattern, seed))
 
 
 def _descend(
-    plan: Plan,
-    work: Path,
-    learned: list[Path],
-    kept_back: list[Path],
-    jobs: int,
-    progress: Progress,
-    say: Callable[[str], None],
-) -> tuple[Network, list[dict[str, float]]]:
-    """Gradient descent from the last checkpoint on; returns the network, and the losses on what was
-    kept back.
-    """
+    plan: Plan, work: Path, paths: Examples, jobs: int, progress: StageProgress
+) -> Network:
+    """Gradient descent from the last checkpoint on; returns the network."""
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.set_num_threads(jobs)
     torch.manual_seed(plan.seed)
     network = _beginning(plan).to(device=device, memory_format=torch.channels_last)
     optimiser = optimiser_of(network)
-    history: list[dict[str, float]] = []
     done, checkpoint = 0, work / "checkpoint.pt"
     if checkpoint.exists():
         state = torch.load(checkpoint, map_location=device, weights_only=True)
         network.load_state_dict(state["network"])
         optimiser.load_state_dict(state["optimiser"])
-        done, history = state["steps"], state["history"]
+        done = state["steps"]
     if done == plan.steps:
-        return network.to("cpu"), history
-    progress.stage("reading", len(learned) + len(kept_back))
-    examples, judges = (
-        [_read(path, device, progress) for path in paths] for paths in (learned, kept_back)
-    )
+        return network.to("cpu")
+    progress.stage("reading", sum(map(len, paths)))
+    examples, judges = ([_read(path, device, progress) for path in side] for side in paths)
     judged = [_batch(judges, plan, (plan.seed, 1, number)) for number in range(_JUDGED)]
     progress.stage("training", plan.steps)
     progress.advance(done)
@@ -250,21 +220,19 @@ def _descend(
         optimiser.step()
         progress.advance()
         if (step + 1) % _REPORT == 0 or step + 1 == plan.steps:
-            history.append({"step": step + 1, **_judge(network, judged)})
-            left = {name: f"{value:.4f}" for name, value in history[-1].items()}
-            say(
-                f"step {step + 1}: left {left['robust']} of the error, {left['energy']} of its "
-                f"energy, {left['hue']} of wrong hues"
+            robust, energy, hue = _judge(network, judged)
+            progress.remark(
+                f"step {step + 1}: left {robust:.4f} of the error, {energy:.4f} of its energy, "
+                f"{hue:.4f} of wrong hues"
             )
             state = {
                 "network": network.state_dict(),
                 "optimiser": optimiser.state_dict(),
                 "steps": step + 1,
-                "history": history,
             }
             with durable_file(checkpoint, overwrite=True) as file:
                 torch.save(state, file)
-    return network.to("cpu"), history
+    return network.to("cpu")
 
 
 def _beginning(plan: Plan) -> Network:
@@ -311,25 +279,23 @@ def _site_numbers(pattern: CfaPattern) -> IndexArray:
     return np.where(colour, colour.cumsum().reshape(colour.shape) - 1, -1)
 
 
-def _read(path: Path, device: str, progress: Progress) -> list[Any]:
-    """The arrays of an example, in their order, as tensors."""
-    try:
-        example = load_example(path)
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path}: is damaged ({error}); remove it, and start again") from error
+def _read(path: Path, device: str, progress: StageProgress) -> Example:
+    """An example, as tensors."""
+    with np.load(path) as arrays:
+        example = [torch.from_numpy(values).to(device) for values in arrays.values()]
     progress.advance()
-    return [torch.from_numpy(values).to(device) for values in vars(example).values()]
+    return example
 
 
-def _judge(network: Network, batches: Sequence[list[Any]]) -> dict[str, float]:
+def _judge(network: Network, batches: Sequence[Example]) -> list[float]:
     """The share that is left of each measure in `losses`."""
     with torch.no_grad():
         measures = torch.stack([torch.stack(losses(network, batch)) for batch in batches])
     left, before = measures.sum(dim=(0, 3)).cpu().numpy()
-    return dict(zip(("robust", "energy", "hue"), (left / before).tolist(), strict=True))
+    return (left / before).tolist()
 
 
-def _batch(examples: Sequence[list[Any]], plan: Plan, seed: tuple[int, ...]) -> list[Any]:
+def _batch(examples: Sequence[Example], plan: Plan, seed: tuple[int, ...]) -> Example:
     """Pieces of random examples: picture, truth, error and variance, each a tensor (batch, ...)."""
     random, side, period = np.random.default_rng(seed), plan.patch + 2 * HALO, plan.pattern.period
     transposed, exchanged = plan.transposed, plan.exchanged
@@ -337,7 +303,7 @@ def _batch(examples: Sequence[list[Any]], plan: Plan, seed: tuple[int, ...]) -> 
     if not large:
         needed = f"{side * period} pixels a side are needed"
         raise InputError(f"the pictures are too small to learn from: {needed}")
-    windows: list[list[Any]] = []
+    windows: list[Example] = []
     for _ in range(plan.batch):
         picture, truth, error, variance = large[random.integers(len(large))]
         first = [int(random.integers(size - side + 1)) for size in variance.shape[1:]]

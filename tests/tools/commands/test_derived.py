@@ -48,19 +48,7 @@ def test_gamma_comes_from_a_chart(tile: str, out: Path, tmp_path: Path) -> None:
     levels = {"white_level": 4095, "black_level": [256] * 4}
     known.write_text(json.dumps({"schema": 1, "gamma": [0.9, 1.2, 0.7], **levels}))
     frames = ("chart:900x600", "dark:900x600")
-    run(
-        "simulate",
-        *frames,
-        "-o",
-        out,
-        "--pattern",
-        tile,
-        "--camera",
-        known,
-        "--light",
-        "0.8",
-        code=0,
-    )
+    run("simulate", *frames, "-o", out, f"--pattern {tile} --light 0.8 --camera", known, code=0)
     chart, dark = (next(out.glob(f"{kind}*.dng")) for kind in ("chart", "dark"))
     camera = tmp_path / "camera.json"
     run("calibrate", chart, "--dark", dark, "-o", camera, code=0)

@@ -45,7 +45,7 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
     shown = run("inspect", shot).out
     assert "gamma         1  (VRGNU)" in shown
     # 30 pixels see all of it, and 6 a fifth
-    assert "2.60 times the light of a Bayer sensor" in shown
+    assert "2.60 times that of a Bayer sensor" in shown
     run("preview", shot, "-o", tmp_path, code=0)
     with Image.open(tmp_path / "bands.jpg") as grey:
         assert np.ptp(np.asarray(grey, int), axis=2).max() <= 2  # nobody knows its colours

@@ -5,7 +5,6 @@ runs. PyTorch is not in CI.
 import json
 import shutil
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,8 @@ from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.shared.networks import Block, load_network, network_for
-from panchroma.shared.progress import SILENT
 from panchroma.shared.runtime import session
+from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.samples import quantise
 from panchroma.tools.simulation.load import load_scene
 
@@ -54,81 +53,90 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
     return tuple(str(path) for path in sorted(folder.iterdir()))
 
 
+SILENT = StageProgress()
+
+
+class Reports(StageProgress):
+    """Keeps the remarks, the losses of a training; the one that begins with `last` interrupts
+    it.
+    """
+
+    def __init__(self, last: str = "never") -> None:
+        super().__init__()
+        self.texts, self._last = list[str](), last
+
+    def remark(self, text: str) -> None:
+        self.texts.append(text)
+        if text.startswith(self._last):
+            raise KeyboardInterrupt
+
+
 def small(photographs: tuple[str, ...], steps: int) -> run.Plan:
     return run.Plan(photographs, CfaPattern.bayer(4), steps, batch=2, variants=1, patch=6)
 
 
 @pytest.fixture(scope="module")
-def examples_made(
-    photographs: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory
-) -> Callable[[Path], Path]:
-    """Copies a folder with the examples of `small` to a path."""
+def examples_made(photographs: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the examples of `small`."""
     folder = tmp_path_factory.mktemp("examples")
     (folder / "rggb-k4").mkdir()
     run.make_examples(small(photographs, 1), folder / "rggb-k4", 1, SILENT)
-    return lambda path: Path(shutil.copytree(folder, path))
+    return folder
 
 
 @pytest.fixture
-def folder(examples_made: Callable[[Path], Path], tmp_path: Path) -> Path:
-    return examples_made(tmp_path / "trained")
+def folder(examples_made: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(examples_made, tmp_path / "trained"))
 
 
 def test_it_learns_and_writes_what_the_render_runs(
     photographs: tuple[str, ...], folder: Path
 ) -> None:
-    reports: list[str] = []
-    path = run.train(small(photographs, 120), folder, 1, SILENT, reports.append)
-    assert reports[-1].startswith("step 120: left 0.")
+    path = run.train(small(photographs, 120), folder, 1, reports := Reports())
+    assert reports.texts[-1].startswith("step 120: left 0.")
     assert load_network(path).get_inputs()
-    history = json.loads((folder / "rggb-k4" / "plan.json").read_text())
-    assert history["steps"] == 120
+    assert json.loads((folder / "rggb-k4" / "plan.json").read_text())["steps"] == 120
 
 
 def test_an_interrupted_training_ends_with_the_same_weights(
-    photographs: tuple[str, ...],
-    examples_made: Callable[[Path], Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    photographs: tuple[str, ...], folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run, "_REPORT", 2)
-    plan = small(photographs, 6)
-    folders = [examples_made(tmp_path / name) for name in ("uninterrupted", "interrupted")]
-    expected = run.train(plan, folders[0], 1, SILENT, lambda _: None).read_bytes()
-
-    def interrupt(text: str) -> None:
-        if text.startswith("step 4"):
-            raise KeyboardInterrupt
-
+    plan, folders = small(photographs, 6), (folder, shutil.copytree(folder, tmp_path / "second"))
+    expected = run.train(plan, folders[0], 1, SILENT).read_bytes()
     with pytest.raises(KeyboardInterrupt):
-        run.train(plan, folders[1], 1, SILENT, interrupt)
-    steps: list[str] = []
-    assert run.train(plan, folders[1], 1, SILENT, steps.append).read_bytes() == expected
-    assert [report.split(":")[0] for report in steps] == ["step 4", "step 6"]
+        run.train(plan, folders[1], 1, Reports("step 4"))
+    assert run.train(plan, folders[1], 1, reports := Reports()).read_bytes() == expected
+    assert [report.split(":")[0] for report in reports.texts] == ["step 4", "step 6"]
 
 
 def test_another_training_does_not_go_on_in_the_same_folder(
     photographs: tuple[str, ...], folder: Path
 ) -> None:
-    run.train(small(photographs, 1), folder, 1, SILENT, lambda _: None)
+    run.train(small(photographs, 1), folder, 1, SILENT)
     with pytest.raises(InputError, match="holds another training"):
-        run.train(small(photographs, 2), folder, 1, SILENT, lambda _: None)
+        run.train(small(photographs, 2), folder, 1, SILENT)
 
 
-def test_a_block_that_is_the_same_transposed_or_exchanged_is_learned_from_twice() -> None:
-    orders = {"GB/RG": [0, 2, 1, 3], "WG/GR": [0, 2, 1], "WB/GR": []}
-    for block, order in orders.items():
-        pattern = CfaPattern.with_block(tuple(block.split("/")), 4)
-        assert run.Plan((), pattern, 1).transposed == order
-    tiles = {"K=6": True, "K=5": False, "kodak": True, "RGWW/BWWW/WWWW/WWWW": False}
-    for tile, same in tiles.items():
-        assert run.Plan((), CfaPattern.of_letters(tile), 1).exchanged == same
+ORDER = [0, 2, 1, 3]  # the greens change places
 
 
-@pytest.mark.parametrize("tile", ["K=6", "K=5", "kodak", "RGWW/BWWW/WWWW/WWWW"])
-def test_what_is_learned_from_is_turned_as_a_whole(tile: str) -> None:
+@pytest.mark.parametrize(
+    ("tile", "transposed", "exchanged"),
+    [
+        ("K=6", ORDER, True),
+        ("K=5", ORDER, False),
+        ("kodak", [], True),
+        ("RGWW/BWWW/WWWW/WWWW", [], False),
+        ("GRWW/WGWW/WWWW/WWWW", [0, 2, 1], False),
+    ],
+)
+def test_what_is_learned_from_is_turned_as_a_whole(
+    tile: str, transposed: list[int], exchanged: bool
+) -> None:
     """If the error of each site is its own colour, it is still so in every piece."""
     plan = run.Plan((), CfaPattern.of_letters(tile), 1, batch=12, patch=4)
+    assert (plan.transposed, plan.exchanged) == (transposed, exchanged)
     letters, period = Block.of(plan.pattern).letters, plan.pattern.period
     margin = (period - len(letters)) // 2
     sites = [
@@ -227,11 +235,10 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     planes = torch.nn.functional.pixel_unshuffle(planes.mT if plan.transposed else planes, period)
     expected = ((alone + planes) / 2 if plan.transposed or plan.exchanged else alone).numpy()
     steps = units(network, [batch(period, sites)])
-    save_graph(weights, steps, path, {"fact": "one"}, run.turn_of(plan))
+    save_graph(weights, steps, path, run.turn_of(plan))
     (output,) = load_network(path).run(None, {"features": inputs.numpy()})
     assert output.shape == expected.shape
     assert np.linalg.norm(output - expected) < 0.025 * np.linalg.norm(expected)
-    assert load_network(path).get_modelmeta().custom_metadata_map == {"fact": "one"}
     kept = load_weights(path)
     assert kept.keys() == weights.keys()
     for name in weights.keys() - {"enter.weight"}:
@@ -257,12 +264,9 @@ def test_weights_can_be_rounded_again_without_learning(
 ) -> None:
     start = CfaPattern.bayer(4)
     plan, shipped = replace(small(photographs, 0), start=start), network_for(start)
-    paths = run.train(plan, folder, 1, SILENT, lambda _: None), shipped
+    paths = run.train(plan, folder, 1, SILENT), shipped
     kept, known = map(load_weights, paths)
     assert all(np.array_equal(kept[name], known[name]) for name in known)
-    facts, stated = (load_network(path).get_modelmeta().custom_metadata_map for path in paths)
-    assert facts
-    assert facts.items() <= stated.items()  # networks of earlier versions state their reach, too
 
 
 def test_too_small_and_too_few_pictures_are_refused(
@@ -274,7 +278,7 @@ def test_too_small_and_too_few_pictures_are_refused(
 ) -> None:
     plan = run.Plan(photographs, CfaPattern.bayer(4), 1, variants=1, patch=200)
     with pytest.raises(InputError, match="too small to learn from"):
-        run.train(plan, folder, 1, SILENT, lambda _: None)
+        run.train(plan, folder, 1, SILENT)
     for options, answer in (
         ([], "0 photographs found; at least 20 are needed"),
         (["--pattern", "RGBW/WWWW/WWWW/WWWW"], "has no square block of red, green and blue"),

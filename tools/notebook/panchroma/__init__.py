@@ -21,7 +21,7 @@ What each returns:
     preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
     evaluate            an Evaluation: PSNR, and how much of the picture has a wrong hue
 
-Jupyter shows all of them; NumPy and matplotlib take pictures and images as arrays:
+Jupyter shows shots, pictures and images; NumPy and matplotlib take pictures and images as arrays:
 plt.imshow(panchroma.to_srgb(picture)).
 
 Any filter pattern works, with any channels. A tile is written row by row, and W is panchromatic:

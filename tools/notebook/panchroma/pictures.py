@@ -67,7 +67,7 @@ class Image:
         Parameters
         ----------
         quality : int | None, optional
-            Of a JPEG, 1 to 100; 95 by default.
+            Of a JPEG, 1 to 100; 95 by default. A PNG has none.
         overwrite : bool, optional
             Replace an existing file.
         """
@@ -80,15 +80,12 @@ class Image:
         if suffix in (".jpg", ".jpeg"):
             icc = icc_profile("srgb")
             data = encode_jpeg(self.pixels, metadata, icc=icc, quality=quality)
-        elif quality is not None:
-            wrong = f"`quality` is {quality}, which only a JPEG has"
-            raise InputError(f"{path}: {wrong}; an image is saved as .png or .jpg")
         elif suffix == ".png":
             exif = encode_tiff(picture_directory(metadata, srgb=True))
             data = encode_png(self.pixels, "srgb", exif)
         else:
             raise InputError(f"{path}: ends in {suffix!r}; an image is saved as .png or .jpg")
-        write_durably(path, data, overwrite=overwrite)
+        write_durably(path, data, overwrite=checked_flag(overwrite))
 
     def __repr__(self) -> str:
         return f"<Image {self.shape[1]} x {self.shape[0]}, 8-bit sRGB>"
@@ -154,11 +151,6 @@ class Picture:
     lost: ByteArray | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.white < np.inf:
-            raise InputError(
-                f"`white` is {self.white}, expected a positive number: what the white of the "
-                "scene reads"
-            )
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
@@ -214,10 +206,6 @@ class Picture:
         from .tools.io.kind import PictureKind
 
         ending = Path(path).suffix.lower().removeprefix(".")
-        if not ending:
-            raise InputError(
-                f"{path}: the end of its name has to say what to write, such as .tif, .jpg or .jxl"
-            )
         name = (format or ending).lower()
         kind = PictureKind.of(OTHER_NAMES.get(name, name), bits, space, quality)
         if kind.suffix != f".{OTHER_NAMES.get(ending, ending)}":
@@ -227,7 +215,7 @@ class Picture:
         development = Development(kind, self.shape, *sensor, exposure, self.restored)
         development.check()
         rgb = development.whitened(self.rgb, self.lost)
-        write_picture(path, [rgb], development, overwrite=overwrite)
+        write_picture(path, [rgb], development, overwrite=checked_flag(overwrite))
 
     def __repr__(self) -> str:
         return f"<Picture {self.shape[1]} x {self.shape[0]}, linear {', '.join(self.channels)}>"
@@ -280,37 +268,26 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     """
     from .tools.io.samples import display_codes, upright
 
-    shown = picture if isinstance(picture, Picture) else Picture(light_of(picture))
+    shown = picture if isinstance(picture, Picture) else Picture(np.asarray(picture))
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)
     codes = display_codes(transform.whitened(shown.rgb, shown.lost), transform, 8, exposure)
     return Image(upright(codes, shown.metadata.orientation))
 
 
-def light_of(picture: Picture | NDArray[np.floating]) -> NDArray[Any]:
-    """The values of a picture, or the array itself.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
-    if not isinstance(picture, Picture | np.ndarray):
-        array = "an array (rows, columns, channels) of linear light"
-        expected = f"a picture, such as panchroma.render makes, or {array}"
-        raise InputError(f"expected {expected}, and not {type(picture).__name__}")
-    return np.asarray(picture)
+def checked_flag(overwrite: object) -> bool:
+    """`overwrite` if it is True or False: any text is true, and would replace a file."""
+    if not isinstance(overwrite, bool):
+        raise TypeError(f"`overwrite` is {overwrite!r}, expected True or False")
+    return overwrite
 
 
 def _reduced(pixels: NDArray[Any]) -> NDArray[Any]:
-    """Means of squares of (H, W, C) samples, so that no side is longer than a notebook shows; of
-    the same type.
+    """Means of squares of (H, W, C) samples, so that no side is longer than a notebook shows,
+    unless a strip is narrower than a square; of the same type.
     """
-    size = -(-max(pixels.shape[:2]) // _SHOWN)
-    rows, columns = (side // size or 1 for side in pixels.shape[:2])
+    size = min(-(-max(pixels.shape[:2]) // _SHOWN), *pixels.shape[:2])
+    rows, columns = (side // size for side in pixels.shape[:2])
     whole = pixels[: rows * size, : columns * size]
-    # a strip narrower than a square stays as it is
-    if size == 1 or whole.shape[:2] != (rows * size, columns * size):
-        return pixels
     squares = whole.reshape(rows, size, columns, size, pixels.shape[2])
     means: NDArray[Any] = squares.mean(axis=(1, 3), dtype=np.float32)
     return means.astype(pixels.dtype)

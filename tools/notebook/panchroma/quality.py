@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .pictures import Picture, light_of
+from .pictures import Picture
 from .shared.errors import InputError
 from .shots import Shot
-from .tools.evaluation.measures import PLANES, Measures
+from .tools.evaluation.measures import Measures
 from .tools.io.display import checked_picture
 
 
 @dataclass(frozen=True, repr=False, match_args=False)
 class Evaluation:
-    """Figures of a picture. Jupyter shows them as a table.
+    """Figures of a picture.
 
     Attributes
     ----------
@@ -58,18 +58,6 @@ class Evaluation:
         medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
         return f"<Evaluation: median PSNR {medians}{hue}>"
 
-    def _repr_html_(self) -> str:
-        table = "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th>"
-        table += "<th>whole picture</th></tr>"
-        planes = self.rgb, self.luminance, self.chrominance
-        for name, quantiles, whole in zip(PLANES, planes, self.psnr, strict=True):
-            values = (f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole))
-            table += f"<tr><th>{name}</th>{''.join(values)}</tr>"
-        hue = ""
-        if self.wrong_hue is not None:
-            hue = f"Wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
-        return f"<table>{table}</table>{hue}"
-
 
 def evaluate(
     picture: Picture | NDArray[np.floating],
@@ -109,12 +97,12 @@ def evaluate(
     truth = truth.truth if isinstance(truth, Shot) else truth
     if truth is None:
         raise InputError("`truth` is None: only a simulated shot knows what it saw")
-    rgb, true_rgb = light_of(picture), light_of(truth)
+    rgb, true_rgb = np.asarray(picture), np.asarray(truth)
     count = true_rgb.shape[-1] if true_rgb.ndim == 3 else len("RGB")
     source = next((image for image in (truth, picture) if isinstance(image, Picture)), None)
     if white is None:
         white = source.white if source else 1.0
-    elif not 0 < white < np.inf:
+    if not 0 < white < np.inf:
         meaning = "what the white of the scene reads in both pictures"
         raise InputError(f"`white` is {white}, expected a positive number: {meaning}")
     rgb, true_rgb = checked_picture(rgb, count), checked_picture(true_rgb, count)

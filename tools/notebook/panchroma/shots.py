@@ -10,16 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .pictures import Image, Picture
-from .shared import (
-    CaptureMetadata,
-    CfaPattern,
-    Mosaic,
-    SensorCalibration,
-    read_camera,
-    read_dng,
-    write_dng,
-)
+from .pictures import Image, Picture, checked_flag
+from .shared import CfaPattern, Mosaic, read_camera, read_dng, write_dng
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
 from .tools.batch.console import fault
@@ -40,8 +32,8 @@ class Shot:
     Attributes
     ----------
     mosaic : Mosaic
-        Samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and
-        capture data.
+        Samples (`mosaic.codes`, `mosaic.signal` in scene units), with `mosaic.calibration` (gamma,
+        noise, levels, colours) and `mosaic.metadata` (camera, lens, exposure, orientation).
     truth : Picture | None
         The light that a simulated camera saw, in the units of a render; None for other shots.
     name : str
@@ -76,23 +68,14 @@ class Shot:
         """The filters: `pattern.tile`, `pattern.channels`, `pattern.filter_map(shot.shape)`."""
         return self.mosaic.pattern
 
-    @property
-    def calibration(self) -> SensorCalibration:
-        """Calibration of the sensor: gamma, noise, levels, colours."""
-        return self.mosaic.calibration
-
-    @property
-    def metadata(self) -> CaptureMetadata:
-        """Capture data: camera, lens, exposure, orientation."""
-        return self.mosaic.metadata
-
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the shot with its preview as a DNG, which `open` reads. An existing file stays,
         unless `overwrite`.
         """
         if Path(path).suffix.lower() != ".dng":
             raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
-        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=overwrite)
+        replaced = checked_flag(overwrite)
+        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=replaced)
 
     def __repr__(self) -> str:
         (rows, columns), pattern = self.shape, self.pattern
@@ -226,21 +209,8 @@ def with_notes_shown(shot: Shot) -> Shot:
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:
-    """The shot itself, or that in a file.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
-    if isinstance(shot, Shot):
-        return shot
-    if isinstance(shot, str | Path):
-        return open(shot)
-    raise InputError(
-        "expected a shot (of panchroma.open or panchroma.simulate) or the name of its file, not "
-        f"{type(shot).__name__}"
-    )
+    """The shot itself, or that in a file."""
+    return shot if isinstance(shot, Shot) else open(shot)
 
 
 _previews = cache(Previews)  # graphs are built once

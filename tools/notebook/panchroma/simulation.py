@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # help() then shows them as they are written here
 
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from .pictures import Picture
 from .shared import CfaPattern, read_camera
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
-from .shared.tiles import EXPECTED
 from .shots import Shot, with_notes_shown
 from .tools.simulation.lens import Lens
 from .tools.simulation.noise import chosen_protocol
@@ -23,8 +21,6 @@ from .tools.simulation.simulated_camera import (
     scene_in_file,
     scene_of_light,
 )
-
-_PERIOD = 6
 
 
 def simulate(
@@ -48,9 +44,9 @@ def simulate(
     scene : str | Path | Picture | ArrayLike
         One of the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG,
         JPEG, EXR, NPY), "builtin:1800x1200", leaves and charts of any size, the smaller the finer,
-        an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB; wider
-        integers are linear light too, white is their largest value, a `Picture`, such as the truth
-        of another shot.
+        an array (H, W, C), or (H, W) of grey: floating point is linear light, 1.0 = white; uint8 is
+        sRGB; wider integers are linear light too, white is their largest value, a `Picture`, such
+        as the truth of another shot.
     pattern : str | int | CfaPattern | None, optional
         The filters of one tile of the sensor, row by row, W is panchromatic, such as
         "WBWG/BWGW/WGWR/GWRW"; rows may also be parted by blanks or lines. "kodak", "sony", "honda",
@@ -117,16 +113,11 @@ def simulate(
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
-    match pattern:
-        case CfaPattern():
-            return pattern
-        case str():
-            return CfaPattern.of_letters(pattern)
-        case None:
-            return CfaPattern.bayer(_PERIOD)
-        case Integral():
-            return CfaPattern.bayer(int(pattern))
-    raise InputError(f"`pattern` is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
+    if isinstance(pattern, CfaPattern):
+        return pattern
+    if pattern is None:
+        return CfaPattern.bayer()
+    return CfaPattern.of_letters(pattern if isinstance(pattern, str) else f"K={pattern}")
 
 
 def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
@@ -144,17 +135,7 @@ def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
         array = np.array(None)
-    if array.dtype == object:
-        raise InputError(
-            f"expected the name of a file, an array or a picture, and not {type(source).__name__}"
-        )
-    if array.ndim != 3 or not array.size:
-        grey = "; of a grey scene give each pixel three equal channels" if array.ndim == 2 else ""
-        raise InputError(
-            f"the array has shape {array.shape}, expected (rows, columns, channels), none of "
-            f"them 0{grey}"
-        )
-    if channels is not None and array.shape[2] != len(channels):
+    if channels is not None and array.shape[2:] != (len(channels),):
         shape = f"(rows, columns, {len(channels)})"
         raise InputError(
             f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}"
