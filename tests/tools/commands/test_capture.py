@@ -24,7 +24,7 @@ from panchroma.device.capture import frame_folder
 from panchroma.device.capture.frames import FrameLayout
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from panchroma.shared.arrays import ByteArray, FloatArray
-from panchroma.tools.capture import recorder
+from panchroma.tools.commands import capture as capture_command
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.device.packer import pack, random_codes
@@ -165,7 +165,7 @@ def test_a_signal_waits_for_the_frame_in_hand(
             time.sleep(0)
         return np.zeros((*mosaic.shape, 3), np.uint8)
 
-    monkeypatch.setattr(recorder, "preview_maker", lambda *_, **__: interrupted)
+    monkeypatch.setattr(capture_command, "preview_maker", lambda *_, **__: interrupted)
     before = signal.getsignal(number)
     run("builtin:64x48@50", "-o", out, code=code)
     assert [path.suffix for path in out.iterdir()] == [".dng"]
