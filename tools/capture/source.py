@@ -133,11 +133,11 @@ class FrameSource:
         return checked(raw, self.sensor, note, refused=refused) if self.checks else raw
 
 
-def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
+def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:
     """A camera's preview as a function, ready before the first frame arrives; for the arguments and
     errors see `Preview`.
     """
-    preview = Preview(sensor.pattern, scale, threads=threads)
+    preview = Preview(sensor.pattern, scale)
     return lambda mosaic: cast(ByteArray, preview.run(mosaic))
 
 

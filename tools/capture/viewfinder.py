@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
 
@@ -16,7 +15,6 @@ import imagecodecs
 import numpy as np
 
 from ...device.capture import PreviewMaker, Saved, Sensor
-from ...device.capture.frame_queue import FrameQueue
 from ...device.capture.frames import RawFrame
 from ...device.capture.shots import ShotFolder
 from ...device.capture.white_balance import SteadyWhite
@@ -25,7 +23,7 @@ from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import ByteArray
 from ...shared.errors import InputError
 from .doubtful import DoubtfulShots
-from .source import FrameSource, Refused, Stopped, preview_maker
+from .source import Refused
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
 _SPAN = 2.0  # seconds over which frames are counted, or as long as the last few took
@@ -191,53 +189,6 @@ class Viewfinder:
             self._changed.notify_all()
         with self._shooting:
             pass
-
-
-class LiveView:
-    """The viewfinder of a source of frames: the attribute `finder`.
-
-    Raises InputError and OutputError as `Preview` and `ShotFolder` do.
-
-    Parameters
-    ----------
-    source : FrameSource
-        Where frames come from.
-    folder : Path | None
-        Existing folder in which shots are saved; None = shots cannot be saved.
-    latest : Path | None
-        See `ShotFolder`.
-    scale : int | None
-        Sensor pixels per picture pixel, each way; None = such that the picture fits a page.
-    """
-
-    def __init__(
-        self, source: FrameSource, folder: Path | None, latest: Path | None, *, scale: int | None
-    ) -> None:
-        self._source, sensor = source, source.sensor
-        shots = ShotFolder(folder, latest) if folder else None
-        scale = fitting_scale(sensor.layout.width, sensor.pattern) if scale is None else scale
-        self._preview = preview_maker(sensor, scale=scale)
-        self._queue: FrameQueue | None = None
-        self.finder = Viewfinder(
-            lambda: sum(source.lost()) + (0 if self._queue is None else self._queue.dropped), shots
-        )
-
-    def show(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> None:
-        """Show frames until they end; see `FrameSource.frames`.
-
-        Raises
-        ------
-        InputError
-            When a camera ends, or its stream breaks off.
-        """
-        self._queue = FrameQueue(self._source.frames(stopped, refused, note), 1, stopped=stopped)
-        show_frames(self._queue, self._source.sensor, self._preview, self.finder, refused)
-        if stopped():
-            return
-        if not self._source.waits:
-            pictures = f"{self.finder.status()['frames']} pictures"
-            raise InputError(f"the camera has ended after {pictures}; start it again")
-        note("the recording has ended")
 
 
 def encode_view(picture: ByteArray) -> bytes:
