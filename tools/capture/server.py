@@ -13,7 +13,7 @@ from collections.abc import Callable, Container, Iterable
 from contextlib import suppress
 from functools import cache
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler
+from http.server import SimpleHTTPRequestHandler
 from pathlib import Path
 from socketserver import ThreadingTCPServer
 from typing import Any
@@ -23,11 +23,6 @@ from ...shared.errors import InputError, OutputError, PanchromaError
 from .viewfinder import Viewfinder
 
 _PAGE = Path(__file__).parent / "page"
-_FILES = {
-    "/": ("index.html", "text/html; charset=utf-8"),
-    "/style.css": ("style.css", "text/css; charset=utf-8"),
-    "/script.js": ("script.js", "text/javascript; charset=utf-8"),
-}
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; "
@@ -89,7 +84,6 @@ class ViewfinderServer(ThreadingTCPServer):
     ) -> None:
         self.finder, self._report = finder, report
         self.hosts = frozenset(map(_plain_name, hosts))
-        _page()  # read while descriptors are free
         self.seats = threading.BoundedSemaphore(_VIEWERS)
         try:
             if ipaddress.ip_address(address[0]).version == 6:
@@ -115,9 +109,15 @@ class ViewfinderServer(ThreadingTCPServer):
             self._report(error)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(SimpleHTTPRequestHandler):
+    """Serves the files in the folder of the page, the stream of pictures, figures and shots."""
+
     server: ViewfinderServer
     timeout = _TIMEOUT
+    server_version, sys_version = "panchroma", ""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments, directory=str(_PAGE))
 
     def do_GET(self) -> None:
         path = self.path.partition("?")[0]
@@ -125,11 +125,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._stream()
         elif path == "/status":
             self._answer(self.server.finder.status())
-        elif path in _FILES:  # file names never come from the request
-            name, kind = _FILES[path]
-            self._send(HTTPStatus.OK, _page()[name], kind)
         else:
-            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+            super().do_GET()
 
     def do_POST(self) -> None:
         origin = self.headers.get("Origin")
@@ -158,7 +155,9 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
-            self._head(HTTPStatus.OK, f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+            self.end_headers()
             self.wfile.write(f"--{_BOUNDARY}\r\n".encode())
             # repeat: when the last picture is sent again
             number, repeat, finder = 0, math.inf, self.server.finder
@@ -204,24 +203,18 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer({"error": reason}, status)
 
     def _answer(self, facts: dict[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
-        self._send(status, json.dumps(facts).encode(), "application/json")
-
-    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
-        self._head(status, kind, len(body))
+        body = json.dumps(facts).encode()
+        self.send_response(status)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
         self.wfile.write(body)
 
-    def _head(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
-        self.send_response(status)
+    def end_headers(self) -> None:
+        """Add what every answer has."""
         for name, value in _HEADERS.items():
             self.send_header(name, value)
-        self.send_header("Content-Type", kind)
-        if length is not None:
-            self.send_header("Content-Length", str(length))
-        self.end_headers()
-
-    def version_string(self) -> str:
-        """Return the text of the Server header."""
-        return "panchroma"
+        super().end_headers()
 
     def log_message(self, format: str, *arguments: Any) -> None:  # noqa: A002  the base's name
         """Log nothing: there are thousands of status requests."""
@@ -245,11 +238,6 @@ def _host_of(url: str) -> str:
 
 def _plain_name(name: str) -> str:
     return name.lower().removesuffix(".")
-
-
-@cache
-def _page() -> dict[str, bytes]:
-    return {name: (_PAGE / name).read_bytes() for name, _ in _FILES.values()}
 
 
 @cache

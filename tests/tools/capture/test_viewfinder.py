@@ -223,14 +223,19 @@ HEADERS = {
 }
 
 
-PAGES = {"/": "html", "/?again": "html", "/style.css": "css", "/script.js": "javascript"}
+PAGES = {
+    "/": "text/html",
+    "/?again": "text/html",
+    "/style.css": "text/css",
+    "/script.js": ".*/javascript",
+}
 
 
 @pytest.mark.parametrize("path", PAGES)
 def test_the_page_is_for_this_site_alone(served: Served, path: str) -> None:
     answer = served.ask(path)
     assert answer.status == 200
-    for name, value in (HEADERS | {"Content-Type": f"text/{PAGES[path]}"}).items():
+    for name, value in (HEADERS | {"Content-Type": PAGES[path]}).items():
         assert re.match(value, answer.headers[name]), name
     assert len(answer.read()) == int(answer.headers["Content-Length"])
 
@@ -240,7 +245,7 @@ OWN = ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:8000", "192.168.1.7:80
 # An attacker's page reaches this server under the attacker's name: DNS rebinding.
 FOREIGN = ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example", "", "[::1"]
 ORIGINS = ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"]
-PLACES = ["/index.html", "/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/secret", "*"]
+PLACES = ["/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/secret", "*"]
 
 
 @pytest.mark.parametrize(
