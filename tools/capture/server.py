@@ -2,13 +2,11 @@
 
 import ipaddress
 import json
-import math
 import os
 import select
 import socket
 import sys
 import threading
-import time
 from collections.abc import Callable, Container, Iterable
 from contextlib import suppress
 from functools import cache
@@ -38,12 +36,11 @@ _HEADERS = {
 _BOUNDARY = "frame"
 _VIEWERS = 8
 _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
-_LOOK = 0.25  # seconds between two looks at whether a viewer to whom nothing is sent has left
-# seconds after which the last picture is sent a second time: Chromium shows the first of a stream
-# only then
+# seconds after which the last picture is sent again: Chromium shows a picture when the next one
+# comes, and proxies want to hear something
 _STALL = 1.0
 _IGNORED = 4096  # bytes
-_FREED = 1.0  # seconds that a new viewer waits for the seat of one who has left
+_FREED = 2 * _STALL  # seconds that a new viewer waits for the seat of one who has left
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
@@ -159,17 +156,11 @@ class _Handler(SimpleHTTPRequestHandler):
             self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
             self.end_headers()
             self.wfile.write(f"--{_BOUNDARY}\r\n".encode())
-            # repeat: when the last picture is sent again
-            number, repeat, finder = 0, math.inf, self.server.finder
-            while not finder.closed:
-                if view := finder.after(number, _LOOK):
-                    number, repeat = view.number, time.monotonic() + _STALL
-                elif self._has_left():
-                    return
-                elif time.monotonic() > repeat:
-                    # proxies want to hear something
-                    view, repeat = finder.after(0, 0), time.monotonic() + _TIMEOUT
+            number, finder = 0, self.server.finder
+            while not (finder.closed or self._has_left()):
+                view = finder.after(number, _STALL) or finder.after(0, 0)
                 if view:
+                    number = view.number
                     head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
                     # Send the boundary now, not before the next picture: browsers show a picture
                     # when they have read its end.
