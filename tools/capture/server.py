@@ -9,7 +9,6 @@ import sys
 import threading
 from collections.abc import Callable, Container, Iterable
 from contextlib import suppress
-from functools import cache
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler
 from pathlib import Path
@@ -57,8 +56,8 @@ class ViewfinderServer(ThreadingTCPServer):
     report : Callable[[BaseException], None]
         Called with each error that is not a client's; they end one answer, not the server.
     hosts : Iterable[str], optional
-        Names under which browsers may ask for the page, beside addresses and the machine's own
-        names.
+        Names in lower case under which browsers may ask for the page, beside addresses and the
+        machine's own names.
 
     Raises
     ------
@@ -80,7 +79,11 @@ class ViewfinderServer(ThreadingTCPServer):
         hosts: Iterable[str] = (),
     ) -> None:
         self.finder, self._report = finder, report
-        self.hosts = frozenset(map(_plain_name, hosts))
+        name = socket.gethostname().lower()
+        short = name.partition(".")[0]
+        self.allowed = frozenset(hosts)
+        # .local: the name in multicast DNS
+        self.hosts = self.allowed | {"localhost", name, short, f"{short}.local"}
         self.seats = threading.BoundedSemaphore(_VIEWERS)
         try:
             if ipaddress.ip_address(address[0]).version == 6:
@@ -130,7 +133,7 @@ class _Handler(SimpleHTTPRequestHandler):
         # A proxy may speak TLS and pass another Host on: then the page's own name is one of those
         # that were allowed.
         is_ours = origin in (None, f"http://{self.headers['Host']}")
-        if not (is_ours or _host_of(origin or "") in self.server.hosts):
+        if not (is_ours or _host_of(origin or "") in self.server.allowed):
             self._refuse(HTTPStatus.FORBIDDEN, "shots are taken from the camera's own page")
         elif self.path != "/capture":
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
@@ -212,36 +215,15 @@ class _Handler(SimpleHTTPRequestHandler):
 
 
 def _is_own(host: str, allowed: Container[str]) -> bool:
-    """True if a Host header has an IP address, one of the allowed names, or the machine's own."""
-    if not (name := _host_of(f"//{host}")):
-        return False
+    """True if a Host header has an IP address or one of the allowed names."""
+    name = _host_of(f"//{host}")
     with suppress(ValueError):
         return bool(ipaddress.ip_address(name))
-    return name in allowed or name in _own_names() or name == _full_name()
+    return name in allowed
 
 
 def _host_of(url: str) -> str:
-    """The plain name, or address, of the host in a URL; "" if there is none."""
+    """The name, or address, of the host in a URL; "" if there is none."""
     with suppress(ValueError):
-        return _plain_name(urlsplit(url).hostname or "")
+        return urlsplit(url).hostname or ""
     return ""
-
-
-def _plain_name(name: str) -> str:
-    return name.lower().removesuffix(".")
-
-
-@cache
-def _own_names() -> frozenset[str]:
-    name = socket.gethostname().lower()
-    short = name.partition(".")[0]
-    # .local: the name in multicast DNS
-    return frozenset({"localhost", name, short, f"{short}.local"})
-
-
-@cache
-def _full_name() -> str:
-    """The machine's name with its domain, for those who ask by it. Without a network the answer
-    takes a while.
-    """
-    return _plain_name(socket.getfqdn())

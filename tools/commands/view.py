@@ -28,7 +28,7 @@ from .frame_options import add_source, source_of
 from .options import add, value
 
 _HOST, _PORT = "127.0.0.1", 8000
-_NAME = re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII)
+_NAME = re.compile(r"[\w-]+(\.[\w-]+)*", re.ASCII)
 _host_name = value(
     str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name))
 )
