@@ -26,10 +26,8 @@ from .doubtful import DoubtfulShots
 from .source import Refused
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
-_SPAN = 2.0  # seconds over which frames are counted, or as long as the last few took
-_LEAST_SHOWN = 3  # pictures whose times are kept, however old they are
-_MISSED = 2.5  # intervals without a picture after which the camera counts as silent
-_TICK = 1e-6  # seconds: two pictures at one time have a rate, too
+_COUNTED = 20  # pictures whose times are kept
+_SPAN, _MISSED = 2.0, 2.5  # seconds, and intervals, without a picture: the camera counts as silent
 _ROWS = 17  # every one of these is looked at for clipped samples: no period has this divisor
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 
@@ -89,7 +87,7 @@ class Viewfinder:
         self._view: View | None = None
         self.closed = False
         self._begun = monotonic()
-        self._shown: deque[float] = deque()  # times of pictures
+        self._shown: deque[float] = deque(maxlen=_COUNTED)  # times of pictures
         self._shooting = threading.Lock()
         self.doubtful = DoubtfulShots()
 
@@ -115,8 +113,6 @@ class Viewfinder:
             if frame.is_checked:
                 self.doubtful.clear()
             self._shown.append(now)
-            while len(self._shown) > _LEAST_SHOWN and self._shown[0] < now - _SPAN:
-                self._shown.popleft()
             self._changed.notify_all()
 
     def after(self, number: int, seconds: float | None = None) -> View | None:
@@ -149,7 +145,7 @@ class Viewfinder:
         return {
             "frames": view.number if view else 0,
             "silent": bool(silent),
-            "fps": 1 / max(float(intervals.mean()), _TICK) if known else 0.0,
+            "fps": 1 / float(intervals.mean()) if known else 0.0,
             "latency_ms": 1e3 * view.latency if view else 0.0,
             "dropped": self._dropped(),
             "clipped": view.clipped if view else 0.0,
