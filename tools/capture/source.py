@@ -16,7 +16,7 @@ from typing import Any, cast
 
 from ...device import Preview
 from ...device.capture import PreviewMaker, Sensor
-from ...device.capture.frame_check import checked
+from ...device.capture.frame_check import SlippedError, checked
 from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from ...shared import Camera, CfaPattern, SensorCalibration
@@ -139,6 +139,20 @@ def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:
     """
     preview = Preview(sensor.pattern, scale)
     return lambda mosaic: cast(ByteArray, preview.run(mosaic))
+
+
+def doubts(first: Path | None, error: Exception) -> list[str]:
+    """Advice to the user on the shots before this error ended the stream; empty if there is none.
+
+    Parameters
+    ----------
+    first : Path | None
+        The first shot since the last frame that showed its filters where they belong; whatever came
+        before that one is right.
+    """
+    if first is None or not isinstance(error, SlippedError):
+        return []
+    return [f"{first} and later shots may be wrong; all shots before it are right"]
 
 
 def open_source(options: SourceOptions, described: Described) -> FrameSource:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
 
@@ -22,7 +23,6 @@ from ...device.preview.geometry import Geometry
 from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import ByteArray
 from ...shared.errors import InputError
-from .doubtful import DoubtfulShots
 from .source import Refused
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
@@ -68,8 +68,9 @@ class Viewfinder:
     """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow
     viewer.
 
-    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes, `folder`
-    is where `shoot` saves, `closed` says that there are no more pictures.
+    The attribute `doubtful` is the first of the shots that may be wrong if the stream has lost
+    bytes, see `doubts`, `folder` is where `shoot` saves, `closed` says that there are no more
+    pictures.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ class Viewfinder:
         self._begun = monotonic()
         self._shown: deque[float] = deque(maxlen=_COUNTED)  # times of pictures
         self._shooting = threading.Lock()
-        self.doubtful = DoubtfulShots()
+        self.doubtful: Path | None = None
 
     def show(self, picture: ByteArray, mosaic: Mosaic, frame: RawFrame) -> None:
         """Make a picture the latest view.
@@ -111,7 +112,7 @@ class Viewfinder:
             latency, facts = now - frame.arrived, (frame.taken, frame.is_checked)
             self._view = View(picture, jpeg, number, latency, clipped, mosaic, *facts)
             if frame.is_checked:
-                self.doubtful.clear()
+                self.doubtful = None
             self._shown.append(now)
             self._changed.notify_all()
 
@@ -175,7 +176,8 @@ class Viewfinder:
             path = self._shots.save(view.mosaic, view.picture, view.taken)
             # the preview was there already
             shot = Saved(path, 0.0, perf_counter() - started, view.is_checked)
-            self.doubtful.add(shot)
+            if shot.is_checked or not self.doubtful:
+                self.doubtful = path
             return shot
 
     def close(self) -> None:

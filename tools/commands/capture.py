@@ -22,6 +22,7 @@ import argparse
 import resource
 from contextlib import closing
 from itertools import islice
+from pathlib import Path
 
 from ...device.capture import Refused, capture, capture_burst
 from ...device.capture.frame_queue import FrameQueue
@@ -31,8 +32,7 @@ from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder
 from ..batch.memory import allowed_memory, format_bytes
 from ..batch.signals import Stopping
-from ..capture.doubtful import DoubtfulShots
-from ..capture.source import FrameSource, preview_maker
+from ..capture.source import FrameSource, doubts, preview_maker
 from .frame_options import add_source, source_of
 from .options import add, count
 
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     to = source.sensor, preview_maker(source.sensor), shots
     console.note(*source.notes)
     saved = failed = 0
-    doubtful = DoubtfulShots()
+    doubtful: Path | None = None
 
     def refused(reason: object) -> None:
         nonlocal failed
@@ -86,7 +86,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                         refused(shot.reason)
                     continue
                 saved += 1
-                doubtful.add(shot)
+                if shot.is_checked or not doubtful:
+                    doubtful = shot.path
                 preview, write = shot.preview * 1e3, shot.write * 1e3
                 dropped = sum(source.lost()) + queue.dropped
                 times = f"preview {preview:.0f} ms, write {write:.0f} ms"
@@ -101,7 +102,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
         except (InputError, OutputError) as error:
             refused(error)  # the stream broke off, or the disk is full: saved shots stay good
-            console.note(*doubtful.remarks(error))
+            console.note(*doubts(doubtful, error))
         incomplete, unread = source.lost()
         # Frames that still wait at the end are lost too, unless --frames shots were all that was
         # wanted.

@@ -22,7 +22,7 @@ from ..batch.console import Console, fault
 from ..batch.jobs import FAILED, output_folder
 from ..batch.signals import Stopping
 from ..capture.server import ViewfinderServer
-from ..capture.source import preview_maker
+from ..capture.source import doubts, preview_maker
 from ..capture.viewfinder import Viewfinder, fitting_scale, show_frames
 from .frame_options import add_source, source_of
 from .options import add, value
@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                     refused(InputError(f"the camera has ended after {pictures}; start it again"))
             except InputError as error:  # the stream broke off
                 refused(error)
-                console.note(*finder.doubtful.remarks(error))
+                console.note(*doubts(finder.doubtful, error))
             finally:
                 finder.close()
                 server.shutdown()

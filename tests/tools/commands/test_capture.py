@@ -275,8 +275,7 @@ def test_a_stream_that_loses_or_gains_bytes_ends_at_once_and_its_shots_are_right
     done = from_recording(data, "-o", out, MOVING, code=1)
     assert codes(out) == [unpacked(frame) for frame in frames[:5]]
     assert SLIPPED in done.err
-    doubtful = "its last rows may be wrong; all shots before it are right"
-    assert f"{shots(out)[-1]}: {doubtful}" in done.err
+    assert f"\n{shots(out)[-1]} and later shots may be wrong; all shots before it" in done.err
 
 
 @pytest.mark.parametrize("lost", [LINE, 1])
@@ -286,8 +285,7 @@ def test_shots_in_the_dark_before_a_slip_is_seen_are_named(out: Path, lost: int)
     done = from_recording(data, "-o", out, MOVING, code=1)
     saved = shots(out)
     assert len(saved) == (5 if lost == 1 else 7)  # single bytes are seen in the dark
-    doubtful = f"{len(saved) - 2} shots may be wrong, {saved[2]} to {saved[-1]}"
-    assert f"{doubtful}; all before them are right" in done.err
+    assert f"\n{saved[2]} and later shots may be wrong; all shots before it" in done.err
 
 
 def test_of_a_burst_that_slips_nothing_is_saved(out: Path) -> None:
