@@ -113,14 +113,14 @@ class Identity:
         return len(self.tile)
 
 
-def pattern_of(tile: Sequence[str]) -> CfaPattern | None:
-    """The pattern with these letters from the first pixel on; None if one is unknown, or if
-    Panchroma cannot use the tile.
+def describe(tile: Sequence[str]) -> tuple[str, tuple[int, int]] | None:
+    """Name, or letters, and origin of the pattern with these letters from the first pixel on; None
+    if one is unknown, or if Panchroma cannot use the tile.
     """
     with suppress(InputError):
         pattern = CfaPattern.of_letters("/".join(tile))
         name, origin = place_of(pattern.tile)
-        return CfaPattern.of_letters(name, origin) if name else pattern
+        return name.casefold() or "/".join(pattern.tile), origin if name else pattern.origin
     return None
 
 
@@ -182,27 +182,20 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
     identity = identify(codes)
     if identity is None:
         raise InputError(_NOTHING)
-    tile, levels = identity.tile, identity.light
-    others = _exchange_colours(tile)
-    clear, gap = np.array([[letter == PANCHROMATIC for letter in row] for row in tile]), None
-    if clear.any():
-        gap = float(levels[clear].min() - levels[~clear].max()) / float(np.ptp(levels))
+    tile = identity.tile
+    clear = [[letter == PANCHROMATIC for letter in row] for row in tile]
     return {
         "width": codes.shape[1],
         "height": codes.shape[0],
         "period": identity.period,
         "certainty": round(identity.certainty, 1),
         "panchromatic": np.argwhere(clear).tolist(),
-        "gap": gap and round(gap, 2),
         "letters": list(tile),
         "separation": round(identity.separation, 1),
         "name": identity.name or None,
-        "dense": identity.name in DENSE,
-        "open": UNKNOWN in "".join(tile),
-        "light": levels.round(4).tolist(),
-        "pattern": _describe(tile),
-        "exchangeable": bool(others),
-        "alternatives": list(filter(None, map(_describe, others))),
+        "light": identity.light.round(4).tolist(),
+        "pattern": describe(tile),
+        "alternatives": list(filter(None, map(describe, _exchange_colours(tile)))),
     }
 
 
@@ -219,12 +212,6 @@ def _exchange_colours(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
             table = str.maketrans(_EXCHANGED, "".join(order))
             others.append(tuple(row.translate(table) for row in tile))
     return [other for other in others if other != tile]
-
-
-def _describe(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:
-    """Name, or letters, and origin of `pattern_of` a tile."""
-    pattern = pattern_of(tile)
-    return (pattern.name.casefold() or "/".join(pattern.tile), pattern.origin) if pattern else None
 
 
 class _Folds:

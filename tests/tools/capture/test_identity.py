@@ -9,7 +9,7 @@ import pytest
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import CodeArray, FloatArray
 from panchroma.shared.tiles import CLEAR, TILES, letters_of
-from panchroma.tools.capture.identity import DENSE, UNKNOWN, facts_of, identify, pattern_of
+from panchroma.tools.capture.identity import DENSE, UNKNOWN, describe, facts_of, identify
 from panchroma.tools.simulation.load import load_scene
 from tests.data import photograph
 from tests.scenes import leaves
@@ -86,7 +86,7 @@ def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channel
         assert same_sites(identity.tile, tile), origin
         assert identity.light.shape == (period, period)
         if name not in ("", *DENSE):
-            assert pattern_of(identity.tile).letters_from() == identity.tile
+            assert CfaPattern.of_letters(*describe(tile)).letters_from() == tile
 
 
 @pytest.mark.parametrize("name", CLEAR)
@@ -150,7 +150,7 @@ def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None
     assert identify(pale).name == "Kodak"
     identity = identify(taken(grey, tile_of("paper", (1, 4))))
     assert identity.tile == opened(tile_of("paper", (1, 4)))
-    assert pattern_of(identity.tile) is None
+    assert describe(identity.tile) is None
 
 
 GREY = (256 + 3000 * SCENE.mean(axis=2)).astype(np.uint16)
