@@ -106,8 +106,8 @@ class FrameSource:
         Remarks for the user on how the description was interpreted.
     checks : bool
         Whether the first frames are compared with the description.
-    lost : Callable[[], tuple[int, int]]
-        Numbers of frames so far that arrived incomplete, and that came too fast to be read.
+    lost : Callable[[], int]
+        Number of frames so far that arrived incomplete, or came too fast to be read.
     close : Callable[[], object]
         Lets the camera go.
     """
@@ -117,7 +117,7 @@ class FrameSource:
     waits: bool
     notes: tuple[str, ...] = ()
     checks: bool = False
-    lost: Callable[[], tuple[int, int]] = lambda: (0, 0)
+    lost: Callable[[], int] = int
     close: Callable[[], object] = bool
 
     def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
@@ -187,7 +187,7 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
             waits=False,
             notes=(plugged.about, *notes),
             checks=not options.unchecked,
-            lost=plugged.lost,
+            lost=lambda: plugged.lost,
             close=plugged.close,
         )
     options.refuse(SETTINGS, "only a connected camera, genicam:ID, can be set")

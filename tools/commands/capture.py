@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                 if shot.is_checked or not doubtful:
                     doubtful = shot.path
                 preview, write = shot.preview * 1e3, shot.write * 1e3
-                dropped = sum(source.lost()) + queue.dropped
+                dropped = source.lost() + queue.dropped
                 times = f"preview {preview:.0f} ms, write {write:.0f} ms"
                 console.say(f"{shot.path}: {times}, dropped {dropped}")
                 facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1)}
@@ -103,14 +103,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         except (InputError, OutputError) as error:
             refused(error)  # the stream broke off, or the disk is full: saved shots stay good
             console.note(*doubts(doubtful, error))
-        incomplete, unread = source.lost()
         # Frames that still wait at the end are lost too, unless --frames shots were all that was
         # wanted.
-        lost = incomplete + unread + queue.dropped + (len(queue) if stopping() else 0)
+        lost = source.lost() + queue.dropped + (len(queue) if stopping() else 0)
     if burst and stopping():
         lost = burst - saved
-    some = f" ({incomplete} incomplete)" if incomplete else ""
-    console.note(f"{saved} saved, {lost} dropped{some}" + (f", {failed} failed" if failed else ""))
+    console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
 
 

@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     with closing(source), Stopping() as stopping:
         frames = FrameQueue(source.frames(stopping, refused, console.note), 1, stopped=stopping)
-        finder = Viewfinder(lambda: sum(source.lost()) + frames.dropped, shots)
+        finder = Viewfinder(lambda: source.lost() + frames.dropped, shots)
         with ViewfinderServer(arguments.bind, finder, report, arguments.host) as server:
             serve = partial(server.serve_forever, 0.1)
             threading.Thread(target=serve, name="viewfinder", daemon=True).start()

@@ -94,7 +94,6 @@ def test_shots_have_the_cameras_samples_and_settings(
     settings += ["--frames", "2", "--latest", str(link)]
     outcome = capture(camera, "-o", out, *TILE, *settings, code=0)
     about = f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second"
-    assert "incomplete" not in outcome.err
     assert about in outcome.err
     assert link.resolve() == shots(out)[-1]
     for path in shots(out):
@@ -128,9 +127,7 @@ def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path)
     # one frame of four arrives whole
     outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50", code=0)
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
-    match = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
-    assert match, outcome.err
-    assert int(match[1]) >= int(match[2]) > 0
+    assert re.search(r"3 saved, [1-9]\d* dropped\n$", outcome.err), outcome.err
 
 
 @needs_camera
@@ -163,7 +160,7 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
 def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> None:
     process = start("capture", SOURCE, "-o", out, *TILE, before=plug(lost=1000).beside)
     lines = "".join(process.stderr.readline() for _ in range(3))
-    assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in lines
+    assert "no whole frame for 10 seconds: does it wait for a trigger" in lines
     assert ended(process, signal.SIGTERM, code=0).err == "0 saved, 0 dropped\n"
 
 
