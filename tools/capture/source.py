@@ -264,17 +264,16 @@ def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None
     if camera is None:
         return
     shape, known = (layout.height, layout.width), camera.calibration
-    size = camera.size or (known.shading.size if known.shading else None)
-    least = tuple(max(places) + 1 for places in zip(*known.defects, strict=True)) or (0, 0)
-    if size in (None, shape) and least[0] <= shape[0] and least[1] <= shape[1]:
-        return
-    (rows, columns), words = (size, "") if size else (least, " or more")
-    raise InputError(
-        f"{source}: the frames have {layout.width} x {layout.height} pixels, those of the camera "
-        f"file {columns} x {rows}{words}; give the right `width`, `height` and `stride`, or, if "
-        "this is a window of the sensor or another mode of it, measure a camera file for it, or "
-        'take a copy of this one without "size", "shading" and "defects"'
-    )
+    needed = zip(shape, *((row + 1, column + 1) for row, column in known.defects), strict=True)
+    size = known.shading.size if known.shading else tuple(map(max, needed))
+    try:
+        replace(camera, size=camera.size or size).check_size(shape)
+    except InputError as error:
+        raise InputError(
+            f"{source}: {error}; give the right `width`, `height` and `stride`, or, if this is a "
+            "window of the sensor or another mode of it, measure a camera file for it, or take a "
+            'copy of this one without "size", "shading" and "defects"'
+        ) from None
 
 
 def _described(
@@ -294,17 +293,16 @@ def _described(
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     facts: dict[str, Any] = {"channels": pattern.channels, "gamma": usual_gamma(pattern)}
     calibration = SensorCalibration.of_bits(options.sensor_bits or bits, headroom=False, **facts)
-    white, black = calibration.white_level, options.black
-    assumed = f"white level {white} is"
-    if black is None:
-        assumed = f"black level {calibration.black_level[0]:.0f} and white level {white} are"
-    elif 0 <= black <= white // 2:
-        levels = (float(black),) * len(calibration.black_level)
-        calibration = replace(calibration, black_level=levels)
-    else:
-        expected = f"a code from 0 to {white // 2}, half of the range"
-        raise InputError(f"`black` is {black}, expected {expected}")
-    note = f"no `camera`: {assumed} assumed, and the white balance is estimated"
+    if options.black is not None:
+        highest = calibration.white_level // 2
+        if not 0 <= options.black <= highest:
+            expected = f"a code from 0 to {highest}, half of the range"
+            raise InputError(f"`black` is {options.black}, expected {expected}")
+        codes = (float(options.black),) * len(calibration.black_level)
+        calibration = replace(calibration, black_level=codes)
+    black, white = calibration.black_level[0], calibration.white_level
+    levels = f"black level {black:.0f} and white level {white} are taken"
+    note = f"no `camera`: {levels}, and the white balance is estimated"
     return Sensor(layout, pattern, calibration), (note,)
 
 
