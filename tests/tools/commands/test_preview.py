@@ -50,7 +50,7 @@ def test_it_is_the_preview_of_the_shot(tmp_path: Path, scale: int) -> None:
     outcome = run("preview", source, "-o", tmp_path, f"--scale {scale}", code=0)
     expected = picture(source, scale)
     assert distance(made, expected) < JPEG_LOSS < distance(made, expected[::-1])
-    assert outcome.out.startswith(f"{made}: {95 // scale} x {61 // scale}, ")
+    assert outcome.out == f"{made}: {95 // scale} x {61 // scale}\n"
 
 
 def test_it_lies_as_the_samples_do_and_says_which_way_is_up(tmp_path: Path) -> None:
@@ -72,9 +72,7 @@ def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> 
     assert_refused(outcome, "not a DNG", name=str(tmp_path / "text.dng"))
     assert [record["ok"] for record in outcome.records] == [True, False, True, True]
     files = {"source": str(sources[0]), "ok": True, "output": str(tmp_path / "a.jpg")}
-    record = outcome.records[0]
-    assert record.pop("preview_ms") > 0
-    assert record == files | {"width": 95, "height": 61}
+    assert outcome.records[0] == files | {"width": 95, "height": 61}
     assert (tmp_path / "a.jpg").read_bytes() == (tmp_path / "c.jpg").read_bytes()
     assert distance(tmp_path / "b.jpg", picture(sources[2])) < JPEG_LOSS
 
