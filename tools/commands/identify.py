@@ -99,7 +99,6 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     first, *others = facts["letters"]
     period = facts["period"]
     rows = [
-        ("size", f"{facts['width']} x {facts['height']} pixels"),
         (
             "period",
             f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance",
