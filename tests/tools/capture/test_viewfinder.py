@@ -5,8 +5,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
-from datetime import datetime
 from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
 from itertools import cycle
 from pathlib import Path
@@ -62,14 +60,14 @@ def show(
 
 
 class Served:
-    """A viewfinder at work."""
+    """A viewfinder at work, which a proxy may pass on."""
 
-    def __init__(self, folder: Path | None, *hosts: str) -> None:
-        self.finder = Viewfinder(lambda: 7, ShotFolder(folder) if folder else None)
+    def __init__(self, folder: Path) -> None:
+        self.finder = Viewfinder(lambda: 7, ShotFolder(folder))
         self.faults: list[BaseException] = []
-        self.server = ViewfinderServer(("127.0.0.1", 0), self.finder, self.faults.append, hosts)
+        address, hosts = ("127.0.0.1", 0), (PROXY, "gate.example")
+        self.server = ViewfinderServer(address, self.finder, self.faults.append, hosts)
         self.port = int(self.server.server_address[1])
-        threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
 
     def ask(self, path: str, method: str = "GET", **headers: str) -> HTTPResponse:
         connection = HTTPConnection("127.0.0.1", self.port, timeout=30)
@@ -80,16 +78,15 @@ class Served:
         answer = self.ask(path, method, **headers)
         return answer.status, json.loads(answer.read())
 
-    def close(self) -> None:
-        self.finder.close()
-        self.server.shutdown()
-        self.server.server_close()
-
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Served]:
-    with closing(Served(tmp_path, PROXY, "gate.example")) as running:
+    running = Served(tmp_path)
+    with running.server as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
         yield running
+        running.finder.close()
+        server.shutdown()
 
 
 @pytest.fixture
@@ -209,8 +206,6 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Content-Security-Policy": "default-src 'none'.*frame-ancestors 'none'",
 }
-
-
 PAGES = {
     "/": "text/html",
     "/?again": "text/html",
@@ -221,11 +216,14 @@ PAGES = {
 
 @pytest.mark.parametrize("path", PAGES)
 def test_the_page_is_for_this_site_alone(served: Served, path: str) -> None:
+    """Its links are relative, so that a proxy may serve it below a path."""
     answer = served.ask(path)
     assert answer.status == 200
     for name, value in (HEADERS | {"Content-Type": PAGES[path]}).items():
         assert re.match(value, answer.headers[name]), name
-    assert len(answer.read()) == int(answer.headers["Content-Length"])
+    text = answer.read()
+    assert len(text) == int(answer.headers["Content-Length"])
+    assert not re.search(rb"""(src|href)="(/|http)|fetch\("(/|http)|src = `(/|http)""", text)
 
 
 REQUESTS = [("GET", "/"), ("GET", "/status"), ("GET", "/stream.mjpg"), ("POST", "/capture")]
@@ -290,25 +288,18 @@ def test_seats_are_few_and_come_free(shown: Served) -> None:
     assert shown.ask("/stream.mjpg").status == 200  # though no picture is sent meanwhile
 
 
-def test_the_page_has_relative_links_alone(served: Served) -> None:
-    """So that a proxy may serve it below a path."""
-    page = served.ask("/").read().decode() + served.ask("/script.js").read().decode()
-    link = r"""(?:src|href)="([^"]*)"|fetch\("([^"]*)"|picture\.src = `([^`]*)`"""
-    links = ["".join(groups) for groups in re.findall(link, page)]
-    assert len(links) == 8
-    assert not any(link.startswith("/") or "//" in link for link in links)
+def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, go_on, save = threading.Event(), threading.Event(), ShotFolder.save
 
+    def slowly(self: ShotFolder, *facts: Any) -> Path:
+        begun.set()
+        assert go_on.wait(60)
+        return save(self, *facts)
 
-def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path) -> None:
-    begun, go_on = threading.Event(), threading.Event()
-
-    class Slow(ShotFolder):
-        def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
-            begun.set()
-            assert go_on.wait(60)
-            return super().save(mosaic, picture, taken)
-
-    finder = Viewfinder(lambda: 0, Slow(tmp_path))
+    monkeypatch.setattr(ShotFolder, "save", slowly)
+    finder = Viewfinder(lambda: 0, ShotFolder(tmp_path))
     show(finder, 0)
     with ThreadPoolExecutor() as pool:
         watcher, _ = pool.submit(finder.after, 1), pool.submit(finder.shoot)
