@@ -11,7 +11,6 @@ import tifffile
 from panchroma.device.capture.frames import FrameLayout
 from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared import write_dng as write_shot
-from panchroma.shared.arrays import CodeArray
 from panchroma.tools.capture.identity import identify
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import photograph
@@ -24,10 +23,6 @@ from tests.tools.io.files import LINEAR_RAW, write_dng
 SONY = taken(SCENE, tile_of("Sony", (3, 2)))
 SIZE = f"--size {SONY.shape[1]}x{SONY.shape[0]}"
 LETTERS = identify(SONY).tile
-
-
-def padded(frame: CodeArray, padding: int) -> bytes:
-    return np.pad(frame, ((0, 0), (0, padding))).astype("<u2").tobytes()
 
 
 def test_files_of_every_kind_are_read(tmp_path: Path) -> None:
@@ -93,11 +88,11 @@ def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> No
 
 
 def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
-    path, layout = tmp_path / "frames.bin", f"{SIZE} --pixel-format Y12"
-    stride = f"--stride {2 * SONY.shape[1] + 16}"
-    path.write_bytes(padded(SONY, 8) * 2)
+    path, stride = tmp_path / "frames.bin", 2 * SONY.shape[1] + 16
+    layout = f"{SIZE} --pixel-format Y12 --stride {stride}"
+    path.write_bytes(pack(SONY, "u16", stride) * 2)
     with path.open("rb") as stream, patch("sys.stdin", stream):
-        of_file, of_stream = run("identify --json", path, "-", layout, stride, code=0).records
+        of_file, of_stream = run("identify --json", path, "-", layout, code=0).records
     assert of_file["letters"] == of_stream["letters"] == list(LETTERS)
 
 
