@@ -66,7 +66,8 @@ class GenicamCamera:
     """A connected camera, set up to send frames.
 
     The attributes `layout` and `bits` describe the frames, `pattern` the filters (None = the camera
-    does not say), `metadata` what every shot is to record, `about` the camera in words.
+    does not say), `metadata` what every shot is to record, `about` the camera in words, `lost` how
+    many frames so far arrived incomplete, came too fast to be read, or not at all.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ class GenicamCamera:
         # held while a thread is in Aravis: none may be there when the program ends
         self._using = threading.Lock()
         self._stream: Any = None
-        self._incomplete = self._unread = self._last = 0
+        self._last = self.lost = 0
         with self._answers():
             self._camera = self._aravis.Camera.new(source.removeprefix(GENICAM))
             self._device = self._camera.get_device()
@@ -153,10 +154,9 @@ class GenicamCamera:
                 )
             elif monotonic() > patience:
                 patience = float("inf")
-                lost = f"{self._incomplete} incomplete ones" if self._incomplete else "none at all"
                 note(
-                    f"{self._source}: no whole frame for {quiet:.0f} seconds, {lost}: does it wait "
-                    "for a trigger, or does a firewall or a slow network keep frames back?"
+                    f"{self._source}: no whole frame for {quiet:.0f} seconds: does it wait for a "
+                    "trigger, or does a firewall or a slow network keep frames back?"
                 )
 
     def _next(self) -> RawFrame | None:
@@ -167,20 +167,13 @@ class GenicamCamera:
                 return None
             number, self._last = self._last, buffer.get_frame_id()
             if number:  # those left out found no buffer free; after 65535 many cameras begin anew
-                self._unread += max(self._last - number - 1, 0)
-            whole = buffer.get_status() == self._aravis.BufferStatus.SUCCESS
-            self._incomplete += not whole
+                self.lost += max(self._last - number - 1, 0)
             frame = None
-            if whole:
+            if buffer.get_status() == self._aravis.BufferStatus.SUCCESS:
                 frame = RawFrame.now(buffer.get_image_data()[: self.layout.frame_bytes])
+            self.lost += frame is None
             self._stream.push_buffer(buffer)
             return frame
-
-    def lost(self) -> tuple[int, int]:
-        """Number of frames so far that arrived incomplete, and of those that came too fast to be
-        read, or not at all.
-        """
-        return self._incomplete, self._unread
 
     def close(self) -> None:
         """Stop the camera and let other programs have it."""

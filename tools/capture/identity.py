@@ -94,9 +94,6 @@ class Identity:
         The tile's in `shared.tiles`, or one of DENSE; "" if it has none.
     certainty : float
         Energy of what repeats with the period, in standard errors; more than 5.
-    separation : float
-        Energy by which the two colours that are most alike differ, divided by that by which sites
-        of one colour do; more than 3, or 0 where the frame does not tell colours.
     light : DoubleArray
         Mean of each site minus what is around it, in mean local deviations, float64 (K, K).
     """
@@ -104,7 +101,6 @@ class Identity:
     tile: tuple[str, ...]
     name: str
     certainty: float
-    separation: float
     light: DoubleArray
 
     @property
@@ -113,14 +109,14 @@ class Identity:
         return len(self.tile)
 
 
-def pattern_of(tile: Sequence[str]) -> CfaPattern | None:
-    """The pattern with these letters from the first pixel on; None if one is unknown, or if
-    Panchroma cannot use the tile.
+def describe(tile: Sequence[str]) -> tuple[str, tuple[int, int]] | None:
+    """Name, or letters, and origin of the pattern with these letters from the first pixel on; None
+    if one is unknown, or if Panchroma cannot use the tile.
     """
     with suppress(InputError):
         pattern = CfaPattern.of_letters("/".join(tile))
         name, origin = place_of(pattern.tile)
-        return CfaPattern.of_letters(name, origin) if name else pattern
+        return name.casefold() or "/".join(pattern.tile), origin if name else pattern.origin
     return None
 
 
@@ -154,20 +150,20 @@ def identify(codes: CodeArray) -> Identity | None:
     if np.diff(np.sort(levels, axis=None)).max() < _GAP * np.ptp(levels):
         return None
     alike = _are_alike(quarters, _bright(levels).ravel())
-    name, letters, separation = "", np.full(levels.shape, UNKNOWN), 0.0
+    name, letters = "", np.full(levels.shape, UNKNOWN)
     if named := _find_named(folds, levels, alike):
-        name, letters, separation = named
+        name, letters = named
     elif alike:
-        kinds, apart = _join_sites(quarters, levels)
-        if not apart or _is_sum(folds.levels(period), kinds.ravel()):
-            letters, separation = kinds, apart
+        kinds = _join_sites(quarters, levels)
+        if UNKNOWN in kinds or _is_sum(folds.levels(period), kinds.ravel()):
+            letters = kinds
     if name == "Bayer" and _sees_all_light(folds.levels(period), (letters == "G").ravel()):
         name, letters = CLEAR[0], np.where(letters == "G", PANCHROMATIC, letters)
     if not name and alike and period == 2 and (bright := _bright(levels)).sum() == 3:
         name, letters = CLEAR[2], np.where(bright, PANCHROMATIC, "R")
     times = len(letters) // period
     tile = tuple("".join(row) for row in letters.tolist())
-    return Identity(tile, name, certainty, separation, np.tile(levels, (times, times)))
+    return Identity(tile, name, certainty, np.tile(levels, (times, times)))
 
 
 def facts_of(codes: CodeArray) -> dict[str, Any]:
@@ -182,27 +178,17 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
     identity = identify(codes)
     if identity is None:
         raise InputError(_NOTHING)
-    tile, levels = identity.tile, identity.light
-    others = _exchange_colours(tile)
-    clear, gap = np.array([[letter == PANCHROMATIC for letter in row] for row in tile]), None
-    if clear.any():
-        gap = float(levels[clear].min() - levels[~clear].max()) / float(np.ptp(levels))
+    tile = identity.tile
+    clear = [[letter == PANCHROMATIC for letter in row] for row in tile]
     return {
-        "width": codes.shape[1],
-        "height": codes.shape[0],
         "period": identity.period,
         "certainty": round(identity.certainty, 1),
         "panchromatic": np.argwhere(clear).tolist(),
-        "gap": gap and round(gap, 2),
         "letters": list(tile),
-        "separation": round(identity.separation, 1),
         "name": identity.name or None,
-        "dense": identity.name in DENSE,
-        "open": UNKNOWN in "".join(tile),
-        "light": levels.round(4).tolist(),
-        "pattern": _describe(tile),
-        "exchangeable": bool(others),
-        "alternatives": list(filter(None, map(_describe, others))),
+        "light": identity.light.round(4).tolist(),
+        "pattern": describe(tile),
+        "alternatives": list(filter(None, map(describe, _exchange_colours(tile)))),
     }
 
 
@@ -219,12 +205,6 @@ def _exchange_colours(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
             table = str.maketrans(_EXCHANGED, "".join(order))
             others.append(tuple(row.translate(table) for row in tile))
     return [other for other in others if other != tile]
-
-
-def _describe(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]] | None:
-    """Name, or letters, and origin of `pattern_of` a tile."""
-    pattern = pattern_of(tile)
-    return (pattern.name.casefold() or "/".join(pattern.tile), pattern.origin) if pattern else None
 
 
 class _Folds:
@@ -296,11 +276,8 @@ def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
     return False
 
 
-def _find_named(
-    folds: _Folds, light: DoubleArray, alike: bool
-) -> tuple[str, Letters, float] | None:
-    """Name, letters (K, K) and separation of the tile with a name that fits best; None if none
-    does.
+def _find_named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Letters] | None:
+    """Name and letters (K, K) of the tile with a name that fits best; None if none does.
 
     alike: whether the brightest sites may be panchromatic.
 
@@ -321,20 +298,19 @@ def _find_named(
             return best
         likely |= dict(fitting)
     dense = [pair for pair in _known_tiles(period, light) if PANCHROMATIC not in pair[1]]
-    best = _choose_best(folds.quarters(period), dense, sure=True)
-    if best and best[2] > _DENSE_APART:
+    if best := _choose_best(folds.quarters(period), dense, sure=True, least=_DENSE_APART):
         return best
     if len(likely) != 1:
         return None
     ((name, tile),) = likely.items()
-    return name, np.where(tile == PANCHROMATIC, PANCHROMATIC, UNKNOWN), 0.0
+    return name, np.where(tile == PANCHROMATIC, PANCHROMATIC, UNKNOWN)
 
 
 def _choose_best(
-    quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: bool
-) -> tuple[str, Letters, float] | None:
-    """The tile whose sites of a colour read most alike, and its separation; None if another one may
-    be it as well.
+    quarters: DoubleArray, tiles: Sequence[tuple[str, Letters]], sure: bool, least: float = _APART
+) -> tuple[str, Letters] | None:
+    """The tile whose sites of a colour read most alike; None if another one may be it as well, or
+    if colours differ less than `least` times as much as sites of one colour do.
 
     tiles: names and letters; of two in which the same sites are alike the first counts.
     sure: all colours have to differ for certain.
@@ -347,8 +323,7 @@ def _choose_best(
     if not spreads or any(_errors(other - spreads[0][0]) < _BETTER for other, *_ in spreads[1:]):
         return None
     _, name, tile = spreads[0]
-    separation = _separation(quarters, tile.ravel(), sure)
-    return (name, tile, separation) if separation > _APART else None
+    return (name, tile) if _separation(quarters, tile.ravel(), sure) > least else None
 
 
 def _known_tiles(period: int, light: DoubleArray) -> list[tuple[str, Letters]]:
@@ -404,9 +379,8 @@ def _sees_all_light(levels: DoubleArray, sites: BoolArray) -> bool:
     )
 
 
-def _join_sites(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, float]:
-    """Letters (K, K) of a tile without a name, and their separation: as many kinds of colours as
-    are certainly apart.
+def _join_sites(quarters: DoubleArray, light: DoubleArray) -> Letters:
+    """Letters (K, K) of a tile without a name: as many kinds of colours as are certainly apart.
 
     Sites are joined, those that differ least first, until any two kinds differ more than
     panchromatic sites do. Where that is in doubt, all colours stay open.
@@ -432,10 +406,10 @@ def _join_sites(quarters: DoubleArray, light: DoubleArray) -> tuple[Letters, flo
             groups.sort(key=lambda group: (-len(group), -level[group].mean()))
             for letter, group in zip(names, groups, strict=False):
                 letters[group] = letter
-            return letters.reshape(light.shape), separation
+            break
         members[first] |= members[second]
         members = np.delete(members, second, axis=0)
-    return letters.reshape(light.shape), 0.0
+    return letters.reshape(light.shape)
 
 
 def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:

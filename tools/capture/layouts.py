@@ -8,9 +8,9 @@ resemble themselves most.
 import os
 import sys
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
 from ...shared.arrays import CodeArray
@@ -27,9 +27,8 @@ _BAND = 2049  # frequencies over which the spectrum is evened out
 # at regular distances.
 _LINE = 30.0
 _CLEAR = 8.0  # a peak stands out by this many times the usual deviation
-_HALF = 0.4  # of the height of another peak
-Reading = tuple[str, int, int]
-"""Format, stride in bytes, and bytes before the first sample."""
+Reading = tuple[str, int]
+"""Format, and stride in bytes."""
 
 
 def first_frame(options: SourceOptions) -> tuple[Bytes, FrameLayout]:
@@ -69,66 +68,58 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
     """
     for readings in _readings(data, layout):
         named = []
-        for reading in readings:
-            identity = identify(_read_as(data, layout, *reading))
+        for name, stride in readings:
+            identity = identify(_read_as(data, layout.width, name, stride))
             if identity and identity.name:
-                named.append((identity.certainty, identity.name, reading))
+                named.append((identity.certainty, identity.name, name, stride))
         if named:
-            _, tile, reading = max(named)
-            return _advice(layout, *reading, tile)
+            _, tile, name, stride = max(named)
+            return f"likely {_options(layout, name, stride)}, which shows the tile {tile}"
     return ""
 
 
-def _readings(data: Bytes, layout: FrameLayout) -> Iterator[list[Reading]]:
+def _readings(data: Bytes, layout: FrameLayout) -> Iterator[set[Reading]]:
     """Yield the likely readings of a frame, then less likely ones: strides that are a little
     off.
     """
-    declared, group = layout.format, FORMATS[layout.format].length
     # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two
     # resemble each other even more.
-    likely = likely_strides(data, layout.stride)[:_LIKELY]
+    likely = likely_strides(data, layout.stride)
     repeats = [part for stride in likely for part in (stride, stride // 2)]
     tight = {name: FrameLayout(layout.width, 1, name).stride for name in FORMATS}
-    strides = list(dict.fromkeys([layout.stride, tight[declared], *repeats]))
-    first = [(name, stride, 0) for name in FORMATS for stride in strides]
-    first += [(name, tight[name], 0) for name in FORMATS]
-    first += [(declared, stride, skip) for stride in strides for skip in range(1, group)]
-    yield list(dict.fromkeys(first))
-    shifts = range(-_NEAR * group, _NEAR * group + 1)
-    near = ((declared, stride + shift, 0) for stride in repeats for shift in shifts if shift)
-    yield [reading for reading in near if reading[1] > 0]
+    strides = [layout.stride, tight[layout.format], *repeats]
+    yield {*product(FORMATS, strides), *tight.items()}
+    most = _NEAR * FORMATS[layout.format].length
+    near = (stride + shift for stride in repeats for shift in range(-most, most + 1))
+    yield {(layout.format, stride) for stride in near if stride > 0}
 
 
-def _read_as(data: Bytes, layout: FrameLayout, name: str, stride: int, skipped: int) -> CodeArray:
-    """Unpack the samples of a frame in another reading; empty if no line is as short. layout: for
-    its width.
+def _read_as(data: Bytes, most: int, name: str, stride: int) -> CodeArray:
+    """Unpack the samples of a frame in another reading, `most` of a line at most; empty if no line
+    is as short.
     """
     packing = FORMATS[name]
-    height = (len(data) - skipped) // stride
-    width = min(layout.width, stride // packing.length * packing.pixels)
+    height, width = len(data) // stride, min(most, stride // packing.length * packing.pixels)
     if min(height, width) < 1:
         return np.empty((0, 0), np.uint16)
-    part = memoryview(data)[skipped : skipped + height * stride]
-    return FrameLayout(width, height, name, stride).unpack(part)
+    return FrameLayout(width, height, name, stride).unpack(memoryview(data)[: height * stride])
 
 
-def _advice(layout: FrameLayout, name: str, stride: int, skipped: int, tile: str) -> str:
+def _options(layout: FrameLayout, name: str, stride: int) -> str:
+    """The options of a reading that differ from those of a layout."""
     packing = FORMATS[name]
-    width = stride // packing.length * packing.pixels
+    width = min(layout.width, stride // packing.length * packing.pixels)
     options = [f"`pixel_format={name}`"] if name != layout.format else []
     declared = layout.stride if name == layout.format else 0
-    if stride != FrameLayout(min(layout.width, width), 1, name, declared).stride:
+    if stride != FrameLayout(width, 1, name, declared).stride:
         options.append(f"`stride={stride}`")
     if width < layout.width:
         options.append(f"`width={width}` or less")
-    if skipped:
-        bytes_before = f"{skipped} bytes (or whole groups of samples more)"
-        options.append(f"a stream without {bytes_before} before the first sample")
-    return f"likely {' '.join(options)}, which shows the tile {tile}"
+    return " ".join(options)
 
 
 def likely_strides(data: Bytes, stride: int) -> list[int]:
-    """Find the strides that the rows may have, the likeliest first; none where nothing repeats.
+    """Find the two strides that the rows are likeliest to have; fewer where nothing repeats.
 
     Parameters
     ----------
@@ -137,46 +128,27 @@ def likely_strides(data: Bytes, stride: int) -> list[int]:
     stride
         The declared one, bytes; those from a third of it to three times it are found.
     """
-    every = np.frombuffer(data, np.uint8)
-    start = max((len(every) - _BYTES) // 4 * 2, 0)
-    middle = every[start : start + min(_BYTES, len(every) // 2 * 2)]
-    heights: dict[int, float] = {}
-    for words in (middle, middle.view("<u2"), middle.view(">u2")):
-        for lag, height in _repeats(words, stride // words.itemsize):
-            distance = lag * words.itemsize
-            heights[distance] = max(height, heights.get(distance, 0.0))
-
-    def is_multiple(lag: int) -> bool:
-        """Two rows further down the picture resembles itself too, and may even do so a little
-        more.
-        """
-        divisors = (other for other in heights if other < lag and lag % other == 0)
-        return any(heights[divisor] > _HALF * heights[lag] for divisor in divisors)
-
-    return sorted((lag for lag in heights if not is_multiple(lag)), key=lambda lag: -heights[lag])
-
-
-def _repeats(samples: NDArray[np.unsignedinteger], around: int) -> list[tuple[int, float]]:
-    """The two distances at which samples repeat most clearly, each with its height in usual
-    deviations.
-    """
     from scipy.fft import irfft, rfft
     from scipy.ndimage import uniform_filter1d
     from scipy.signal import find_peaks
 
-    first, last = max(around // 3, 8), min(3 * around + 1, samples.size // 2)
-    if last - first < _SMOOTH:
-        return []
-    values = samples.astype(np.float64)
-    values -= uniform_filter1d(values, _SMOOTH, mode="mirror")
-    # twice as long: the end is not compared with the beginning
-    power = np.abs(rfft(values, 2 * samples.size)) ** 2
-    if power.size > 2 * _BAND:
+    start, heights = max((len(data) - _BYTES) // 4 * 2, 0), dict[int, float]()
+    middle = np.frombuffer(data, np.uint8)[start : start + min(_BYTES, len(data) // 2 * 2)]
+    for words in (middle, middle.view("<u2"), middle.view(">u2")):
+        around = stride // words.itemsize
+        first, last = max(around // 3, 8), min(3 * around + 1, words.size // 2)
+        if last - first < _SMOOTH:
+            continue
+        values = words.astype(np.float64)
+        values -= uniform_filter1d(values, _SMOOTH, mode="mirror")
+        # twice as long: the end is not compared with the beginning
+        power = np.abs(rfft(values, 2 * values.size)) ** 2
         even = uniform_filter1d(np.sqrt(power), _BAND, mode="mirror")
-        power = np.minimum(power / (even**2 + 1e-9), _LINE)
-    alike = irfft(power)[first:last]
-    heights = alike - np.median(alike)
-    heights /= np.median(np.abs(heights)) / 0.6745 + 1e-12
-    peaks, _ = find_peaks(np.pad(heights, 1), height=_CLEAR, distance=9)
-    best = sorted(peaks - 1, key=lambda place: -heights[place])[:2]
-    return [(first + int(place), float(heights[place])) for place in best]
+        alike = irfft(np.minimum(power / (even**2 + 1e-9), _LINE))[first:last]
+        alike -= np.median(alike)
+        alike /= np.median(np.abs(alike)) / 0.6745 + 1e-12
+        peaks, _ = find_peaks(np.pad(alike, 1), height=_CLEAR, distance=9)
+        for place in peaks - 1:
+            distance = (first + int(place)) * words.itemsize
+            heights[distance] = max(float(alike[place]), heights.get(distance, 0.0))
+    return sorted(heights, key=lambda distance: -heights[distance])[:_LIKELY]

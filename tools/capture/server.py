@@ -2,18 +2,15 @@
 
 import ipaddress
 import json
-import math
 import os
 import select
 import socket
 import sys
 import threading
-import time
 from collections.abc import Callable, Container, Iterable
 from contextlib import suppress
-from functools import cache
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler
+from http.server import SimpleHTTPRequestHandler
 from pathlib import Path
 from socketserver import ThreadingTCPServer
 from typing import Any
@@ -23,11 +20,6 @@ from ...shared.errors import InputError, OutputError, PanchromaError
 from .viewfinder import Viewfinder
 
 _PAGE = Path(__file__).parent / "page"
-_FILES = {
-    "/": ("index.html", "text/html; charset=utf-8"),
-    "/style.css": ("style.css", "text/css; charset=utf-8"),
-    "/script.js": ("script.js", "text/javascript; charset=utf-8"),
-}
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; "
@@ -43,12 +35,11 @@ _HEADERS = {
 _BOUNDARY = "frame"
 _VIEWERS = 8
 _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
-_LOOK = 0.25  # seconds between two looks at whether a viewer to whom nothing is sent has left
-# seconds after which the last picture is sent a second time: Chromium shows the first of a stream
-# only then
+# seconds after which the last picture is sent again: Chromium shows a picture when the next one
+# comes, and proxies want to hear something
 _STALL = 1.0
 _IGNORED = 4096  # bytes
-_FREED = 1.0  # seconds that a new viewer waits for the seat of one who has left
+_FREED = 2 * _STALL  # seconds that a new viewer waits for the seat of one who has left
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
@@ -65,8 +56,8 @@ class ViewfinderServer(ThreadingTCPServer):
     report : Callable[[BaseException], None]
         Called with each error that is not a client's; they end one answer, not the server.
     hosts : Iterable[str], optional
-        Names under which browsers may ask for the page, beside addresses and the machine's own
-        names.
+        Names in lower case under which browsers may ask for the page, beside addresses and the
+        machine's own names.
 
     Raises
     ------
@@ -88,8 +79,11 @@ class ViewfinderServer(ThreadingTCPServer):
         hosts: Iterable[str] = (),
     ) -> None:
         self.finder, self._report = finder, report
-        self.hosts = frozenset(map(_plain_name, hosts))
-        _page()  # read while descriptors are free
+        name = socket.gethostname().lower()
+        short = name.partition(".")[0]
+        self.allowed = frozenset(hosts)
+        # .local: the name in multicast DNS
+        self.hosts = self.allowed | {"localhost", name, short, f"{short}.local"}
         self.seats = threading.BoundedSemaphore(_VIEWERS)
         try:
             if ipaddress.ip_address(address[0]).version == 6:
@@ -115,9 +109,15 @@ class ViewfinderServer(ThreadingTCPServer):
             self._report(error)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(SimpleHTTPRequestHandler):
+    """Serves the files in the folder of the page, the stream of pictures, figures and shots."""
+
     server: ViewfinderServer
     timeout = _TIMEOUT
+    server_version, sys_version = "panchroma", ""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments, directory=str(_PAGE))
 
     def do_GET(self) -> None:
         path = self.path.partition("?")[0]
@@ -125,18 +125,15 @@ class _Handler(BaseHTTPRequestHandler):
             self._stream()
         elif path == "/status":
             self._answer(self.server.finder.status())
-        elif path in _FILES:  # file names never come from the request
-            name, kind = _FILES[path]
-            self._send(HTTPStatus.OK, _page()[name], kind)
         else:
-            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+            super().do_GET()
 
     def do_POST(self) -> None:
         origin = self.headers.get("Origin")
         # A proxy may speak TLS and pass another Host on: then the page's own name is one of those
         # that were allowed.
         is_ours = origin in (None, f"http://{self.headers['Host']}")
-        if not (is_ours or _host_of(origin or "") in self.server.hosts):
+        if not (is_ours or _host_of(origin or "") in self.server.allowed):
             self._refuse(HTTPStatus.FORBIDDEN, "shots are taken from the camera's own page")
         elif self.path != "/capture":
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
@@ -158,19 +155,15 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
-            self._head(HTTPStatus.OK, f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+            self.end_headers()
             self.wfile.write(f"--{_BOUNDARY}\r\n".encode())
-            # repeat: when the last picture is sent again
-            number, repeat, finder = 0, math.inf, self.server.finder
-            while not finder.closed:
-                if view := finder.after(number, _LOOK):
-                    number, repeat = view.number, time.monotonic() + _STALL
-                elif self._has_left():
-                    return
-                elif time.monotonic() > repeat:
-                    # proxies want to hear something
-                    view, repeat = finder.after(0, 0), time.monotonic() + _TIMEOUT
+            number, finder = 0, self.server.finder
+            while not (finder.closed or self._has_left()):
+                view = finder.after(number, _STALL) or finder.after(0, 0)
                 if view:
+                    number = view.number
                     head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
                     # Send the boundary now, not before the next picture: browsers show a picture
                     # when they have read its end.
@@ -204,65 +197,33 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer({"error": reason}, status)
 
     def _answer(self, facts: dict[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
-        self._send(status, json.dumps(facts).encode(), "application/json")
-
-    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
-        self._head(status, kind, len(body))
+        body = json.dumps(facts).encode()
+        self.send_response(status)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
         self.wfile.write(body)
 
-    def _head(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
-        self.send_response(status)
+    def end_headers(self) -> None:
+        """Add what every answer has."""
         for name, value in _HEADERS.items():
             self.send_header(name, value)
-        self.send_header("Content-Type", kind)
-        if length is not None:
-            self.send_header("Content-Length", str(length))
-        self.end_headers()
-
-    def version_string(self) -> str:
-        """Return the text of the Server header."""
-        return "panchroma"
+        super().end_headers()
 
     def log_message(self, format: str, *arguments: Any) -> None:  # noqa: A002  the base's name
         """Log nothing: there are thousands of status requests."""
 
 
 def _is_own(host: str, allowed: Container[str]) -> bool:
-    """True if a Host header has an IP address, one of the allowed names, or the machine's own."""
-    if not (name := _host_of(f"//{host}")):
-        return False
+    """True if a Host header has an IP address or one of the allowed names."""
+    name = _host_of(f"//{host}")
     with suppress(ValueError):
         return bool(ipaddress.ip_address(name))
-    return name in allowed or name in _own_names() or name == _full_name()
+    return name in allowed
 
 
 def _host_of(url: str) -> str:
-    """The plain name, or address, of the host in a URL; "" if there is none."""
+    """The name, or address, of the host in a URL; "" if there is none."""
     with suppress(ValueError):
-        return _plain_name(urlsplit(url).hostname or "")
+        return urlsplit(url).hostname or ""
     return ""
-
-
-def _plain_name(name: str) -> str:
-    return name.lower().removesuffix(".")
-
-
-@cache
-def _page() -> dict[str, bytes]:
-    return {name: (_PAGE / name).read_bytes() for name, _ in _FILES.values()}
-
-
-@cache
-def _own_names() -> frozenset[str]:
-    name = socket.gethostname().lower()
-    short = name.partition(".")[0]
-    # .local: the name in multicast DNS
-    return frozenset({"localhost", name, short, f"{short}.local"})
-
-
-@cache
-def _full_name() -> str:
-    """The machine's name with its domain, for those who ask by it. Without a network the answer
-    takes a while.
-    """
-    return _plain_name(socket.getfqdn())

@@ -16,7 +16,7 @@ from typing import Any, cast
 
 from ...device import Preview
 from ...device.capture import PreviewMaker, Sensor
-from ...device.capture.frame_check import checked
+from ...device.capture.frame_check import SlippedError, checked
 from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from ...shared import Camera, CfaPattern, SensorCalibration
@@ -106,8 +106,8 @@ class FrameSource:
         Remarks for the user on how the description was interpreted.
     checks : bool
         Whether the first frames are compared with the description.
-    lost : Callable[[], tuple[int, int]]
-        Numbers of frames so far that arrived incomplete, and that came too fast to be read.
+    lost : Callable[[], int]
+        Number of frames so far that arrived incomplete, or came too fast to be read.
     close : Callable[[], object]
         Lets the camera go.
     """
@@ -117,7 +117,7 @@ class FrameSource:
     waits: bool
     notes: tuple[str, ...] = ()
     checks: bool = False
-    lost: Callable[[], tuple[int, int]] = lambda: (0, 0)
+    lost: Callable[[], int] = int
     close: Callable[[], object] = bool
 
     def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
@@ -133,12 +133,26 @@ class FrameSource:
         return checked(raw, self.sensor, note, refused=refused) if self.checks else raw
 
 
-def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
+def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:
     """A camera's preview as a function, ready before the first frame arrives; for the arguments and
     errors see `Preview`.
     """
-    preview = Preview(sensor.pattern, scale, threads=threads)
+    preview = Preview(sensor.pattern, scale)
     return lambda mosaic: cast(ByteArray, preview.run(mosaic))
+
+
+def doubts(first: Path | None, error: Exception) -> list[str]:
+    """Advice to the user on the shots before this error ended the stream; empty if there is none.
+
+    Parameters
+    ----------
+    first : Path | None
+        The first shot since the last frame that showed its filters where they belong; whatever came
+        before that one is right.
+    """
+    if first is None or not isinstance(error, SlippedError):
+        return []
+    return [f"{first} and later shots may be wrong; all shots before it are right"]
 
 
 def open_source(options: SourceOptions, described: Described) -> FrameSource:
@@ -173,7 +187,7 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
             waits=False,
             notes=(plugged.about, *notes),
             checks=not options.unchecked,
-            lost=plugged.lost,
+            lost=lambda: plugged.lost,
             close=plugged.close,
         )
     options.refuse(SETTINGS, "only a connected camera, genicam:ID, can be set")
@@ -250,17 +264,16 @@ def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None
     if camera is None:
         return
     shape, known = (layout.height, layout.width), camera.calibration
-    size = camera.size or (known.shading.size if known.shading else None)
-    least = tuple(max(places) + 1 for places in zip(*known.defects, strict=True)) or (0, 0)
-    if size in (None, shape) and least[0] <= shape[0] and least[1] <= shape[1]:
-        return
-    (rows, columns), words = (size, "") if size else (least, " or more")
-    raise InputError(
-        f"{source}: the frames have {layout.width} x {layout.height} pixels, those of the camera "
-        f"file {columns} x {rows}{words}; give the right `width`, `height` and `stride`, or, if "
-        "this is a window of the sensor or another mode of it, measure a camera file for it, or "
-        'take a copy of this one without "size", "shading" and "defects"'
-    )
+    needed = zip(shape, *((row + 1, column + 1) for row, column in known.defects), strict=True)
+    size = known.shading.size if known.shading else tuple(map(max, needed))
+    try:
+        replace(camera, size=camera.size or size).check_size(shape)
+    except InputError as error:
+        raise InputError(
+            f"{source}: {error}; give the right `width`, `height` and `stride`, or, if this is a "
+            "window of the sensor or another mode of it, measure a camera file for it, or take a "
+            'copy of this one without "size", "shading" and "defects"'
+        ) from None
 
 
 def _described(
@@ -280,17 +293,16 @@ def _described(
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     facts: dict[str, Any] = {"channels": pattern.channels, "gamma": usual_gamma(pattern)}
     calibration = SensorCalibration.of_bits(options.sensor_bits or bits, headroom=False, **facts)
-    white, black = calibration.white_level, options.black
-    assumed = f"white level {white} is"
-    if black is None:
-        assumed = f"black level {calibration.black_level[0]:.0f} and white level {white} are"
-    elif 0 <= black <= white // 2:
-        levels = (float(black),) * len(calibration.black_level)
-        calibration = replace(calibration, black_level=levels)
-    else:
-        expected = f"a code from 0 to {white // 2}, half of the range"
-        raise InputError(f"`black` is {black}, expected {expected}")
-    note = f"no `camera`: {assumed} assumed, and the white balance is estimated"
+    if options.black is not None:
+        highest = calibration.white_level // 2
+        if not 0 <= options.black <= highest:
+            expected = f"a code from 0 to {highest}, half of the range"
+            raise InputError(f"`black` is {options.black}, expected {expected}")
+        codes = (float(options.black),) * len(calibration.black_level)
+        calibration = replace(calibration, black_level=codes)
+    black, white = calibration.black_level[0], calibration.white_level
+    levels = f"black level {black:.0f} and white level {white} are taken"
+    note = f"no `camera`: {levels}, and the white balance is estimated"
     return Sensor(layout, pattern, calibration), (note,)
 
 

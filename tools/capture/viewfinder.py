@@ -16,7 +16,6 @@ import imagecodecs
 import numpy as np
 
 from ...device.capture import PreviewMaker, Saved, Sensor
-from ...device.capture.frame_queue import FrameQueue
 from ...device.capture.frames import RawFrame
 from ...device.capture.shots import ShotFolder
 from ...device.capture.white_balance import SteadyWhite
@@ -24,14 +23,11 @@ from ...device.preview.geometry import Geometry
 from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import ByteArray
 from ...shared.errors import InputError
-from .doubtful import DoubtfulShots
-from .source import FrameSource, Refused, Stopped, preview_maker
+from .source import Refused
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
-_SPAN = 2.0  # seconds over which frames are counted, or as long as the last few took
-_LEAST_SHOWN = 3  # pictures whose times are kept, however old they are
-_MISSED = 2.5  # intervals without a picture after which the camera counts as silent
-_TICK = 1e-6  # seconds: two pictures at one time have a rate, too
+_COUNTED = 20  # pictures whose times are kept
+_SPAN, _MISSED = 2.0, 2.5  # seconds, and intervals, without a picture: the camera counts as silent
 _ROWS = 17  # every one of these is looked at for clipped samples: no period has this divisor
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 
@@ -72,8 +68,9 @@ class Viewfinder:
     """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow
     viewer.
 
-    The attribute `doubtful` has the shots that may be wrong if the stream has lost bytes, `folder`
-    is where `shoot` saves, `closed` says that there are no more pictures.
+    The attribute `doubtful` is the first of the shots that may be wrong if the stream has lost
+    bytes, see `doubts`, `folder` is where `shoot` saves, `closed` says that there are no more
+    pictures.
 
     Parameters
     ----------
@@ -91,9 +88,9 @@ class Viewfinder:
         self._view: View | None = None
         self.closed = False
         self._begun = monotonic()
-        self._shown: deque[float] = deque()  # times of pictures
+        self._shown: deque[float] = deque(maxlen=_COUNTED)  # times of pictures
         self._shooting = threading.Lock()
-        self.doubtful = DoubtfulShots()
+        self.doubtful: Path | None = None
 
     def show(self, picture: ByteArray, mosaic: Mosaic, frame: RawFrame) -> None:
         """Make a picture the latest view.
@@ -115,10 +112,8 @@ class Viewfinder:
             latency, facts = now - frame.arrived, (frame.taken, frame.is_checked)
             self._view = View(picture, jpeg, number, latency, clipped, mosaic, *facts)
             if frame.is_checked:
-                self.doubtful.clear()
+                self.doubtful = None
             self._shown.append(now)
-            while len(self._shown) > _LEAST_SHOWN and self._shown[0] < now - _SPAN:
-                self._shown.popleft()
             self._changed.notify_all()
 
     def after(self, number: int, seconds: float | None = None) -> View | None:
@@ -151,7 +146,7 @@ class Viewfinder:
         return {
             "frames": view.number if view else 0,
             "silent": bool(silent),
-            "fps": 1 / max(float(intervals.mean()), _TICK) if known else 0.0,
+            "fps": 1 / float(intervals.mean()) if known else 0.0,
             "latency_ms": 1e3 * view.latency if view else 0.0,
             "dropped": self._dropped(),
             "clipped": view.clipped if view else 0.0,
@@ -181,7 +176,8 @@ class Viewfinder:
             path = self._shots.save(view.mosaic, view.picture, view.taken)
             # the preview was there already
             shot = Saved(path, 0.0, perf_counter() - started, view.is_checked)
-            self.doubtful.add(shot)
+            if shot.is_checked or not self.doubtful:
+                self.doubtful = path
             return shot
 
     def close(self) -> None:
@@ -191,53 +187,6 @@ class Viewfinder:
             self._changed.notify_all()
         with self._shooting:
             pass
-
-
-class LiveView:
-    """The viewfinder of a source of frames: the attribute `finder`.
-
-    Raises InputError and OutputError as `Preview` and `ShotFolder` do.
-
-    Parameters
-    ----------
-    source : FrameSource
-        Where frames come from.
-    folder : Path | None
-        Existing folder in which shots are saved; None = shots cannot be saved.
-    latest : Path | None
-        See `ShotFolder`.
-    scale : int | None
-        Sensor pixels per picture pixel, each way; None = such that the picture fits a page.
-    """
-
-    def __init__(
-        self, source: FrameSource, folder: Path | None, latest: Path | None, *, scale: int | None
-    ) -> None:
-        self._source, sensor = source, source.sensor
-        shots = ShotFolder(folder, latest) if folder else None
-        scale = fitting_scale(sensor.layout.width, sensor.pattern) if scale is None else scale
-        self._preview = preview_maker(sensor, scale=scale)
-        self._queue: FrameQueue | None = None
-        self.finder = Viewfinder(
-            lambda: sum(source.lost()) + (0 if self._queue is None else self._queue.dropped), shots
-        )
-
-    def show(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> None:
-        """Show frames until they end; see `FrameSource.frames`.
-
-        Raises
-        ------
-        InputError
-            When a camera ends, or its stream breaks off.
-        """
-        self._queue = FrameQueue(self._source.frames(stopped, refused, note), 1, stopped=stopped)
-        show_frames(self._queue, self._source.sensor, self._preview, self.finder, refused)
-        if stopped():
-            return
-        if not self._source.waits:
-            pictures = f"{self.finder.status()['frames']} pictures"
-            raise InputError(f"the camera has ended after {pictures}; start it again")
-        note("the recording has ended")
 
 
 def encode_view(picture: ByteArray) -> bytes:

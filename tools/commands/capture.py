@@ -21,19 +21,25 @@ end it after the current file (exit codes 130 and 0).
 import argparse
 import resource
 from contextlib import closing
+from itertools import islice
+from pathlib import Path
 
+from ...device.capture import Refused, capture, capture_burst
+from ...device.capture.frame_queue import FrameQueue
+from ...device.capture.shots import ShotFolder
 from ...shared.errors import InputError, OutputError
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder
 from ..batch.memory import allowed_memory, format_bytes
 from ..batch.signals import Stopping
-from ..capture.doubtful import DoubtfulShots
-from ..capture.recorder import Recorder
-from ..capture.source import FrameSource
+from ..capture.source import FrameSource, doubts, preview_maker
 from .frame_options import add_source, source_of
 from .options import add, count
 
 _OTHER_FILES = 64  # that a command has open beside those of a burst
+# frames that may wait: one covers a slow write, a second a pause of the disk; more would only be
+# older
+_DEPTH = 2
 
 USAGE = "SOURCE -o DIR"
 EXAMPLE = "panchroma capture builtin:1200x800@10 -o shots --frames 20"
@@ -54,14 +60,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Save frames until the source ends or the user does; returns the exit code."""
     if arguments.burst and arguments.frames:
         raise InputError("--frames does not go with --burst: it counts single shots")
-    source = source_of(arguments)
-    if arguments.burst:
-        _check_limits(arguments.burst, source)
-    folder = output_folder(arguments.output)
-    recorder = Recorder(source, folder, arguments.latest, burst=arguments.burst)
+    source, burst = source_of(arguments), arguments.burst
+    if burst:
+        _check_limits(burst, source)
+    shots = ShotFolder(output_folder(arguments.output), arguments.latest)
+    to = source.sensor, preview_maker(source.sensor), shots
     console.note(*source.notes)
     saved = failed = 0
-    doubtful = DoubtfulShots()
+    doubtful: Path | None = None
 
     def refused(reason: object) -> None:
         nonlocal failed
@@ -70,11 +76,20 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.record(source=arguments.source, ok=False, error=str(reason))
 
     with closing(source), Stopping() as stopping:
+        # all frames of a burst may wait: none is dropped, and no more are read
+        frames = islice(source.frames(stopping, refused, console.note), burst)
+        queue = FrameQueue(frames, burst or _DEPTH, wait=source.waits, stopped=stopping)
         try:
-            for shot in recorder.saved(stopping, refused, console.note):
+            for shot in capture_burst(queue, burst, *to) if burst else capture(queue, *to):
+                if isinstance(shot, Refused):
+                    if not (burst and stopping()):  # then the user has ended it
+                        refused(shot.reason)
+                    continue
                 saved += 1
-                doubtful.add(shot)
-                preview, write, dropped = shot.preview * 1e3, shot.write * 1e3, recorder.dropped
+                if shot.is_checked or not doubtful:
+                    doubtful = shot.path
+                preview, write = shot.preview * 1e3, shot.write * 1e3
+                dropped = source.lost() + queue.dropped
                 times = f"preview {preview:.0f} ms, write {write:.0f} ms"
                 console.say(f"{shot.path}: {times}, dropped {dropped}")
                 facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1)}
@@ -87,15 +102,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
         except (InputError, OutputError) as error:
             refused(error)  # the stream broke off, or the disk is full: saved shots stay good
-            console.note(*doubtful.remarks(error))
-        incomplete, _ = source.lost()  # before they are counted among all: more may come
+            console.note(*doubts(doubtful, error))
         # Frames that still wait at the end are lost too, unless --frames shots were all that was
         # wanted.
-        lost = recorder.dropped + (recorder.waiting if stopping() else 0)
-    if arguments.burst and stopping():
-        lost = arguments.burst - saved
-    some = f" ({incomplete} incomplete)" if incomplete else ""
-    console.note(f"{saved} saved, {lost} dropped{some}" + (f", {failed} failed" if failed else ""))
+        lost = source.lost() + queue.dropped + (len(queue) if stopping() else 0)
+    if burst and stopping():
+        lost = burst - saved
+    console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
 
 

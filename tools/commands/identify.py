@@ -20,7 +20,7 @@ from ..batch.console import Console
 from ..batch.folders import Source, plan
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
 from ..batch.progress import StageProgress
-from ..capture.identity import facts_of
+from ..capture.identity import UNKNOWN, facts_of
 from ..capture.layouts import first_frame, likely_reading
 from ..capture.source import STREAM, SourceOptions
 from ..io.camera_raw import NO_RAW
@@ -65,10 +65,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise InputError(f"{error}{likely()}") from None
         errors = []
         if facts["name"] is None:
-            own = "it may be right for a sensor with a tile of its own"
+            own = "if it is the sensor's own, put its letters in place of those found"
             unnamed = f"the tile has no name that Panchroma knows; {own}"
             errors.append(f"{job.source}: {unnamed}{likely()}")
-        rows = _rows(facts, hint)
+        rows = _rows(facts)
         if job.outputs:
             picture = tile_map(facts["letters"], np.array(facts["light"]))
             write_durably(job.output, picture, overwrite=arguments.overwrite)
@@ -94,57 +94,31 @@ def _in_file(source: str, max_pixels: int) -> CodeArray:
         raise InputError(f"{error}{more}") from None
 
 
-def _rows(facts: dict[str, Any], hint: str) -> list[tuple[str, str]]:
+def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """The facts as the rows of a table for people."""
-    clear, is_open = len(facts["panchromatic"]), facts["open"]
-    panchromatic = "no site"
-    if clear:
-        gap = f"the next are {100 * facts['gap']:.0f} % of the range darker"
-        panchromatic = f"{clear} of {facts['period'] ** 2} sites; {gap}"
-    elif is_open:
-        reason = "the brightest sites do not read the same, or not the sum of the others"
-        panchromatic = f"not known: {reason}"
     first, *others = facts["letters"]
-    head = {
-        "size": f"{facts['width']} x {facts['height']} pixels",
-        "period": f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance",
-        "panchromatic": panchromatic,
-        "letters": f"{first}   from the first pixel on",
-    }
-    name = facts["name"] or "none that Panchroma knows"
-    rows = [*head.items(), *(("", row) for row in others), ("name", name)]
-    if facts["separation"]:
-        times = f"{min(facts['separation'], 1000):.0f} times"
-        rows.append(("colours", f"differ {times} more than sites of one colour do"))
-    if len({first, *others}) == 1 or all(len({*row}) == 1 for row in facts["letters"]):
-        rows.append(("doubtful", f"a tile of stripes is rare{hint and ': '}{hint}"))
-    if is_open:
+    period = facts["period"]
+    rows = [
+        (
+            "period",
+            f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance",
+        ),
+        ("panchromatic", f"{len(facts['panchromatic'])} of {period**2} sites"),
+        ("letters", f"{first}   from the first pixel on"),
+        *(("", row) for row in others),
+        ("name", facts["name"] or "none that Panchroma knows"),
+    ]
+    if UNKNOWN in "".join(facts["letters"]):
         doubts = "perhaps the period, and whether the brightest sites are clear"
         unknown = f"the colours (?), and {doubts}: take a picture with more colour or light"
-        rows.append(("not known", unknown))
-    elif facts["name"] == "Bayer":
-        unknown = "whether the two sites that read the same are green, clear or yellow"
-        rows.append(("not known", f"which colour is red, which is blue, and {unknown}"))
-    elif facts["exchangeable"]:
+        return [*rows, ("not known", unknown)]
+    if facts["pattern"] is None:
+        reason = "none of its pixels is panchromatic, or a colour site is too far from those"
+        return [*rows, ("go on", f"Panchroma cannot use this tile: {reason}")]
+    if facts["alternatives"]:
         unknown = "which of the colours with equally many sites is which"
         rows.append(("not known", f"{unknown}: a picture of something red shows it"))
-    return [*rows, *_next_rows(facts)]
-
-
-def _next_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
-    """Advice on the next step with the answer."""
-    if facts["dense"]:
-        others = f"{facts['name']} sensors are developed by other raw developers"
-        return [("go on", f"{others}; Panchroma needs panchromatic pixels")]
-    if facts["open"]:
-        return []
-    if facts["pattern"] is None:
-        reason = "a colour site is too far from panchromatic pixels"
-        return [("go on", f"Panchroma cannot use this tile: {reason}")]
-    fitting = [facts["pattern"], *facts["alternatives"]]
-    rows = [("or", f"--pattern {name} --origin {row},{column}") for name, (row, column) in fitting]
-    rows[0] = "go on", rows[0][1]
-    if not facts["name"]:
-        advice = "put those of the real filters in their place"
-        rows.append(("", f"the letters say which sites are alike; {advice}"))
+    for number, (name, origin) in enumerate([facts["pattern"], *facts["alternatives"]]):
+        options = f"--pattern {name} --origin {origin[0]},{origin[1]}"
+        rows.append(("or" if number else "go on", options))
     return rows

@@ -7,9 +7,7 @@ device/preview/contract.py describes its inputs and outputs.
 """
 
 import argparse
-import time
 from pathlib import Path
-from typing import Any
 
 from ...shared import read_camera, read_dng
 from ...shared.errors import InputError
@@ -56,16 +54,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             mosaic = camera.calibrated(mosaic)
         for remark in mosaic.calibration.remarks(mosaic.metadata.focal_length):
             listener.note(f"{job.source}: {remark}")
-        start = time.monotonic()
         picture = previews(mosaic)
-        milliseconds = (time.monotonic() - start) * 1e3
         job.make_folders()
         jpeg = encode_jpeg(picture, mosaic.metadata, quality=arguments.quality)
         write_durably(job.output, jpeg, overwrite=arguments.overwrite)
         rows, columns = picture.shape[:2]
-        facts: dict[str, Any] = {"output": str(job.output), "width": columns, "height": rows}
-        facts["preview_ms"] = round(milliseconds, 1)
-        return Outcome(facts, (f"{job.output}: {columns} x {rows}, {milliseconds:.0f} ms",))
+        facts = {"output": str(job.output), "width": columns, "height": rows}
+        return Outcome(facts, (f"{job.output}: {columns} x {rows}",))
 
     files = search(arguments.shots, DNGS, output=folder)
     searched = files.report(console)

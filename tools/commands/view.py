@@ -15,17 +15,20 @@ from contextlib import closing
 from functools import partial
 from typing import Any
 
+from ...device.capture.frame_queue import FrameQueue
+from ...device.capture.shots import ShotFolder
 from ...shared.errors import InputError
 from ..batch.console import Console, fault
 from ..batch.jobs import FAILED, output_folder
 from ..batch.signals import Stopping
 from ..capture.server import ViewfinderServer
-from ..capture.viewfinder import LiveView
+from ..capture.source import doubts, preview_maker
+from ..capture.viewfinder import Viewfinder, fitting_scale, show_frames
 from .frame_options import add_source, source_of
 from .options import add, value
 
 _HOST, _PORT = "127.0.0.1", 8000
-_NAME = re.compile(r"[\w-]+(\.[\w-]+)*\.?", re.ASCII)
+_NAME = re.compile(r"[\w-]+(\.[\w-]+)*", re.ASCII)
 _host_name = value(
     str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name))
 )
@@ -70,8 +73,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if arguments.latest and arguments.output is None:
         raise InputError("--latest needs -o DIR: without a folder there are no shots")
     source = source_of(arguments)
-    folder = None if arguments.output is None else output_folder(arguments.output)
-    view = LiveView(source, folder, arguments.latest, scale=arguments.scale)
+    sensor, scale, shots = source.sensor, arguments.scale, None
+    if arguments.output is not None:
+        shots = ShotFolder(output_folder(arguments.output), arguments.latest)
+    if scale is None:
+        scale = fitting_scale(sensor.layout.width, sensor.pattern)
+    preview = preview_maker(sensor, scale)
     console.note(*source.notes)
     failed = False
 
@@ -83,17 +90,24 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     def report(error: BaseException) -> None:
         console.error(fault(error), cause=error)
 
-    page = ViewfinderServer(arguments.bind, view.finder, report, arguments.host)
-    with closing(source), Stopping() as stopping, page as server:
-        serve = partial(server.serve_forever, 0.1)
-        threading.Thread(target=serve, name="viewfinder", daemon=True).start()
-        console.say(f"the viewfinder is at {server.url}")
-        try:
-            view.show(stopping, refused, console.note)
-        except InputError as error:  # the camera ended, or its stream broke off
-            refused(error)
-            console.note(*view.finder.doubtful.remarks(error))
-        finally:
-            view.finder.close()
-            server.shutdown()
+    with closing(source), Stopping() as stopping:
+        frames = FrameQueue(source.frames(stopping, refused, console.note), 1, stopped=stopping)
+        finder = Viewfinder(lambda: source.lost() + frames.dropped, shots)
+        with ViewfinderServer(arguments.bind, finder, report, arguments.host) as server:
+            serve = partial(server.serve_forever, 0.1)
+            threading.Thread(target=serve, name="viewfinder", daemon=True).start()
+            console.say(f"the viewfinder is at {server.url}")
+            try:
+                show_frames(frames, sensor, preview, finder, refused)
+                if source.waits and not stopping():
+                    console.note("the recording has ended")
+                elif not stopping():
+                    pictures = f"{finder.status()['frames']} pictures"
+                    refused(InputError(f"the camera has ended after {pictures}; start it again"))
+            except InputError as error:  # the stream broke off
+                refused(error)
+                console.note(*doubts(finder.doubtful, error))
+            finally:
+                finder.close()
+                server.shutdown()
     return stopping.code or (FAILED if failed else 0)

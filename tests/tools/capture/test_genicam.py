@@ -1,15 +1,12 @@
 """`capture` and `view` from a GigE Vision camera: Aravis' fake one, through the real protocol."""
 
-import ctypes
 import re
-import shutil
 import signal
 import subprocess
 import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +17,7 @@ from panchroma.shared.errors import InputError
 from panchroma.tools.capture.genicam import load_aravis
 from tests.device.capture.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack
-from tests.tools.capture.fake_camera import ALONE, LIBRARY, FakeCamera
+from tests.tools.capture.fake_camera import ALONE, FakeCamera
 from tests.tools.command import Outcome, ended, run, shots, spawn, start
 
 # PFNC's name and code, ours, bits.
@@ -36,17 +33,13 @@ Plug = Callable[..., FakeCamera]
 def missing() -> str:
     """Why there can be no camera here; "" if there can."""
     try:
-        ctypes.CDLL(LIBRARY)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # PyGObject's own
             load_aravis()
-    except (OSError, InputError) as error:
+        subprocess.run([*ALONE, "nsenter", "--version"], capture_output=True, check=True)
+    except (OSError, InputError, subprocess.CalledProcessError) as error:
         return str(error)
-    if all(map(shutil.which, ("unshare", "nsenter"))):
-        with suppress(subprocess.CalledProcessError):
-            subprocess.run([*ALONE, "true"], capture_output=True, check=True)
-            return ""
-    return "a network of its own (unshare --net) is not to be had"
+    return ""
 
 
 MISSING = missing()
@@ -94,7 +87,6 @@ def test_shots_have_the_cameras_samples_and_settings(
     settings += ["--frames", "2", "--latest", str(link)]
     outcome = capture(camera, "-o", out, *TILE, *settings, code=0)
     about = f"Aravis Fake: 256 x 192 {name}, exposure 0.02 s, gain 6 dB, 25 frames a second"
-    assert "incomplete" not in outcome.err
     assert about in outcome.err
     assert link.resolve() == shots(out)[-1]
     for path in shots(out):
@@ -128,9 +120,7 @@ def test_frames_that_miss_packets_are_counted_and_dropped(plug: Plug, out: Path)
     # one frame of four arrives whole
     outcome = capture(plug(lost=20), "-o", out, *TILE, "--frames", "3", "--fps", "50", code=0)
     assert all(np.array_equal(read_dng(path).codes, codes()) for path in shots(out))
-    match = re.search(r"3 saved, (\d+) dropped \((\d+) incomplete\)", outcome.err)
-    assert match, outcome.err
-    assert int(match[1]) >= int(match[2]) > 0
+    assert re.search(r"3 saved, [1-9]\d* dropped\n$", outcome.err), outcome.err
 
 
 @needs_camera
@@ -163,7 +153,7 @@ def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Pat
 def test_a_camera_that_sends_nothing_whole_is_told(plug: Plug, out: Path) -> None:
     process = start("capture", SOURCE, "-o", out, *TILE, before=plug(lost=1000).beside)
     lines = "".join(process.stderr.readline() for _ in range(3))
-    assert "no whole frame for 10 seconds, none at all: does it wait for a trigger" in lines
+    assert "no whole frame for 10 seconds: does it wait for a trigger" in lines
     assert ended(process, signal.SIGTERM, code=0).err == "0 saved, 0 dropped\n"
 
 

@@ -50,11 +50,15 @@ def test_it_is_the_preview_of_the_shot(tmp_path: Path, scale: int) -> None:
     outcome = run("preview", source, "-o", tmp_path, f"--scale {scale}", code=0)
     expected = picture(source, scale)
     assert distance(made, expected) < JPEG_LOSS < distance(made, expected[::-1])
-    assert outcome.out.startswith(f"{made}: {95 // scale} x {61 // scale}, ")
+    assert outcome.out == f"{made}: {95 // scale} x {61 // scale}\n"
 
 
 def test_it_lies_as_the_samples_do_and_says_which_way_is_up(tmp_path: Path) -> None:
-    run("preview", shot(tmp_path / "shot.dng", orientation=6, make="Acme"), "-o", tmp_path, code=0)
+    source = shot(tmp_path / "shot.dng", orientation=6, make="Acme")
+    run("preview", source, "-o", tmp_path, "--quality 20", code=0)
+    small = (tmp_path / "shot.jpg").stat().st_size
+    run("preview", source, "-o", tmp_path, "--quality 100 --overwrite", code=0)
+    assert (tmp_path / "shot.jpg").stat().st_size > 2 * small
     with Image.open(tmp_path / "shot.jpg") as image:
         exif = image.getexif()
         assert (image.size, exif[ORIENTATION], exif[271]) == ((95, 61), 6, "Acme")
@@ -72,19 +76,9 @@ def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> 
     assert_refused(outcome, "not a DNG", name=str(tmp_path / "text.dng"))
     assert [record["ok"] for record in outcome.records] == [True, False, True, True]
     files = {"source": str(sources[0]), "ok": True, "output": str(tmp_path / "a.jpg")}
-    record = outcome.records[0]
-    assert record.pop("preview_ms") > 0
-    assert record == files | {"width": 95, "height": 61}
+    assert outcome.records[0] == files | {"width": 95, "height": 61}
     assert (tmp_path / "a.jpg").read_bytes() == (tmp_path / "c.jpg").read_bytes()
     assert distance(tmp_path / "b.jpg", picture(sources[2])) < JPEG_LOSS
-
-
-def test_quality_is_that_of_the_jpeg(tmp_path: Path) -> None:
-    source, sizes = shot(tmp_path / "shot.dng"), []
-    for quality in (20, 100):
-        run("preview", source, "-o", tmp_path, f"--overwrite --quality {quality}", code=0)
-        sizes.append((tmp_path / "shot.jpg").stat().st_size)
-    assert sizes[1] > 2 * sizes[0]
 
 
 def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:

@@ -1,4 +1,3 @@
-import ctypes
 import json
 import os
 import re
@@ -52,37 +51,27 @@ def wait_for_pictures(url: str, number: int) -> None:
     pytest.fail(f"{number} pictures are not shown")
 
 
-@pytest.mark.parametrize(
-    ("number", "code", "thread"), [(signal.SIGINT, 130, "main"), (signal.SIGTERM, 0, "another")]
-)
-def test_a_signal_ends_it_while_somebody_watches(
-    number: signal.Signals, code: int, thread: str
-) -> None:
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: int) -> None:
     with viewing() as (process, url):
         host, _, port = url.removeprefix("http://").rstrip("/").partition(":")
         connection = HTTPConnection(host, int(port), timeout=60)
         connection.request("GET", "/stream.mjpg")
         stream = pictures(connection.getresponse())
         assert imagecodecs.jpeg8_decode(next(stream)).shape == (128, 192, 3)
-        tasks = {int(task.name) for task in Path(f"/proc/{process.pid}/task").iterdir()}
-        task = process.pid if thread == "main" else max(tasks - {process.pid})
-        assert ctypes.CDLL(None).tgkill(process.pid, task, number) == 0
-        assert ended(process, code=code).err == ""
+        assert ended(process, number, code=code).err == ""
 
 
-@pytest.mark.parametrize("kept", [0, 5], ids=["between two frames", "within one"])
-def test_a_camera_that_ends_ends_it(kept: int) -> None:
+def test_a_camera_that_ends_ends_it() -> None:
     reading, writing = os.pipe()
     with viewing(NOISE, source="-", stdin=reading) as (process, url):
         os.close(reading)
         for number in (1, 2):
             os.write(writing, codes(0).tobytes())
             wait_for_pictures(url, number)
-        os.write(writing, b"12345"[:kept])
         os.close(writing)
         told = ended(process, code=1).err
-    broken_off = "ended in the middle of a frame, 5 bytes after 2 whole ones"
-    assert (broken_off if kept else "the camera has ended after 2 pictures; start it again") in told
+    assert "the camera has ended after 2 pictures; start it again" in told
 
 
 def test_a_stream_that_slips_ends_it() -> None:
@@ -92,8 +81,7 @@ def test_a_stream_that_slips_ends_it() -> None:
         os.close(reading)
         with suppress(BrokenPipeError), os.fdopen(writing, "wb") as pipe:
             pipe.write(b"".join([*frames, frames[0][LINE:], *frames, *frames]))
-        told = ended(process, code=1).err
-    assert SLIPPED in told
+        assert SLIPPED in ended(process, code=1).err
 
 
 def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> None:
@@ -113,24 +101,22 @@ def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> Non
         browser.until("document.body.dataset.state === 'silent'")
         for _ in range(2):
             assert browser.until("picture.naturalWidth") == 30
-            browser.until("getComputedStyle(picture).opacity === '1'")  # it fades in
             browser.until("clipped.textContent === '100 %' && rate.textContent === '0.0'")
             browser.open(url)  # again
             browser.until("document.body?.dataset.state === 'silent'")
         ended(process, signal.SIGINT, code=130)
         browser.until("document.body.dataset.state === 'lost'")
-        for name in ("rate", "latency", "dropped", "clipped"):
-            assert browser.evaluate(f"{name}.textContent") == "–"
+        assert browser.evaluate("rate.textContent") == "–"
     os.close(writing)
 
 
-@pytest.mark.parametrize(("width", "height", "dark"), [(1280, 860, False), (390, 844, True)])
-def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int, dark: bool) -> None:
+@pytest.mark.parametrize(("width", "height"), [(1280, 860), (390, 844)])
+def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int) -> None:
     """The picture comes and moves, figures are there, the button saves, nothing sticks out, and a
     lost camera is told.
     """
     with (
-        Browser(tmp_path / "profile", width, height, dark=dark) as browser,
+        Browser(tmp_path / "profile", width, height) as browser,
         viewing("-o", out) as (process, url),
     ):
         browser.open(url)
@@ -144,13 +130,10 @@ def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int, dark: 
         assert browser.evaluate(f"{root}.scrollWidth <= innerWidth")
         assert browser.evaluate(f"{root}.scrollHeight <= innerHeight")
 
-        ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
-        assert ground == ("rgb(18, 18, 18)" if dark else "rgb(233, 233, 233)")
         browser.until("getComputedStyle(picture).opacity === '1'")  # it fades in
         place = "(({x, y, width, height}) => ({x, y, width, height, scale: 1}))"
         box = browser.evaluate(f"{place}(picture.getBoundingClientRect())")
         one = imagecodecs.png_decode(browser.screenshot(box))
-        assert one[..., :3].std(axis=(0, 1)).min() > 20  # a scene, not a ground
         moved = (imagecodecs.png_decode(browser.screenshot(box)) != one for _ in range(50))
         assert any(changed.mean() > 0.1 for changed in moved)
 
