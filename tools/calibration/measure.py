@@ -8,7 +8,6 @@ Start reading here.
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,8 +23,7 @@ from ..io.page import without_folders
 from .chart.find import FoundChart, chart_at, find_chart
 from .chart.picture import overlay
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
-from .content import check_dark, check_flat, why_no_chart
-from .dark_frames import DarkResult, measure_dark
+from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived
 from .noise import FlatResult, measure_flats, noise_of_flats
@@ -38,8 +36,6 @@ _FAR = 1 / 256
 # The white patch; part of full scale below which it shows much more noise than at three quarters.
 _WHITE, _DIM = 18, 0.1
 R = TypeVar("R")
-Check = Callable[[Mosaic], None]
-"""Raises InputError if a frame shows that it is of another kind than it is given as."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +277,7 @@ class Session:
 
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
-        frames = self._unshaded(paths, "dark", check_dark)
+        frames = self._unshaded(paths, "dark")
         try:
             dark = measure_dark([mosaic for _, mosaic in frames]) if frames else None
         except InputError as error:
@@ -301,8 +297,7 @@ class Session:
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
-        check = partial(check_flat, black_measured="black_level" in self._known)
-        frames = self._unshaded(paths, "flat", check)
+        frames = self._unshaded(paths, "flat")
         if frames:
             self._measure_shading(frames)
             self._measure_noise(paths, frames)
@@ -361,7 +356,7 @@ class Session:
             try:
                 return measure_chart(name, mosaic, self.measured.chart_colours, corners, assumed)
             except InputError as error:
-                why = why_no_chart(mosaic) or str(error)
+                why = str(error)
                 if self._is_far(stated):
                     black = figures(self._known["black_level"])
                     why += f"; or the dark frames are to blame: they show black level {black}, the "
@@ -384,24 +379,20 @@ class Session:
         black = np.array(self._known.get("black_level", stated.black_level))
         return bool(np.abs(black - stated.black_level).max() > _FAR * stated.white_level)
 
-    def _unshaded(self, paths: Sequence[str], kind: str, check: Check) -> list[tuple[str, Mosaic]]:
-        """Return the frames that can be read and are of this kind, without the shading that they
-        state.
-        """
+    def _unshaded(self, paths: Sequence[str], kind: str) -> list[tuple[str, Mosaic]]:
+        """Return the frames that can be read, without the shading that they state."""
 
         def read(path: str) -> tuple[str, Mosaic]:
-            mosaic, _ = self._read(path, kind, check)
+            mosaic, _ = self._read(path, kind)
             return path, without_shading(mosaic)
 
         return list(self._process(paths, kind, read))
 
-    def _read(
-        self, path: str, kind: str, check: Check = lambda _: None
-    ) -> tuple[Mosaic, SensorCalibration]:
+    def _read(self, path: str, kind: str) -> tuple[Mosaic, SensorCalibration]:
         """Return a frame with what is known of the camera, and what the frame states.
 
-        Raises InputError for a copy of a frame before, and if it is from another camera, or was
-        taken with other settings.
+        Raises InputError for a copy of a frame before, if it is from another camera or was taken
+        with other settings, and for a dark frame that is not dark.
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
@@ -411,7 +402,8 @@ class Session:
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
         mosaic = mosaic.calibrated(replace(stated, **self._known))
-        check(mosaic)
+        if kind == "dark":
+            check_dark(mosaic)
         digest = hashlib.sha256(mosaic.codes.data).digest()
         if digest in self._paths:
             first, before = self._paths[digest]

@@ -153,7 +153,6 @@ LEAK = "light fell in: their levels are R .* W .* codes, with a noise of R .* co
     ("light", "counts", "words"),
     [
         *((light, (1, 4), LEAK) for light in (0.005, (0.02, 0.005, 0.0))),
-        (0.5, (1,), "is not dark"),
         (CORNER, (4,), r"light fell in around row \d+, column \d+: W is .* codes further above"),
     ],
 )

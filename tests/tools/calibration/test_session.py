@@ -149,16 +149,12 @@ def test_what_a_chart_states_of_lens_and_noise_is_not_lost_where_dark_frames_com
 @pytest.mark.parametrize(
     ("kind", "content", "words"),
     [
-        ("dark", lambda: taken("chart"), "is not dark: it shows a scene"),
-        ("dark", lambda: taken("flat"), "is not dark: its median is 20 % of full scale"),
-        ("flat", lambda: taken("chart"), "is no flat frame: it shows a scene"),
-        ("flat", lambda: taken("dark", 9), "is dark: no light fell in"),
-        ("shots", lambda: taken("dark", 9), "it is dark; a dark frame, or a folder"),
-        ("shots", lambda: taken("flat", 7), "it shows an even surface; a flat frame"),
-        ("shots", lambda: frame(9 * chart().rgb), "it is over-exposed: .* samples are clipped"),
+        ("dark", lambda: taken("chart"), "is not dark: its median is"),
+        ("shots", lambda: taken("dark", 9), "there is no ColorChecker"),
+        ("shots", lambda: frame(9 * chart().rgb), "there is no ColorChecker"),
     ],
 )
-def test_a_frame_of_another_kind_is_recognised(kind: str, content: Taken, words: str) -> None:
+def test_a_frame_of_another_kind_is_skipped_alone(kind: str, content: Taken, words: str) -> None:
     others = {"dark": several("dark", 2), "flat": several("flat", 4), "shots": several("chart", 1)}
     others[kind] = {"wrong.dng": content(), **others[kind]}
     seen = measured(**others)

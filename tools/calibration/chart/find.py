@@ -96,9 +96,9 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
                 return chart
             why = f"; the likeliest place was refused: {chart.fault}"
     raise InputError(
-        f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least "
-        f"{least_pitch(period)} pixels apart at period {period}; if the chart is there, give its "
-        "corners: `corners` x,y x,y x,y x,y"
+        f"no ColorChecker was found whole inside the frame{why}. Its white must read about three "
+        f"quarters, its patches be at least {least_pitch(period)} pixels apart at period {period}; "
+        "if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
     )
 
 
