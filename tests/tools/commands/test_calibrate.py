@@ -13,7 +13,7 @@ from panchroma.shared import Camera, read_camera, read_dng
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.files import write_camera
-from panchroma.tools.calibration.reference import check_order, read_reference
+from panchroma.tools.calibration.reference import read_reference
 from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.colour import xyz_to_lab
 from panchroma.tools.simulation.sensor import typical_noise
@@ -190,15 +190,9 @@ BY_ROW = [f"{'ABCD'[index // 6]}{index % 6 + 1}" for index in range(24)]
 XYZ, LAB = "XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"
 
 
-ONE_PAIR = np.arange(24)
-ONE_PAIR[[7, 12]] = 12, 7
-
-
 def read(path: Path, text: str) -> np.ndarray:
     path.write_text(text)
-    reference = read_reference(path)
-    check_order(path, reference, color_checker_xyz())
-    return reference
+    return read_reference(path)
 
 
 TURNED = np.random.default_rng(0).permutation(24)
@@ -223,18 +217,15 @@ TO_D65 = np.array([0.95047, 1, 1.08883]) / D50
 WRONG = {
     "no table": ("CTI3", "is not a CGATS file"),
     "no colours": (cgats(REFERENCE, "ABC_X ABC_Y ABC_Z"), "has neither XYZ_X"),
-    "spectra": (cgats(REFERENCE, "SPEC_400 SPEC_500 SPEC_600"), "it has spectra: turn them into"),
     "a patch missing": (cgats(REFERENCE[:23], names=NAMES[:23]), "23 patches .*, expected 24"),
-    "decimal commas": (re.sub(r"(\d)\.(\d)", r"\1,\2", cgats(REFERENCE)), "decimal points"),
-    "in candela": (cgats(12 * REFERENCE), "has XYZ_Y 10.* expected about 0.9"),
-    "encoded Lab": (cgats(xyz_to_lab(REFERENCE) + SHIFT, LAB), "lies beyond"),
-    "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
-    "says D65": (cgats(REFERENCE, header='W "ILLUMINANT, D65"'), "says ILLUMINANT, D65"),
-    "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
-    "one pair": (
-        cgats(100 * REFERENCE[ONE_PAIR]),
-        "colour of B2 .* is that of A3 .* and 2 patches",
+    "decimal commas": (
+        re.sub(r"(\d)\.(\d)", r"\1,\2", cgats(REFERENCE)),
+        "could not convert string to float",
     ),
+    "in candela": (cgats(12 * REFERENCE), "has XYZ_Y 10.* expected about 0.9"),
+    "encoded Lab": (cgats(xyz_to_lab(REFERENCE) + SHIFT, LAB), "the grey row"),
+    "for D65": (cgats(REFERENCE * TO_D65), "the grey row has a tint .* another light than D50"),
+    "upside down": (cgats(REFERENCE[::-1]), "the white patch .A4. has|the grey row"),
 }
 
 
