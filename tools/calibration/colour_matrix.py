@@ -141,16 +141,6 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
     return float((measured - measured.mean()) @ expected / (expected @ expected))
 
 
-def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
-    """Return L*a*b* (24, 3) with a given matrix, after white balance and exposure on the greys: the
-    state before calibration.
-    """
-    greys = list(GREYS)
-    white, *_ = np.linalg.lstsq(matrix, D50, rcond=None)
-    read = (camera[greys] / reference[greys, 1:2]).mean(axis=0)
-    return xyz_to_lab(camera / read * white @ matrix.T)
-
-
 def _fit(
     camera: DoubleArray,
     reference: DoubleArray,

@@ -15,10 +15,9 @@ import numpy as np
 
 from ...shared import Camera
 from ...shared.arrays import DoubleArray
-from ...shared.colorimetry import SRGB_TO_XYZ, as_rows
+from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight
-from ..io.colour_difference import delta_e_2000
 from .chart.place import PATCHES
 from .colour_matrix import (
     FEWEST_CHANNELS,
@@ -28,7 +27,6 @@ from .colour_matrix import (
     ColourFit,
     fit_colour,
     light_change,
-    white_balanced,
 )
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
@@ -345,14 +343,10 @@ class ChartColours:
         Of the chart.
     fit : ColourFit
         Matrix, neutral and light.
-    before : DoubleArray | None
-        L*a*b* of the patches with the matrix in the shot (without one: sRGB primaries), (24, 3);
-        None = there is neither.
     """
 
     shot: ShotMeasurement
     fit: ColourFit
-    before: DoubleArray | None
 
 
 def conclude_colour(measured: Measurements) -> Part | None:
@@ -400,24 +394,17 @@ def _charts_under(measured: Measurements, light: str) -> list[ChartColours]:
     for shot in measured.shots:
         if gamma is not None and shot.light == light and not shot.places.clipped.any():
             levels = reconciled(shot.places, gamma.gamma)
-            known, before = shot.fit.calibration.camera_to_xyz, None
-            if known is not None or shot.fit.calibration.channels == "RGB":
-                matrix = np.array(SRGB_TO_XYZ if known is None else known)
-                before = white_balanced(levels, measured.chart_colours, matrix)
             fit = fit_colour(levels, measured.chart_colours, shot.chart.place.cells)
-            charts.append(ChartColours(shot, fit, before))
+            charts.append(ChartColours(shot, fit))
     return charts
 
 
 def _colour_facts(chart: ChartColours) -> dict[str, object]:
     """Return how well the colours of a chart are known, for camera.json."""
-    fit, before = chart.fit, None
-    if chart.before is not None:
-        before = round(float(delta_e_2000(chart.before, fit.reference).mean()), 3)
+    fit = chart.fit
     return {
         "shot": chart.shot.name,
         "mean_dE2000": round(float(fit.difference.mean()), 3),
-        "mean_dE2000_before": before,
         "max_dE2000": round(float(fit.difference.max()), 3),
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),

@@ -11,12 +11,7 @@ from panchroma.shared.colorimetry import D50, Matrix, as_rows
 from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.chart.find import chart_at, find_chart
 from panchroma.tools.calibration.chart.place import ChartPlace, least_pitch
-from panchroma.tools.calibration.colour_matrix import (
-    UNEVEN,
-    fit_colour,
-    grey_row_fault,
-    white_balanced,
-)
+from panchroma.tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault
 from panchroma.tools.io.colour import lab_to_xyz, xyz_to_lab
 from panchroma.tools.io.colour_difference import delta_e_2000, lab_slopes
 from panchroma.tools.simulation.perspective import rectangle
@@ -91,12 +86,6 @@ def test_more_channels_than_three() -> None:
     assert fit.matrix.shape == (3, 4)
     np.testing.assert_allclose(fit.matrix @ fit.neutral, D50, rtol=1e-9)
     assert fit.difference.mean() < 0.5
-
-
-def test_the_state_before_is_that_of_the_matrix_known_before() -> None:
-    for matrix, least, most in ((MATRIX, 0, 1), (np.eye(3), 5, 100)):
-        before = white_balanced(0.2 * READINGS, REFERENCE, matrix)
-        assert least < delta_e_2000(before, xyz_to_lab(REFERENCE)).mean() < most
 
 
 def test_a_grey_row_is_monotone_and_linear() -> None:
