@@ -33,8 +33,6 @@ from .shading import ShadingResult, measure_shading
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).
 _FAR = 1 / 256
-# The white patch; part of full scale below which it shows much more noise than at three quarters.
-_WHITE, _DIM = 18, 0.1
 R = TypeVar("R")
 
 
@@ -271,7 +269,7 @@ class Session:
             self._known["shading"] = old.calibration.shading
             if "black_level" in old.measured:
                 self._known["black_level"] = old.calibration.black_level
-        self._paths: dict[bytes, tuple[str, str]] = {}  # digest of the samples -> path, kind
+        self._paths: dict[bytes, str] = {}  # by digest of the samples
         self._base_path, self._has_shot = "", False
         self.measured = Measurements(chart_colours, old=old)
 
@@ -290,10 +288,10 @@ class Session:
         self._known["black_level"] = tuple(dark.black.tolist())
         self._console.say(dark.words)
         path, first = frames[0]
-        if self._is_far(first.calibration):
-            stated = figures(first.calibration.black_level)
+        stated = first.calibration
+        if np.abs(dark.black - stated.black_level).max() > _FAR * stated.white_level:
             fault = "states another black level than the dark frames show"
-            self._console.note(f"{path} {fault}: {stated} codes")
+            self._console.note(f"{path} {fault}: {figures(stated.black_level)} codes")
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
@@ -348,48 +346,29 @@ class Session:
         """
 
         def measure(path: str) -> ShotMeasurement:
-            (mosaic, stated), name = self._read(path, "shot"), Path(path).name
+            mosaic = self._read(path, "shot")
             shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
             if shading and (zoomed := shading.zoomed(focal_length)):
                 self._console.note(f"{path}: {zoomed}")
             assumed = self.measured.assumed(mosaic.calibration)
-            try:
-                return measure_chart(name, mosaic, self.measured.chart_colours, corners, assumed)
-            except InputError as error:
-                why = str(error)
-                if self._is_far(stated):
-                    black = figures(self._known["black_level"])
-                    why += f"; or the dark frames are to blame: they show black level {black}, the "
-                    why += f"shot states {figures(stated.black_level)} codes"
-                raise InputError(why) from None
+            colours, name = self.measured.chart_colours, Path(path).name
+            return measure_chart(name, mosaic, colours, corners, assumed)
 
         for shot in self._process(paths, "shot", measure):
             gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"
             self._console.say(f"{shot.name}: chart at {shot.chart.place}, {gamma}")
-            white = shot.places.mean[_WHITE, -1]
-            if white < _DIM:
-                self.measured.remarks.append(
-                    f"{shot.name} is dark: its white patch reads {100 * white:.1f} % of full "
-                    "scale; expose more, up to 75 %"
-                )
             self.measured.shots.append(replace(shot, light=light))
-
-    def _is_far(self, stated: SensorCalibration) -> bool:
-        """True if the black level that a frame states is far from the one that was measured."""
-        black = np.array(self._known.get("black_level", stated.black_level))
-        return bool(np.abs(black - stated.black_level).max() > _FAR * stated.white_level)
 
     def _unshaded(self, paths: Sequence[str], kind: str) -> list[tuple[str, Mosaic]]:
         """Return the frames that can be read, without the shading that they state."""
 
         def read(path: str) -> tuple[str, Mosaic]:
-            mosaic, _ = self._read(path, kind)
-            return path, without_shading(mosaic)
+            return path, without_shading(self._read(path, kind))
 
         return list(self._process(paths, kind, read))
 
-    def _read(self, path: str, kind: str) -> tuple[Mosaic, SensorCalibration]:
-        """Return a frame with what is known of the camera, and what the frame states.
+    def _read(self, path: str, kind: str) -> Mosaic:
+        """Return a frame with what is known of the camera.
 
         Raises InputError for a copy of a frame before, if it is from another camera or was taken
         with other settings, and for a dark frame that is not dark.
@@ -406,12 +385,9 @@ class Session:
             check_dark(mosaic)
         digest = hashlib.sha256(mosaic.codes.data).digest()
         if digest in self._paths:
-            first, before = self._paths[digest]
-            which = f"it is the same shot as {first}"
-            if first == path:
-                which = f"it is given twice, as {before} and as {kind}"
-            raise InputError(f"{which}: a copy adds nothing; leave it out")
-        self._paths[digest] = path, kind
+            first = self._paths[digest]
+            raise InputError(f"it is the same shot as {first}: a copy adds nothing; leave it out")
+        self._paths[digest] = path
         self.measured.stated_defects |= set(stated.defects)
         if self.measured.base is None:
             self._base_path = path
@@ -419,7 +395,7 @@ class Session:
             # A shot of the chart states colours and noise, where others may not.
             self.measured.base = mosaic
         self._has_shot |= kind == "shot"
-        return mosaic, stated
+        return mosaic
 
     def _check_same(self, mosaic: Mosaic, kind: str) -> None:
         """Raise InputError unless a frame has size, pattern and levels of the first one: as they

@@ -165,18 +165,11 @@ def test_a_frame_of_another_kind_is_skipped_alone(kind: str, content: Taken, wor
     assert len(seen.shots) == 1
 
 
-def test_a_dim_chart_is_told() -> None:
-    (line,) = measured(shots={"chart0.dng": frame(0.04 * chart().rgb)}).remarks
-    assert line.startswith("chart0.dng is dark: its white patch reads 3.")
-
-
-@pytest.mark.parametrize("codes", [30, -90])
-def test_dark_frames_that_contradict_a_chart_are_to_blame(codes: float) -> None:
-    darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda every: every + codes))
+def test_dark_frames_that_contradict_a_chart_are_to_blame() -> None:
+    darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda every: every + 12))
     outcome = concluded(dark=darks, shots=several("chart", 1))
-    assert outcome.camera is None or not outcome.measured.shots
-    said = " ".join((outcome.refusal, *outcome.measured.skipped))
-    assert re.search("black level that the dark frames show|the dark frames are to blame", said)
+    assert outcome.camera is None
+    assert "black level that the dark frames show" in outcome.refusal
 
 
 @pytest.mark.parametrize("stated", [96.0, 346.0])
