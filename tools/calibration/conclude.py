@@ -38,7 +38,6 @@ _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
 # of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be
 # stated in codes
 _LEVER = 0.2
-_UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 codes of 256
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
 # of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three
@@ -105,6 +104,8 @@ class Result:
     parts
         What the frames show, or say that they do not show: by the name in "measured" of
         camera.json.
+    facts
+        Sources of the measured parts: by that name.
     camera
         The camera; None if the frames cannot determine it.
     refusal
@@ -117,15 +118,11 @@ class Result:
 
     measured: Measurements
     parts: Mapping[str, Part]
+    facts: Mapping[str, Mapping[str, Any]]
     camera: Camera | None
     refusal: str
     contradictions: tuple[str, ...]
     warnings: tuple[str, ...]
-
-    @property
-    def facts(self) -> dict[str, Mapping[str, Any]]:
-        """Sources of the measured parts: by the name in "measured" of camera.json."""
-        return {name: part.facts for name, part in self.parts.items() if part.facts is not None}
 
     @property
     def verdict(self) -> str:
@@ -170,7 +167,7 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
     warnings = [line for part in parts.values() for line in part.warnings]
     warnings = (*measured.remarks, *warnings)
-    return Result(measured, parts, camera, refusal, contradictions, warnings)
+    return Result(measured, parts, sources, camera, refusal, contradictions, warnings)
 
 
 # --- gamma ---------------------------------------------------------------------------------------
@@ -207,21 +204,6 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     }
     changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, measured.shots)
     return Part("gamma", facts, changes, warnings, contradictions, refusal, fit)
-
-
-def black_error(measured: Measurements) -> DoubleArray:
-    """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what
-    shots show of it.
-    """
-    assumed, fit = measured.assumed(), measured.gamma
-    if fit is None or assumed.black_measured:
-        return assumed.black
-    offset, error = fit.offset
-    black = np.array(fit.calibration.black_level)
-    # On all planes in common, and on each by itself.
-    lever = max(abs(1 - float(fit.gamma.sum())), _LEVER)
-    common = np.hypot(offset, error) / lever * (fit.calibration.white_level - black)
-    return np.minimum(assumed.black, np.hypot(common, _UNEVEN_BLACK * black))
 
 
 def coloured_light(shot: ShotMeasurement) -> str:
@@ -497,9 +479,8 @@ def conclude_noise(measured: Measurements) -> Part | None:
             if measured.shots and "noise" not in measured.known
             else None
         )
-    noise = noise_of_flats(
-        measured.flats, measured.calibration, measured.dark, black_error(measured)
-    )
+    black = measured.assumed().black
+    noise = noise_of_flats(measured.flats, measured.calibration, measured.dark, black)
     # In scene units noise is as uncertain as their size, which is that of gamma.
     full_scale, error, gamma = measured.calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
@@ -545,7 +526,7 @@ def conclude_shading(measured: Measurements) -> Part | None:
         return None
     shading, error, warnings = result.shading, result.error, []
     if not measured.assumed().black_measured:  # light that is black in truth does not fall off
-        error = float(np.hypot(error, result.error_of_black(black_error(measured))))
+        error = float(np.hypot(error, result.error_of_black(measured.assumed().black)))
         warnings.append(
             "shading was measured with a black level that is assumed, and so is only known to "
             f"±{100 * error:.2g} % in the corners (standard error); take dark frames (`dark`)"
