@@ -19,15 +19,7 @@ from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight
 from .chart.place import PATCHES
-from .colour_matrix import (
-    FEWEST_CHANNELS,
-    GREYS,
-    UNEVEN,
-    VERY_UNEVEN,
-    ColourFit,
-    fit_colour,
-    light_change,
-)
+from .colour_matrix import FEWEST_CHANNELS, UNEVEN, VERY_UNEVEN, ColourFit, fit_colour, light_change
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
 from .measure import Measurements, ShotMeasurement
@@ -40,9 +32,6 @@ _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
 _LEVER = 0.2
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
-# of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three
-# broad channels
-_COLOURED = 0.2
 
 # Of colour. See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two
 # cameras; the rest is for lamps and daylight that are not quite what is said of them.
@@ -206,23 +195,6 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     return Part("gamma", facts, changes, warnings, contradictions, refusal, fit)
 
 
-def coloured_light(shot: ShotMeasurement) -> str:
-    """Return what strongly coloured light does to a shot of the chart, "" if the light is not: it
-    shows on the grey patches.
-    """
-    grey = shot.places.mean[list(GREYS), :-1].mean(axis=0)
-    if grey.min() > _COLOURED * grey.max():
-        return ""
-    letters = shot.fit.calibration.channels
-    weak, strong = letters[int(grey.argmin())], letters[int(grey.argmax())]
-    percent = 100 * max(grey.min(), 0) / grey.max()
-    return (
-        f"{shot.name}: the light is strongly coloured: on grey {weak} reads {percent:.0f} % of "
-        f"what {strong} does, so that colours, and gamma of {weak}, are known less well; take "
-        "white light"
-    )
-
-
 def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     """Return what does not fit together by more than four standard errors, and what to shoot
     instead; a sentence each.
@@ -269,14 +241,11 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     were left out.
     """
     warnings = []
-    tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
     if fit.worst > _GOOD_GAMMA * fit.limit:
-        remedy = "more light, a larger chart, more shots or flat frames (`flat`)"
-        remedy = "white light" if tints else remedy
+        remedy = "more light, white light, a larger chart, more shots or flat frames (`flat`)"
         warnings.append(
             f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy} would help"
         )
-    warnings += tints
     if fit.spread > _SPREAD:
         warnings.append(
             f"the residuals are {fit.spread:.1f} times as large as noise explains: "
@@ -377,8 +346,7 @@ def _uneven_warnings(chart: ChartColours) -> list[str]:
     """Warn of uneven light on a chart."""
     unevenness = chart.fit.unevenness
     least = UNEVEN if chart.fit.left_out.mean() > _CORRECTED else VERY_UNEVEN
-    # In strongly coloured light other errors are corrected as uneven light.
-    if unevenness <= least or coloured_light(chart.shot):
+    if unevenness <= least:
         return []
     return [
         f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} times "

@@ -4,7 +4,6 @@ not what is assumed.
 
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -24,11 +23,11 @@ SIMPLE = SimulatedCamera(
 )
 
 
-def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1) -> Frames:
-    """Shots of the chart, in this light, and four dark frames."""
+def frames_of(camera: SimulatedCamera, number: int = 1) -> Frames:
+    """Shots of the chart, and four dark frames."""
     random, frames = np.random.default_rng(5), Frames()
     for each in range(number):
-        frames.mosaics[f"chart{each}"] = camera.shot(charts() * np.array(light), random)
+        frames.mosaics[f"chart{each}"] = camera.shot(charts(), random)
         frames.places[f"chart{each}"] = ChartPlace(true_place().corners)
     for each in range(4):
         frames.mosaics[f"dark{each}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
@@ -67,14 +66,3 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
     said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.9"
     assert re.search(said, outcome.refusal)
-
-
-def test_blue_light_is_called_blue() -> None:
-    outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
-    (shot,) = outcome.measured.shots
-    # That of the dark frames.
-    assert shot.fit.calibration.black_level == outcome.camera.calibration.black_level
-    said = " ".join(outcome.warnings)
-    assert re.search("strongly coloured: on grey R reads 5 % of what B does.*white light", said)
-    assert not re.search("uneven|black level", said)
-    assert not outcome.contradictions
