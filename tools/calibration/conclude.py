@@ -18,7 +18,6 @@ from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight
-from .chart.place import PATCHES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, VERY_UNEVEN, ColourFit, fit_colour, light_change
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
@@ -239,12 +238,9 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
             "reflections, a dirty chart, or a sensor that is not linear"
         )
     for shot in shots:
-        if clipped := int(shot.places.clipped.sum()):
-            line = f"{clipped} of {PATCHES} patches are clipped and were left out"
-            warnings.append(f"{shot.name}: {line}; expose less to measure colours")
-        if (left_out := int((~shot.fit.used).sum()) - clipped) > 0:
-            line = f"{left_out} patches do not fit the others and were left out"
-            warnings.append(f"{shot.name}: {line} (reflections, dust?)")
+        if left_out := int((~shot.fit.used).sum()):
+            line = f"{left_out} patches are clipped, or do not fit the others, and were left out"
+            warnings.append(f"{shot.name}: {line}; expose less, and avoid reflections and dust")
     return warnings
 
 
