@@ -40,7 +40,6 @@ _GOOD_COLOUR, _USELESS_COLOUR = 4.0, 6.0
 
 # Of what dark and flat frames show.
 _MANY = 1e-3  # of the pixels
-_NAMED = 5  # defects that a warning lists
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 _GOOD_READ, _GOOD_NOISE = 0.05, 0.1  # half width over read noise, and over variance at full scale
 
@@ -402,12 +401,10 @@ def conclude_defects(measured: Measurements) -> Part | None:
     shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
     defects = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
     fraction, warnings = len(defects) / measured.base.samples.size, []
-    if gone := sorted(stated.difference(defects)):
-        places = [f"{row} {column}" for row, column in gone[:_NAMED]]
-        listed = ", ".join(places + ["..."] * (len(gone) > _NAMED))
+    if gone := stated.difference(defects):
         warnings.append(
             f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, "
-            f"and are left out (row and column {listed})"
+            "and are left out"
         )
     if fraction > _MANY:
         warnings.append(f"there are many defective pixels: {len(defects)} ({100 * fraction:.2f} %)")
@@ -457,14 +454,9 @@ def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
             "take more pairs of flat frames (`flat`)"
         )
     error = SIGMAS * max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if error > _GOOD_READ:
-        why = f", because {noise.source} hardly show it"
-        if dark is None:
-            why += "; take dark frames (`dark`)"
-        elif dark.shows_read:
-            why = "; take more dark frames (`dark`)"
+    if error > _GOOD_READ and (dark is None or dark.shows_read):  # or dark frames cannot help
         known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
-        warnings.append(f"read noise is {known}{why}")
+        warnings.append(f"read noise is {known}; take dark frames (`dark`), or more of them")
     return warnings
 
 

@@ -134,8 +134,8 @@ def test_defects_that_a_shot_states_are_kept_unless_dark_and_flat_frames_show_no
         outcome = concluded(shots=shots, **frames)
         assert outcome.camera is not None
         assert outcome.camera.calibration.defects == tuple(sorted(expected))
-    said = "1 defects that the frames state show neither in dark nor in flat frames.*200 300"
-    assert re.search(said, " ".join(outcome.warnings))
+    said = "1 defects that the frames state show neither in dark nor in flat frames"
+    assert said in " ".join(outcome.warnings)
 
 
 def test_what_a_chart_states_of_lens_and_noise_is_not_lost_where_dark_frames_come_first() -> None:
