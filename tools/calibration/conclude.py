@@ -346,20 +346,16 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
         (light_change(a.fit, b.fit, (one, other)), a.shot.name, b.shot.name)
         for a, b in product(first, second)
     ]
-    change, warm, cold = min(changes)
     least, most = _LIKELY_CHANGE
-    if change >= least:
-        change, warm, cold = max(changes)
-    if least <= change <= most:
+    unlikely = [change for change in changes if not least <= change[0] <= most]
+    if not unlikely:
         return ""
-    fault = f"{warm} is given as under {one} and {cold} as under {other}, but white changes"
-    if change <= -least:
-        cause = "the other way from one to the other: the two lights are exchanged"
-        return f"{fault} {cause}; name the light of each shot (`chart_light`)"
+    change, warm, cold = min(unlikely)
     return (
-        f"{fault} {max(change, 0):.1f} times as much from one to the other as between these "
-        f"lights, {least:g} to {most:g} times are likely: name the light under which each was "
-        "taken (`chart_light`), or take the chart anew under these two"
+        f"{warm} is given as under {one} and {cold} as under {other}, but white changes "
+        f"{change:.1f} times as much from one to the other as between these lights, {least:g} to "
+        f"{most:g} times are likely: name the light under which each was taken (`chart_light`), or "
+        "take the chart anew under these two"
     )
 
 

@@ -148,10 +148,10 @@ def test_without_a_chart_under_one_light_there_is_no_camera(bench: Bench, tmp_pa
 @pytest.mark.parametrize(
     ("first", "second", "why"),
     [
-        ("D65=A", "A=D65", "A.dng is given as under D65 .* the two lights are exchanged"),
-        ("A=D65", "D65=other", "white changes 0.0 times as much"),
+        ("D65=A", "A=D65", "A.dng is given as under D65 .* white changes -[01].* times as much"),
+        ("A=D65", "D65=other", "white changes -?0.0 times as much"),
         ("A=A", "4000=D65", "white changes [12].* times as much"),
-        ("A=A,other", "D65=D65", "other.dng is given as under A .*, but white changes 0.0"),
+        ("A=A,other", "D65=D65", "other.dng is given as under A .*, but white changes -?0.0"),
     ],
 )
 def test_charts_under_other_lights_than_those_named_are_refused(
