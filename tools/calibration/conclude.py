@@ -18,7 +18,7 @@ from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight
-from .colour_matrix import FEWEST_CHANNELS, UNEVEN, VERY_UNEVEN, ColourFit, fit_colour, light_change
+from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
 from .measure import Measurements, ShotMeasurement
@@ -32,9 +32,6 @@ _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
 # Of colour. See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two
 # cameras; the rest is for lamps and daylight that are not quite what is said of them.
 _LIKELY_CHANGE = (0.6, 1.9)
-# mean dE2000 of patches predicted from the others: below it the correction for uneven light has
-# worked
-_CORRECTED = 2.5
 # Mean dE2000: an average chart in average light stays below; above it the colours are useless.
 _GOOD_COLOUR, _USELESS_COLOUR = 4.0, 6.0
 
@@ -284,7 +281,13 @@ def conclude_colour(measured: Measurements) -> Part | None:
             f"{chart.shot.name}: the colours differ from the reference by a mean dE2000 of "
             f"{mean:.1f}, more than"
         )
-        warnings += _uneven_warnings(chart)
+        if (unevenness := chart.fit.unevenness) > UNEVEN:
+            warnings.append(
+                f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} "
+                "times brighter in one place than in another, and colours are only corrected for "
+                "it in part; light the chart evenly, and take flat frames (`flat`) if the lens "
+                "darkens the corners"
+            )
         if mean > _USELESS_COLOUR:
             contradictions.append(f"{off} {_USELESS_COLOUR:.0f}")
         elif mean > _GOOD_COLOUR:
@@ -322,19 +325,6 @@ def _colour_facts(chart: ChartColours) -> dict[str, object]:
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),
     }
-
-
-def _uneven_warnings(chart: ChartColours) -> list[str]:
-    """Warn of uneven light on a chart."""
-    unevenness = chart.fit.unevenness
-    least = UNEVEN if chart.fit.left_out.mean() > _CORRECTED else VERY_UNEVEN
-    if unevenness <= least:
-        return []
-    return [
-        f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} times "
-        "brighter in one place than in another, and colours are only corrected for it in part; "
-        "light the chart evenly, and take flat frames (`flat`) if the lens darkens the corners"
-    ]
 
 
 def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
