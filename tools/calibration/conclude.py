@@ -447,20 +447,16 @@ def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
 
 
 def conclude_shading(measured: Measurements) -> Part | None:
-    """Return how light falls off, for each plane, and a warning if its error is that of an assumed
-    black level.
-    """
+    """Return how light falls off, for each plane, and a warning if black level was assumed."""
     result = measured.shading
     if result is None:
         return None
-    shading, error, warnings = result.shading, result.error, []
+    shading, warnings = result.shading, []
     if not measured.assumed().black_measured:  # light that is black in truth does not fall off
-        error = float(np.hypot(error, result.error_of_black(measured.assumed().black)))
-        warnings.append(
-            "shading was measured with a black level that is assumed, and so is only known to "
-            f"±{100 * error:.2g} % in the corners (standard error); take dark frames (`dark`)"
-        )
-    facts: dict[str, Any] = {"frames": result.frames, "standard_error": float(f"{error:.2g}")}
+        line = "shading was measured with a black level that is assumed; take dark frames (`dark`)"
+        warnings.append(line)
+    error = float(f"{result.error:.2g}")
+    facts: dict[str, Any] = {"frames": result.frames, "standard_error": error}
     if shading:
         facts |= {"stops": round(shading.stops, 3), "colour": round(shading.colour, 4)}
         facts |= {"residual": shading.residual, "focal_length": shading.focal_length}

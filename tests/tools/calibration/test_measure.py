@@ -83,7 +83,7 @@ def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all()
 def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
     known = Camera(replace(BLIND, shading=DARKER), PATTERN, {"shading": {"corner": [1, 0, 1]}})
     assert concluded(known, dark=DARK).calibration.shading == DARKER
-    measured = concluded(known, shading=ShadingResult(None, 2, 0.001, np.ones(4), np.ones(4)))
+    measured = concluded(known, shading=ShadingResult(None, 2, 0.001))
     assert measured.calibration.shading is None
     assert "corner" not in measured.measured["shading"]
 
