@@ -319,7 +319,7 @@ class Session:
     def _measure_noise(self, paths: Sequence[str], frames: list[tuple[str, Mosaic]]) -> None:
         """Measure the noise of flat frames, which only pairs of them show."""
         try:
-            flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
+            flats = measure_flats([mosaic for _, mosaic in frames])
             calibration = frames[0][1].calibration
             # Frames that do not show it are refused here, where they can be named.
             noise_of_flats(
@@ -332,9 +332,6 @@ class Session:
                 self.measured.remarks.append(f"no noise was measured: {error}")
             return
         self.measured.flats = flats
-        for index in unpaired:
-            why = "it is clipped, or no other flat frame has its exposure"
-            self._console.note(f"{frames[index][0]} tells no noise: {why}")
 
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
         """Measure shots of a chart.

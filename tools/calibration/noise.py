@@ -186,19 +186,15 @@ class NoiseResult:
         return SIGMAS * max(of_lines)
 
 
-def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
+def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:
     """Measure pairs of equal flat frames: half the variance of their difference is noise without
     fixed pattern.
 
     Parameters
     ----------
     frames : Sequence[Mosaic]
-        Flat frames of one or more exposures, in any order.
-
-    Returns
-    -------
-    tuple[FlatResult, list[int]]
-        The measurements, and the indices of frames without a partner.
+        Flat frames of one or more exposures, in any order; those that are clipped, or that no other
+        has the exposure of, do not count.
 
     Raises
     ------
@@ -215,7 +211,6 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
         level, first = lit.pop(0)
         if lit[0][0] <= level * (1 + _SAME_EXPOSURE):
             pairs.append((first, lit.pop(0)[1]))
-    unpaired = sorted(set(range(len(frames))).difference(*pairs))
     if not pairs:
         raise InputError(
             "flat frames: no two unclipped frames have the same exposure; take two of each, at "
@@ -226,7 +221,7 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
     mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
     number = len(mean)
     places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
-    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], planes)), unpaired
+    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], planes))
 
 
 def noise_of_flats(
