@@ -310,7 +310,7 @@ def _charts_under(measured: Measurements, light: str) -> list[ChartColours]:
     for shot in measured.shots:
         if gamma is not None and shot.light == light and not shot.places.clipped.any():
             levels = reconciled(shot.places, gamma.gamma)
-            fit = fit_colour(levels, measured.chart_colours, shot.chart.place.cells)
+            fit = fit_colour(levels, measured.chart_colours, shot.chart.cells)
             charts.append(ChartColours(shot, fit))
     return charts
 

@@ -20,8 +20,9 @@ from ...shared.errors import InputError
 from ..batch.console import Console
 from ..batch.jobs import reason
 from ..io.page import without_folders
-from .chart.find import FoundChart, chart_at, find_chart
+from .chart.find import chart_at, find_chart
 from .chart.picture import overlay
+from .chart.place import ChartPlace
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
@@ -47,8 +48,8 @@ class ShotMeasurement:
     fit : GammaFit
         gamma; its calibration is that stored in the shot, with the black level that the
         measurements refer to.
-    chart : FoundChart
-        The chart.
+    chart : ChartPlace
+        Place of the chart.
     places : PlaceSamples
         Statistics of the patches.
     picture : ByteArray
@@ -59,7 +60,7 @@ class ShotMeasurement:
 
     name: str
     fit: GammaFit
-    chart: FoundChart
+    chart: ChartPlace
     places: PlaceSamples
     picture: ByteArray
     light: str = ""
@@ -230,19 +231,19 @@ def measure_chart(
             "chart apart: calibrate it with dark and flat frames alone"
         )
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
-    places, derived = patch_samples(mosaic, chart.place.measured()), mosaic.pattern.derived
+    places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
         fit = fit_gamma(places, mosaic.calibration, assumed)
     else:
         expected = expected_levels(
             np.delete(places.mean, derived, axis=1),
             reference,
-            chart.place.cells,
+            chart.cells,
             mosaic.pattern.channels[derived],
         )
         fit, places = fit_with_derived(places, mosaic.calibration, derived, expected, assumed)
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
-    return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart.place))
+    return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart))
 
 
 class Session:
@@ -353,7 +354,7 @@ class Session:
 
         for shot in self._process(paths, "shot", measure):
             gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"
-            self._console.say(f"{shot.name}: chart at {shot.chart.place}, {gamma}")
+            self._console.say(f"{shot.name}: chart at {shot.chart}, {gamma}")
             self.measured.shots.append(replace(shot, light=light))
 
     def _unshaded(self, paths: Sequence[str], kind: str) -> list[tuple[str, Mosaic]]:
