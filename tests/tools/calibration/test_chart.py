@@ -163,7 +163,6 @@ NONE, SMALL = "no ColorChecker was found whole", f"too small.*period 8 needs {le
         (lambda: find_chart(frame(chart().rgb[:, ::-1]), REFERENCE), NONE),
         (lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE), NONE),
         (lambda: find_chart(shot_of("chart/g2_cut_off.crw", 4), REFERENCE), NONE),
-        (lambda: find_chart(shot_of("chart/s40_cut_off.crw", 4), REFERENCE), NONE),
         (lambda: find_chart(far(), REFERENCE), SMALL),
         (lambda: chart_at(far(), FAR_CORNERS, REFERENCE), SMALL),
         (lambda: at(as_rows(rectangle(5, 5, 300, 200)), chart().rgb), "there is no ColorChecker"),

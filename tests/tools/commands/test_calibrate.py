@@ -80,12 +80,6 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     assert output.read_bytes() == text
 
 
-def test_an_option_takes_one_value_and_what_follows_is_a_shot(folder: Path, tmp_path: Path) -> None:
-    words = ("--dark", folder / "dark0.dng", folder / "chart.dng")
-    outcome = run("calibrate", *words, "-o", tmp_path / "camera.json", "--json", code=0)
-    assert [record.get("kind") for record in outcome.records[:2]] == ["dark", "shot"]
-
-
 def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "camera.json"
     first = calibrated(folder, output, "chart")
@@ -203,7 +197,6 @@ READ = {
     "any order": cgats(REFERENCE[TURNED], names=[NAMES[index] for index in TURNED]),
     "rows named by letters": cgats(REFERENCE[TURNED], names=[BY_ROW[index] for index in TURNED]),
     "numbered": cgats(REFERENCE[TURNED], names=[str(index + 1) for index in TURNED]),
-    "D50": cgats(REFERENCE, header='MEASUREMENT_SOURCE "Illumination=D50 ObserverAngle=2"'),
 }  # fmt: skip
 
 
