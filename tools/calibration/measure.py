@@ -27,13 +27,14 @@ from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived
-from .noise import FlatResult, measure_flats, noise_of_flats
+from .noise import FlatResult, check_flat, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
 
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).
 _FAR = 1 / 256
+_CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
 
 
@@ -369,7 +370,7 @@ class Session:
         """Return a frame with what is known of the camera.
 
         Raises InputError for a copy of a frame before, if it is from another camera or was taken
-        with other settings, and for a dark frame that is not dark.
+        with other settings, and for a dark or flat frame that is none.
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
@@ -379,8 +380,8 @@ class Session:
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
         mosaic = mosaic.calibrated(replace(stated, **self._known))
-        if kind == "dark":
-            check_dark(mosaic)
+        if check := _CHECKS.get(kind):
+            check(mosaic)
         digest = hashlib.sha256(mosaic.codes.data).digest()
         if digest in self._paths:
             first = self._paths[digest]

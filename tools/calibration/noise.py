@@ -36,6 +36,9 @@ _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _GROUPS = 6  # of tiles, per pair
 # times the median variance per light of a pair's tiles: something moved between the frames
 _RESTLESS = 2.0
+# Logarithm of the light, from tile to tile; of all steps, those that lenses of 3 stops do not make;
+# of the brightest tile, what is not told from black.
+_STEP, _STEPS, _FLOOR = 0.5, 0.05, 0.02
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
 SIGMAS = 1.96  # standard errors in half a 95 % interval
 
@@ -184,6 +187,21 @@ class NoiseResult:
         """
         of_lines = [line.shot_error / max(line.shot + line.read**2, 1e-30) for line in self.lines]
         return SIGMAS * max(of_lines)
+
+
+def check_flat(frame: Mosaic) -> None:
+    """Raise InputError if a frame that is given as flat shows a scene: its dark edges would pass
+    for dead pixels.
+    """
+    planes, levels = planes_of(frame.pattern, frame.shape), levels_of(frame)
+    clear = planes == len(frame.pattern.planes) - 1
+    middles = [float(np.median(levels[window][clear[window]])) for window in tiles(planes)]
+    side = math.isqrt(len(middles))
+    light = np.log(np.maximum(middles, max(_FLOOR * max(middles), 1e-6))).reshape(side, side)
+    steps = np.concatenate([np.diff(light, axis=axis).ravel() for axis in (0, 1)])
+    if (np.abs(steps) > _STEP).sum() > _STEPS * steps.size:
+        instead = "take an evenly lit surface, out of focus"
+        raise InputError(f"is no flat frame: it shows a scene; {instead}")
 
 
 def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:

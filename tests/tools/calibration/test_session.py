@@ -142,6 +142,7 @@ def test_what_a_chart_states_of_lens_and_noise_is_not_lost_where_dark_frames_com
     ("kind", "content", "words"),
     [
         ("dark", lambda: taken("chart"), "is not dark: its median is"),
+        ("flat", lambda: taken("chart"), "is no flat frame: it shows a scene"),
         ("shots", lambda: taken("dark", 9), "there is no ColorChecker"),
         ("shots", lambda: frame(9 * chart().rgb), "there is no ColorChecker"),
     ],
