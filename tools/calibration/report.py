@@ -61,7 +61,7 @@ def write_report(result: Result, provenance: Mapping[str, str]) -> bytes:
         noise=fits.get("noise"),
         plots={name: embed_plot(plot) for name, plot in plots.items() if name in fits},
         colours=[
-            (chart, _patches(chart.fit), _differences(chart.fit), _glow(chart.fit.light))
+            (chart, _patches(chart.fit), _differences(chart.fit))
             for chart in fits.get("colour", ())
         ],
         dark=measured.dark,
@@ -115,12 +115,6 @@ def _differences(fit: ColourFit) -> list[tuple[str, str, str]]:
         "the same, each patch predicted from the others": fit.left_out,
     }
     return [(name, f"{errors.mean():.2f}", f"{errors.max():.2f}") for name, errors in rows.items()]
-
-
-def _glow(light: DoubleArray) -> list[tuple[float, int]]:
-    """Return the light on each patch, and its lightness on the page, per cent."""
-    bright = 45 + 45 * np.clip((light - light.min()) / max(float(np.ptp(light)), 0.1), 0, 1)
-    return list(zip(light.tolist(), np.rint(bright).astype(int).tolist(), strict=True))
 
 
 def _css_colours(lab: DoubleArray) -> list[str]:
