@@ -146,8 +146,8 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
         calibration, facts = replace(calibration, **changes), measured.known | sources
         camera = Camera(calibration, base.pattern, facts, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
-    warnings = [line for part in parts.values() for line in part.warnings]
-    warnings = (*measured.remarks, *warnings)
+    lines = [line for part in parts.values() for line in part.warnings]
+    warnings = (*measured.remarks, *lines)
     return Result(measured, parts, sources, camera, refusal, contradictions, warnings)
 
 
