@@ -85,13 +85,6 @@ def edited(mosaic: Mosaic, edit: Callable[[np.ndarray], ArrayLike]) -> Mosaic:
     return replace(mosaic, samples=codes.astype(np.uint16))
 
 
-def with_code(mosaic: Mosaic, place: tuple[int, int], code: float) -> Mosaic:
-    """The frame with another code at one place (row, column)."""
-    codes = mosaic.codes.copy()
-    codes[place] = code
-    return replace(mosaic, samples=codes)
-
-
 def stating(mosaic: Mosaic, **facts: Any) -> Mosaic:
     """The frame with other statements in its calibration, `shading=None` for example."""
     return replace(mosaic, calibration=replace(mosaic.calibration, **facts))

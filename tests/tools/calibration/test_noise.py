@@ -15,19 +15,14 @@ from panchroma.tools.calibration.dark_frames import measure_dark
 from panchroma.tools.calibration.measure import Measurements
 from panchroma.tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
 from panchroma.tools.simulation.sensor import simulate_sensor
-from tests.tools.calibration.known_camera import (
-    BLIND,
-    NOISE,
-    REFERENCE,
-    TRUTH,
-    edited,
-    frame,
-    with_code,
-)
+from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)
 FALLING = (1 - 0.3 * np.linspace(0, 1, SHAPE[1]))[None, :, None] * np.ones((SHAPE[0], 1, 3))
+
+DEAD = np.zeros(SHAPE, bool)
+DEAD[200, 300] = True
 
 
 def darks(count: int, light: Any = 0.0) -> list[Mosaic]:
@@ -95,10 +90,10 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
 
 
 def test_flats_without_partner_and_dead_pixels() -> None:
-    pair = [with_code(each, (100, 200), 260) for each in flats(0.5)]
+    pair = [edited(each, lambda codes: np.where(DEAD, 260, codes)) for each in flats(0.5)]
     single, clipped = frame(0.2 * FALLING), frame(3 * FALLING)
     seen = measure_flats([*pair, single, clipped])
-    assert seen.dead == ((100, 200),)
+    assert seen.dead == ((200, 300),)
     assert seen.pairs == 1
     with pytest.raises(InputError, match="no two unclipped frames have the same exposure"):
         measure_flats([single, clipped])
@@ -186,7 +181,8 @@ def test_flats_that_are_too_dark_for_dead_pixels_list_none() -> None:
 def test_a_shadow_on_flats_is_no_list_of_dead_pixels() -> None:
     shadow = np.full((*SHAPE, 3), 0.5)
     shadow[:90, :120] = 0.05
-    pair = [with_code(frame(shadow, seed=seed), (200, 300), 262) for seed in range(2)]
+    pair = [frame(shadow, seed=seed) for seed in range(2)]
+    pair = [edited(each, lambda codes: np.where(DEAD, 262, codes)) for each in pair]
     assert measure_flats(pair).dead == ((200, 300),)
 
 
