@@ -236,7 +236,8 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     for shot in shots:
         if left_out := int((~shot.fit.used).sum()):
             line = f"{left_out} patches are clipped, or do not fit the others, and were left out"
-            warnings.append(f"{shot.name}: {line}; expose less, and avoid reflections and dust")
+            remedy = "expose less, for clipped patches tell no colours, and avoid reflections"
+            warnings.append(f"{shot.name}: {line}; {remedy}")
     return warnings
 
 

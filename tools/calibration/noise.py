@@ -33,9 +33,6 @@ _HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
 _MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
-_GROUPS = 6  # of tiles, per pair
-# times the median variance per light of a pair's tiles: something moved between the frames
-_RESTLESS = 2.0
 # Logarithm of the light, from tile to tile; of all steps, those that lenses of 3 stops do not make;
 # of the brightest tile, what is not told from black.
 _STEP, _STEPS, _FLOOR = 0.5, 0.05, 0.02
@@ -134,8 +131,8 @@ class FlatResult:
     pairs : int
         Their number.
     points : PlaceSamples
-        Mean and variance in parts of full scale, in a few groups of places per pair; rounding to
-        codes is part of the variance.
+        Mean and variance in parts of full scale, in the tiles of each pair; rounding to codes is
+        part of the variance.
     dead : tuple[tuple[int, int], ...]
         (row, column) of pixels that are dead in the brightest pair.
     blind : float
@@ -235,7 +232,7 @@ def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:
             "several exposures up to three quarters of full scale"
         )
     frames_of = [(levels[first], levels[second]) for first, second in pairs]
-    points = [_grouped(_pair_points(*pair, planes, white + 1)) for pair in frames_of]
+    points = [_pair_points(*pair, planes, white + 1) for pair in frames_of]
     mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
     number = len(mean)
     places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
@@ -296,26 +293,6 @@ def noise_of_flats(
             "up to three quarters of full scale, and dark frames (`dark`)"
         )
     return noise
-
-
-def _grouped(places: DoubleArray) -> DoubleArray:
-    """Return a few groups of places of like brightness, without places that have more than noise
-    (something moved).
-
-    A line fits the groups as well as the places. places: see `_pair_points`; the groups are of the
-    same form.
-    """
-    if not places.size:
-        return places
-    per_light = places[:, 1, -1] / np.maximum(places[:, 0, -1], 1e-6)
-    kept = places[per_light <= _RESTLESS * np.median(per_light)]
-    groups = []
-    for group in np.array_split(np.argsort(kept[:, 0, -1]), min(_GROUPS, len(kept))):
-        mean, variance, count = np.moveaxis(kept[group], 1, 0)
-        free = np.maximum(count - 1, 0)
-        pooled = (variance * free).sum(axis=0) / np.maximum(free.sum(axis=0), 1)
-        groups.append((np.average(mean, 0, count), pooled, free.sum(axis=0) + 1))
-    return np.array(groups)
 
 
 def _pair_points(
