@@ -20,8 +20,7 @@ from .chart.place import COLUMNS, PATCHES, ROWS
 # Neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light.
 GREYS = 19, 20, 21
 FEWEST_CHANNELS = 3  # that can tell the colours of a chart apart
-# Brightest over dimmest light on the chart: worth a word if colours show it; in any case.
-UNEVEN, VERY_UNEVEN = 1.25, 1.5
+UNEVEN = 1.5  # brightest over dimmest light on the chart: worth a word
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
 # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's
 # curve 0.36
@@ -139,16 +138,6 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
     measured = np.log(one.neutral / other.neutral)
     expected -= expected.mean()
     return float((measured - measured.mean()) @ expected / (expected @ expected))
-
-
-def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
-    """Return L*a*b* (24, 3) with a given matrix, after white balance and exposure on the greys: the
-    state before calibration.
-    """
-    greys = list(GREYS)
-    white, *_ = np.linalg.lstsq(matrix, D50, rcond=None)
-    read = (camera[greys] / reference[greys, 1:2]).mean(axis=0)
-    return xyz_to_lab(camera / read * white @ matrix.T)
 
 
 def _fit(

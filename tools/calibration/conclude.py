@@ -15,21 +15,10 @@ import numpy as np
 
 from ...shared import Camera
 from ...shared.arrays import DoubleArray
-from ...shared.colorimetry import SRGB_TO_XYZ, as_rows
+from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight
-from ..io.colour_difference import delta_e_2000
-from .chart.place import PATCHES
-from .colour_matrix import (
-    FEWEST_CHANNELS,
-    GREYS,
-    UNEVEN,
-    VERY_UNEVEN,
-    ColourFit,
-    fit_colour,
-    light_change,
-    white_balanced,
-)
+from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
 from .measure import Measurements, ShotMeasurement
@@ -37,34 +26,19 @@ from .noise import SIGMAS, NoiseResult, noise_of_flats
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
-# of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be
-# stated in codes
-_LEVER = 0.2
-_UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 codes of 256
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
-# of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three
-# broad channels
-_COLOURED = 0.2
 
 # Of colour. See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two
 # cameras; the rest is for lamps and daylight that are not quite what is said of them.
 _LIKELY_CHANGE = (0.6, 1.9)
-# mean dE2000 of patches predicted from the others: below it the correction for uneven light has
-# worked
-_CORRECTED = 2.5
 # Mean dE2000: an average chart in average light stays below; above it the colours are useless.
 _GOOD_COLOUR, _USELESS_COLOUR = 4.0, 6.0
 
 # Of what dark and flat frames show.
 _MANY = 1e-3  # of the pixels
-_NAMED = 5  # defects that a warning lists
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 _GOOD_READ, _GOOD_NOISE = 0.05, 0.1  # half width over read noise, and over variance at full scale
-
-# Of a camera file that is updated.
-_OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
-_MOVED = 2.0  # standard errors of the black level
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +85,8 @@ class Result:
     parts
         What the frames show, or say that they do not show: by the name in "measured" of
         camera.json.
+    facts
+        Sources of the measured parts: by that name.
     camera
         The camera; None if the frames cannot determine it.
     refusal
@@ -123,15 +99,11 @@ class Result:
 
     measured: Measurements
     parts: Mapping[str, Part]
+    facts: Mapping[str, Mapping[str, Any]]
     camera: Camera | None
     refusal: str
     contradictions: tuple[str, ...]
     warnings: tuple[str, ...]
-
-    @property
-    def facts(self) -> dict[str, Mapping[str, Any]]:
-        """Sources of the measured parts: by the name in "measured" of camera.json."""
-        return {name: part.facts for name, part in self.parts.items() if part.facts is not None}
 
     @property
     def verdict(self) -> str:
@@ -174,25 +146,9 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
         calibration, facts = replace(calibration, **changes), measured.known | sources
         camera = Camera(calibration, base.pattern, facts, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
-    warnings = [line for part in parts.values() for line in part.warnings]
-    warnings = [*measured.remarks, *warnings, *_outdated(measured, sources)]
-    return Result(measured, parts, camera, refusal, contradictions, tuple(warnings))
-
-
-def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
-    """Return a warning of parts that are kept, and were measured with a black level that has turned
-    out to be wrong.
-    """
-    kept = [part for part in measured.known if part in _OF_BLACK and part not in sources]
-    if not (kept and measured.old and measured.dark):
-        return []
-    moved = np.abs(measured.dark.black - np.array(measured.old.calibration.black_level))
-    if not (moved > _MOVED * measured.assumed().black).any():
-        return []
-    return [
-        f"the black level is {moved.max():.1f} codes off the one with which {', '.join(kept)} of "
-        "the camera file were measured; give all frames together to measure these again"
-    ]
+    lines = [line for part in parts.values() for line in part.warnings]
+    warnings = (*measured.remarks, *lines)
+    return Result(measured, parts, sources, camera, refusal, contradictions, warnings)
 
 
 # --- gamma ---------------------------------------------------------------------------------------
@@ -231,38 +187,6 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     return Part("gamma", facts, changes, warnings, contradictions, refusal, fit)
 
 
-def black_error(measured: Measurements) -> DoubleArray:
-    """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what
-    shots show of it.
-    """
-    assumed, fit = measured.assumed(), measured.gamma
-    if fit is None or assumed.black_measured:
-        return assumed.black
-    offset, error = fit.offset
-    black = np.array(fit.calibration.black_level)
-    # On all planes in common, and on each by itself.
-    lever = max(abs(1 - float(fit.gamma.sum())), _LEVER)
-    common = np.hypot(offset, error) / lever * (fit.calibration.white_level - black)
-    return np.minimum(assumed.black, np.hypot(common, _UNEVEN_BLACK * black))
-
-
-def coloured_light(shot: ShotMeasurement) -> str:
-    """Return what strongly coloured light does to a shot of the chart, "" if the light is not: it
-    shows on the grey patches.
-    """
-    grey = shot.places.mean[list(GREYS), :-1].mean(axis=0)
-    if grey.min() > _COLOURED * grey.max():
-        return ""
-    letters = shot.fit.calibration.channels
-    weak, strong = letters[int(grey.argmin())], letters[int(grey.argmax())]
-    percent = 100 * max(grey.min(), 0) / grey.max()
-    return (
-        f"{shot.name}: the light is strongly coloured: on grey {weak} reads {percent:.0f} % of "
-        f"what {strong} does, so that colours, and gamma of {weak}, are known less well; take "
-        "white light"
-    )
-
-
 def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     """Return what does not fit together by more than four standard errors, and what to shoot
     instead; a sentence each.
@@ -281,17 +205,7 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
 
 
 def _wrong_black(fit: GammaFit) -> str:
-    """Return that shots contradict the black level, by how much, and what to do."""
-    offset, error = fit.offset
-    span = fit.calibration.white_level - fit.calibration.black_level[-1]
-    # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does
-    # not show.
-    lever, estimate = 1 - float(fit.gamma.sum()), ""
-    if abs(lever) > _LEVER:
-        codes, codes_error = (value * span / lever for value in (offset, error))
-        direction = "higher" if codes > 0 else "lower"
-        size = f"{abs(codes):.1f} ± {abs(codes_error):.1g}"
-        estimate = f": it seems to be {size} codes {direction}"
+    """Return that shots contradict the black level, and what to do."""
     which = "that is assumed"
     remedy = "take dark frames (`dark`), and give them together with these shots"
     if fit.assumed.black_measured:
@@ -300,7 +214,7 @@ def _wrong_black(fit: GammaFit) -> str:
         remedy = f"take dark frames anew, {settings}, and the chart without reflections"
     return (
         f"the shots contradict the black level {which} by {abs(fit.black_deviation):.0f} "
-        f"standard errors{estimate}; {remedy}"
+        f"standard errors; {remedy}"
     )
 
 
@@ -309,26 +223,21 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     were left out.
     """
     warnings = []
-    tints = [tint for shot in shots if not shot.light and (tint := coloured_light(shot))]
     if fit.worst > _GOOD_GAMMA * fit.limit:
-        remedy = "more light, a larger chart, more shots or flat frames (`flat`)"
-        remedy = "white light" if tints else remedy
+        remedy = "more light, white light, a larger chart, more shots or flat frames (`flat`)"
         warnings.append(
             f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy} would help"
         )
-    warnings += tints
     if fit.spread > _SPREAD:
         warnings.append(
             f"the residuals are {fit.spread:.1f} times as large as noise explains: "
             "reflections, a dirty chart, or a sensor that is not linear"
         )
     for shot in shots:
-        if clipped := int(shot.places.clipped.sum()):
-            line = f"{clipped} of {PATCHES} patches are clipped and were left out"
-            warnings.append(f"{shot.name}: {line}; expose less to measure colours")
-        if (left_out := int((~shot.fit.used).sum()) - clipped) > 0:
-            line = f"{left_out} patches do not fit the others and were left out"
-            warnings.append(f"{shot.name}: {line} (reflections, dust?)")
+        if left_out := int((~shot.fit.used).sum()):
+            line = f"{left_out} patches are clipped, or do not fit the others, and were left out"
+            remedy = "expose less, for clipped patches tell no colours, and avoid reflections"
+            warnings.append(f"{shot.name}: {line}; {remedy}")
     return warnings
 
 
@@ -345,14 +254,10 @@ class ChartColours:
         Of the chart.
     fit : ColourFit
         Matrix, neutral and light.
-    before : DoubleArray | None
-        L*a*b* of the patches with the matrix in the shot (without one: sRGB primaries), (24, 3);
-        None = there is neither.
     """
 
     shot: ShotMeasurement
     fit: ColourFit
-    before: DoubleArray | None
 
 
 def conclude_colour(measured: Measurements) -> Part | None:
@@ -377,7 +282,13 @@ def conclude_colour(measured: Measurements) -> Part | None:
             f"{chart.shot.name}: the colours differ from the reference by a mean dE2000 of "
             f"{mean:.1f}, more than"
         )
-        warnings += _uneven_warnings(chart)
+        if (unevenness := chart.fit.unevenness) > UNEVEN:
+            warnings.append(
+                f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} "
+                "times brighter in one place than in another, and colours are only corrected for "
+                "it in part; light the chart evenly, and take flat frames (`flat`) if the lens "
+                "darkens the corners"
+            )
         if mean > _USELESS_COLOUR:
             contradictions.append(f"{off} {_USELESS_COLOUR:.0f}")
         elif mean > _GOOD_COLOUR:
@@ -400,42 +311,21 @@ def _charts_under(measured: Measurements, light: str) -> list[ChartColours]:
     for shot in measured.shots:
         if gamma is not None and shot.light == light and not shot.places.clipped.any():
             levels = reconciled(shot.places, gamma.gamma)
-            known, before = shot.fit.calibration.camera_to_xyz, None
-            if known is not None or shot.fit.calibration.channels == "RGB":
-                matrix = np.array(SRGB_TO_XYZ if known is None else known)
-                before = white_balanced(levels, measured.chart_colours, matrix)
-            fit = fit_colour(levels, measured.chart_colours, shot.chart.place.cells)
-            charts.append(ChartColours(shot, fit, before))
+            fit = fit_colour(levels, measured.chart_colours, shot.chart.cells)
+            charts.append(ChartColours(shot, fit))
     return charts
 
 
 def _colour_facts(chart: ChartColours) -> dict[str, object]:
     """Return how well the colours of a chart are known, for camera.json."""
-    fit, before = chart.fit, None
-    if chart.before is not None:
-        before = round(float(delta_e_2000(chart.before, fit.reference).mean()), 3)
+    fit = chart.fit
     return {
         "shot": chart.shot.name,
         "mean_dE2000": round(float(fit.difference.mean()), 3),
-        "mean_dE2000_before": before,
         "max_dE2000": round(float(fit.difference.max()), 3),
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),
     }
-
-
-def _uneven_warnings(chart: ChartColours) -> list[str]:
-    """Warn of uneven light on a chart."""
-    unevenness = chart.fit.unevenness
-    least = UNEVEN if chart.fit.left_out.mean() > _CORRECTED else VERY_UNEVEN
-    # In strongly coloured light other errors are corrected as uneven light.
-    if unevenness <= least or coloured_light(chart.shot):
-        return []
-    return [
-        f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} times "
-        "brighter in one place than in another, and colours are only corrected for it in part; "
-        "light the chart evenly, and take flat frames (`flat`) if the lens darkens the corners"
-    ]
 
 
 def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
@@ -447,20 +337,16 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
         (light_change(a.fit, b.fit, (one, other)), a.shot.name, b.shot.name)
         for a, b in product(first, second)
     ]
-    change, warm, cold = min(changes)
     least, most = _LIKELY_CHANGE
-    if change >= least:
-        change, warm, cold = max(changes)
-    if least <= change <= most:
+    unlikely = [change for change in changes if not least <= change[0] <= most]
+    if not unlikely:
         return ""
-    fault = f"{warm} is given as under {one} and {cold} as under {other}, but white changes"
-    if change <= -least:
-        cause = "the other way from one to the other: the two lights are exchanged"
-        return f"{fault} {cause}; name the light of each shot (`chart_light`)"
+    change, warm, cold = min(unlikely)
     return (
-        f"{fault} {max(change, 0):.1f} times as much from one to the other as between these "
-        f"lights, {least:g} to {most:g} times are likely: name the light under which each was "
-        "taken (`chart_light`), or take the chart anew under these two"
+        f"{warm} is given as under {one} and {cold} as under {other}, but white changes "
+        f"{change:.1f} times as much from one to the other as between these lights, {least:g} to "
+        f"{most:g} times are likely: name the light under which each was taken (`chart_light`), or "
+        "take the chart anew under these two"
     )
 
 
@@ -502,12 +388,10 @@ def conclude_defects(measured: Measurements) -> Part | None:
     shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
     defects = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
     fraction, warnings = len(defects) / measured.base.samples.size, []
-    if gone := sorted(stated.difference(defects)):
-        places = [f"{row} {column}" for row, column in gone[:_NAMED]]
-        listed = ", ".join(places + ["..."] * (len(gone) > _NAMED))
+    if gone := stated.difference(defects):
         warnings.append(
             f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, "
-            f"and are left out (row and column {listed})"
+            "and are left out"
         )
     if fraction > _MANY:
         warnings.append(f"there are many defective pixels: {len(defects)} ({100 * fraction:.2f} %)")
@@ -530,9 +414,8 @@ def conclude_noise(measured: Measurements) -> Part | None:
             if measured.shots and "noise" not in measured.known
             else None
         )
-    noise = noise_of_flats(
-        measured.flats, measured.calibration, measured.dark, black_error(measured)
-    )
+    black = measured.assumed().black
+    noise = noise_of_flats(measured.flats, measured.calibration, measured.dark, black)
     # In scene units noise is as uncertain as their size, which is that of gamma.
     full_scale, error, gamma = measured.calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
@@ -558,32 +441,23 @@ def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
             "take more pairs of flat frames (`flat`)"
         )
     error = SIGMAS * max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if error > _GOOD_READ:
-        why = f", because {noise.source} hardly show it"
-        if dark is None:
-            why += "; take dark frames (`dark`)"
-        elif dark.shows_read:
-            why = "; take more dark frames (`dark`)"
+    if error > _GOOD_READ and (dark is None or dark.shows_read):  # or dark frames cannot help
         known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
-        warnings.append(f"read noise is {known}{why}")
+        warnings.append(f"read noise is {known}; take dark frames (`dark`), or more of them")
     return warnings
 
 
 def conclude_shading(measured: Measurements) -> Part | None:
-    """Return how light falls off, for each plane, and a warning if its error is that of an assumed
-    black level.
-    """
+    """Return how light falls off, for each plane, and a warning if black level was assumed."""
     result = measured.shading
     if result is None:
         return None
-    shading, error, warnings = result.shading, result.error, []
+    shading, warnings = result.shading, []
     if not measured.assumed().black_measured:  # light that is black in truth does not fall off
-        error = float(np.hypot(error, result.error_of_black(black_error(measured))))
-        warnings.append(
-            "shading was measured with a black level that is assumed, and so is only known to "
-            f"±{100 * error:.2g} % in the corners (standard error); take dark frames (`dark`)"
-        )
-    facts: dict[str, Any] = {"frames": result.frames, "standard_error": float(f"{error:.2g}")}
+        line = "shading was measured with a black level that is assumed; take dark frames (`dark`)"
+        warnings.append(line)
+    error = float(f"{result.error:.2g}")
+    facts: dict[str, Any] = {"frames": result.frames, "standard_error": error}
     if shading:
         facts |= {"stops": round(shading.stops, 3), "colour": round(shading.colour, 4)}
         facts |= {"residual": shading.residual, "focal_length": shading.focal_length}

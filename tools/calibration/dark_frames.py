@@ -10,7 +10,7 @@ import numpy as np
 from ...shared import Mosaic
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
-from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, planes_of, tiles
+from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, levels_of, planes_of, tiles
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
 # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288
@@ -74,24 +74,28 @@ class DarkResult:
         return f"black level {figures(self.black)} codes, {read}, {len(self.defects)} defects"
 
 
+def check_dark(frame: Mosaic) -> None:
+    """Raise InputError if a frame that is given as dark is not."""
+    level = float(np.median(levels_of(frame)))
+    if level > _NOT_DARK:
+        part = f"its median is {100 * level:.0f} % of full scale"
+        raise InputError(f"is not dark: {part}; cover the lens")
+
+
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     """Measure black level and read noise per filter colour, and find the pixels that are not black.
 
     Parameters
     ----------
     frames : Sequence[Mosaic]
-        One or more, with the same exposure. Raises InputError if they are not dark, or clearly
-        differ in noise or level.
+        One or more, with the same exposure, each after `check_dark`. Raises InputError if light
+        fell in, or if they clearly differ in noise or level.
     """
     first = frames[0]
     planes = planes_of(first.pattern, first.shape)
     number = len(first.pattern.planes)
-    full = first.calibration.white_level
     stack = np.stack([frame.codes for frame in frames]).astype(np.float64)
     mean = stack.mean(axis=0)
-    level = float(np.median(mean))
-    if level - min(first.calibration.black_level) > _NOT_DARK * full:
-        raise InputError(f"is not dark: its median is {level:.0f} of {full} codes; cover the lens")
     _check_alike(stack[:, planes == number - 1])
     black, error, read, read_error = (np.zeros(number) for _ in range(4))
     defect = np.zeros(first.shape, bool)

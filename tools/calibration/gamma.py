@@ -55,7 +55,6 @@ _INSTEAD = (
     "shoot a ColorChecker (or strongly coloured, evenly lit surfaces of all hues), unclipped, "
     "filling at least a quarter of the frame"
 )
-_VISIBLE = 3  # channels: light of three primaries has no more independent ones
 # The larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90.
 _WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0
 # With these four, the 95 % intervals of random cameras cover gamma in 91 to 96 %
@@ -340,10 +339,10 @@ def fit_gamma(
     exposed = ~places.clipped & (places.count.min(axis=1) >= 1) & (level > 0)
     least = 2 * channels
     if exposed.sum() < least:
-        why, remedy = f"only {int(exposed.sum())} patches can be measured", ""
-        if clipped := int(places.clipped.sum()):
-            why, remedy = f"{clipped} of {len(level)} patches are clipped", "expose less, or "
-        raise InputError(f"gamma: {why}, and {least} good ones are needed: {remedy}{_INSTEAD}")
+        raise InputError(
+            f"gamma: {int(exposed.sum())} of {len(level)} patches are lit and not clipped, and "
+            f"{least} are needed: change the exposure, or {_INSTEAD}"
+        )
     problem = _Problem(level, colours, places.where, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
     solution, prior = problem.start(used), np.zeros(0)
@@ -363,13 +362,9 @@ def fit_gamma(
     information = problem.information(used, solution) / spread**2
     condition = float(np.linalg.cond(colours[used] / level[used, None]))
     if condition > (worst := max(_WORST_CONDITION, _PER_CHANNEL * channels)):
-        why = "greys, or too few colours"
-        if channels > _VISIBLE:
-            why += f", or {channels} channels that are mixtures of fewer, as in light of three "
-            why += "primaries (a screen, an RGB picture)"
         raise InputError(
             f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most "
-            f"{worst:.0f}): {why}; {_INSTEAD}"
+            f"{worst:.0f}), or the light has fewer primaries than the sensor channels; {_INSTEAD}"
         )
     return GammaFit(
         information=information,

@@ -8,7 +8,6 @@ Start reading here.
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,25 +20,22 @@ from ...shared.errors import InputError
 from ..batch.console import Console
 from ..batch.jobs import reason
 from ..io.page import without_folders
-from .chart.find import FoundChart, chart_at, find_chart
+from .chart.find import chart_at, find_chart
 from .chart.picture import overlay
+from .chart.place import ChartPlace
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
-from .content import check_dark, check_flat, why_no_chart
-from .dark_frames import DarkResult, measure_dark
+from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived
-from .noise import FlatResult, measure_flats, noise_of_flats
+from .noise import FlatResult, check_flat, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
 
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).
 _FAR = 1 / 256
-# The white patch; part of full scale below which it shows much more noise than at three quarters.
-_WHITE, _DIM = 18, 0.1
+_CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
-Check = Callable[[Mosaic], None]
-"""Raises InputError if a frame shows that it is of another kind than it is given as."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +49,8 @@ class ShotMeasurement:
     fit : GammaFit
         gamma; its calibration is that stored in the shot, with the black level that the
         measurements refer to.
-    chart : FoundChart
-        The chart.
+    chart : ChartPlace
+        Place of the chart.
     places : PlaceSamples
         Statistics of the patches.
     picture : ByteArray
@@ -65,7 +61,7 @@ class ShotMeasurement:
 
     name: str
     fit: GammaFit
-    chart: FoundChart
+    chart: ChartPlace
     places: PlaceSamples
     picture: ByteArray
     light: str = ""
@@ -236,19 +232,19 @@ def measure_chart(
             "chart apart: calibrate it with dark and flat frames alone"
         )
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
-    places, derived = patch_samples(mosaic, chart.place.measured()), mosaic.pattern.derived
+    places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
         fit = fit_gamma(places, mosaic.calibration, assumed)
     else:
         expected = expected_levels(
             np.delete(places.mean, derived, axis=1),
             reference,
-            chart.place.cells,
+            chart.cells,
             mosaic.pattern.channels[derived],
         )
         fit, places = fit_with_derived(places, mosaic.calibration, derived, expected, assumed)
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
-    return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart.place))
+    return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart))
 
 
 class Session:
@@ -275,13 +271,13 @@ class Session:
             self._known["shading"] = old.calibration.shading
             if "black_level" in old.measured:
                 self._known["black_level"] = old.calibration.black_level
-        self._paths: dict[bytes, tuple[str, str]] = {}  # digest of the samples -> path, kind
+        self._paths: dict[bytes, str] = {}  # by digest of the samples
         self._base_path, self._has_shot = "", False
         self.measured = Measurements(chart_colours, old=old)
 
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
-        frames = self._unshaded(paths, "dark", check_dark)
+        frames = self._unshaded(paths, "dark")
         try:
             dark = measure_dark([mosaic for _, mosaic in frames]) if frames else None
         except InputError as error:
@@ -294,15 +290,14 @@ class Session:
         self._known["black_level"] = tuple(dark.black.tolist())
         self._console.say(dark.words)
         path, first = frames[0]
-        if self._is_far(first.calibration):
-            stated = figures(first.calibration.black_level)
+        stated = first.calibration
+        if np.abs(dark.black - stated.black_level).max() > _FAR * stated.white_level:
             fault = "states another black level than the dark frames show"
-            self._console.note(f"{path} {fault}: {stated} codes")
+            self._console.note(f"{path} {fault}: {figures(stated.black_level)} codes")
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
-        check = partial(check_flat, black_measured="black_level" in self._known)
-        frames = self._unshaded(paths, "flat", check)
+        frames = self._unshaded(paths, "flat")
         if frames:
             self._measure_shading(frames)
             self._measure_noise(paths, frames)
@@ -326,7 +321,7 @@ class Session:
     def _measure_noise(self, paths: Sequence[str], frames: list[tuple[str, Mosaic]]) -> None:
         """Measure the noise of flat frames, which only pairs of them show."""
         try:
-            flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
+            flats = measure_flats([mosaic for _, mosaic in frames])
             calibration = frames[0][1].calibration
             # Frames that do not show it are refused here, where they can be named.
             noise_of_flats(
@@ -339,9 +334,6 @@ class Session:
                 self.measured.remarks.append(f"no noise was measured: {error}")
             return
         self.measured.flats = flats
-        for index in unpaired:
-            why = "it is clipped, or no other flat frame has its exposure"
-            self._console.note(f"{frames[index][0]} tells no noise: {why}")
 
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
         """Measure shots of a chart.
@@ -353,55 +345,32 @@ class Session:
         """
 
         def measure(path: str) -> ShotMeasurement:
-            (mosaic, stated), name = self._read(path, "shot"), Path(path).name
+            mosaic = self._read(path, "shot")
             shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
             if shading and (zoomed := shading.zoomed(focal_length)):
                 self._console.note(f"{path}: {zoomed}")
             assumed = self.measured.assumed(mosaic.calibration)
-            try:
-                return measure_chart(name, mosaic, self.measured.chart_colours, corners, assumed)
-            except InputError as error:
-                why = why_no_chart(mosaic) or str(error)
-                if self._is_far(stated):
-                    black = figures(self._known["black_level"])
-                    why += f"; or the dark frames are to blame: they show black level {black}, the "
-                    why += f"shot states {figures(stated.black_level)} codes"
-                raise InputError(why) from None
+            colours, name = self.measured.chart_colours, Path(path).name
+            return measure_chart(name, mosaic, colours, corners, assumed)
 
         for shot in self._process(paths, "shot", measure):
             gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"
-            self._console.say(f"{shot.name}: chart at {shot.chart.place}, {gamma}")
-            white = shot.places.mean[_WHITE, -1]
-            if white < _DIM:
-                self.measured.remarks.append(
-                    f"{shot.name} is dark: its white patch reads {100 * white:.1f} % of full "
-                    "scale; expose more, up to 75 %"
-                )
+            self._console.say(f"{shot.name}: chart at {shot.chart}, {gamma}")
             self.measured.shots.append(replace(shot, light=light))
 
-    def _is_far(self, stated: SensorCalibration) -> bool:
-        """True if the black level that a frame states is far from the one that was measured."""
-        black = np.array(self._known.get("black_level", stated.black_level))
-        return bool(np.abs(black - stated.black_level).max() > _FAR * stated.white_level)
-
-    def _unshaded(self, paths: Sequence[str], kind: str, check: Check) -> list[tuple[str, Mosaic]]:
-        """Return the frames that can be read and are of this kind, without the shading that they
-        state.
-        """
+    def _unshaded(self, paths: Sequence[str], kind: str) -> list[tuple[str, Mosaic]]:
+        """Return the frames that can be read, without the shading that they state."""
 
         def read(path: str) -> tuple[str, Mosaic]:
-            mosaic, _ = self._read(path, kind, check)
-            return path, without_shading(mosaic)
+            return path, without_shading(self._read(path, kind))
 
         return list(self._process(paths, kind, read))
 
-    def _read(
-        self, path: str, kind: str, check: Check = lambda _: None
-    ) -> tuple[Mosaic, SensorCalibration]:
-        """Return a frame with what is known of the camera, and what the frame states.
+    def _read(self, path: str, kind: str) -> Mosaic:
+        """Return a frame with what is known of the camera.
 
-        Raises InputError for a copy of a frame before, and if it is from another camera, or was
-        taken with other settings.
+        Raises InputError for a copy of a frame before, if it is from another camera or was taken
+        with other settings, and for a dark or flat frame that is none.
         """
         mosaic = self._read_file(path)
         # What one frame's colours suggest of the light is no part of a camera.
@@ -411,15 +380,13 @@ class Session:
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
         mosaic = mosaic.calibrated(replace(stated, **self._known))
-        check(mosaic)
+        if check := _CHECKS.get(kind):
+            check(mosaic)
         digest = hashlib.sha256(mosaic.codes.data).digest()
         if digest in self._paths:
-            first, before = self._paths[digest]
-            which = f"it is the same shot as {first}"
-            if first == path:
-                which = f"it is given twice, as {before} and as {kind}"
-            raise InputError(f"{which}: a copy adds nothing; leave it out")
-        self._paths[digest] = path, kind
+            first = self._paths[digest]
+            raise InputError(f"it is the same shot as {first}: a copy adds nothing; leave it out")
+        self._paths[digest] = path
         self.measured.stated_defects |= set(stated.defects)
         if self.measured.base is None:
             self._base_path = path
@@ -427,7 +394,7 @@ class Session:
             # A shot of the chart states colours and noise, where others may not.
             self.measured.base = mosaic
         self._has_shot |= kind == "shot"
-        return mosaic, stated
+        return mosaic
 
     def _check_same(self, mosaic: Mosaic, kind: str) -> None:
         """Raise InputError unless a frame has size, pattern and levels of the first one: as they

@@ -33,9 +33,9 @@ _HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
 _MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
-_GROUPS = 6  # of tiles, per pair
-# times the median variance per light of a pair's tiles: something moved between the frames
-_RESTLESS = 2.0
+# Logarithm of the light, from tile to tile; of all steps, those that lenses of 3 stops do not make;
+# of the brightest tile, what is not told from black.
+_STEP, _STEPS, _FLOOR = 0.5, 0.05, 0.02
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
 SIGMAS = 1.96  # standard errors in half a 95 % interval
 
@@ -131,8 +131,8 @@ class FlatResult:
     pairs : int
         Their number.
     points : PlaceSamples
-        Mean and variance in parts of full scale, in a few groups of places per pair; rounding to
-        codes is part of the variance.
+        Mean and variance in parts of full scale, in the tiles of each pair; rounding to codes is
+        part of the variance.
     dead : tuple[tuple[int, int], ...]
         (row, column) of pixels that are dead in the brightest pair.
     blind : float
@@ -186,19 +186,30 @@ class NoiseResult:
         return SIGMAS * max(of_lines)
 
 
-def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
+def check_flat(frame: Mosaic) -> None:
+    """Raise InputError if a frame that is given as flat shows a scene: its dark edges would pass
+    for dead pixels.
+    """
+    planes, levels = planes_of(frame.pattern, frame.shape), levels_of(frame)
+    clear = planes == len(frame.pattern.planes) - 1
+    middles = [float(np.median(levels[window][clear[window]])) for window in tiles(planes)]
+    side = math.isqrt(len(middles))
+    light = np.log(np.maximum(middles, max(_FLOOR * max(middles), 1e-6))).reshape(side, side)
+    steps = np.concatenate([np.diff(light, axis=axis).ravel() for axis in (0, 1)])
+    if (np.abs(steps) > _STEP).sum() > _STEPS * steps.size:
+        instead = "take an evenly lit surface, out of focus"
+        raise InputError(f"is no flat frame: it shows a scene; {instead}")
+
+
+def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:
     """Measure pairs of equal flat frames: half the variance of their difference is noise without
     fixed pattern.
 
     Parameters
     ----------
     frames : Sequence[Mosaic]
-        Flat frames of one or more exposures, in any order.
-
-    Returns
-    -------
-    tuple[FlatResult, list[int]]
-        The measurements, and the indices of frames without a partner.
+        Flat frames of one or more exposures, in any order; those that are clipped, or that no other
+        has the exposure of, do not count.
 
     Raises
     ------
@@ -215,18 +226,17 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
         level, first = lit.pop(0)
         if lit[0][0] <= level * (1 + _SAME_EXPOSURE):
             pairs.append((first, lit.pop(0)[1]))
-    unpaired = sorted(set(range(len(frames))).difference(*pairs))
     if not pairs:
         raise InputError(
             "flat frames: no two unclipped frames have the same exposure; take two of each, at "
             "several exposures up to three quarters of full scale"
         )
     frames_of = [(levels[first], levels[second]) for first, second in pairs]
-    points = [_grouped(_pair_points(*pair, planes, white + 1)) for pair in frames_of]
+    points = [_pair_points(*pair, planes, white + 1) for pair in frames_of]
     mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
     number = len(mean)
     places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
-    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], planes)), unpaired
+    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], planes))
 
 
 def noise_of_flats(
@@ -283,26 +293,6 @@ def noise_of_flats(
             "up to three quarters of full scale, and dark frames (`dark`)"
         )
     return noise
-
-
-def _grouped(places: DoubleArray) -> DoubleArray:
-    """Return a few groups of places of like brightness, without places that have more than noise
-    (something moved).
-
-    A line fits the groups as well as the places. places: see `_pair_points`; the groups are of the
-    same form.
-    """
-    if not places.size:
-        return places
-    per_light = places[:, 1, -1] / np.maximum(places[:, 0, -1], 1e-6)
-    kept = places[per_light <= _RESTLESS * np.median(per_light)]
-    groups = []
-    for group in np.array_split(np.argsort(kept[:, 0, -1]), min(_GROUPS, len(kept))):
-        mean, variance, count = np.moveaxis(kept[group], 1, 0)
-        free = np.maximum(count - 1, 0)
-        pooled = (variance * free).sum(axis=0) / np.maximum(free.sum(axis=0), 1)
-        groups.append((np.average(mean, 0, count), pooled, free.sum(axis=0) + 1))
-    return np.array(groups)
 
 
 def _pair_points(

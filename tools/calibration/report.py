@@ -13,10 +13,10 @@ import numpy as np
 from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import SRGB_TO_XYZ
 from ..io.colour import encode_srgb, lab_to_xyz, xyz_to_lab
-from ..io.colour_difference import delta_e_2000
 from ..io.page import embed_picture, embed_plot, render_page
 from .chart.place import NAMES
-from .conclude import ChartColours, Result
+from .colour_matrix import ColourFit
+from .conclude import Result
 from .noise import SIGMAS, NoiseResult
 from .samples import figures
 
@@ -61,7 +61,7 @@ def write_report(result: Result, provenance: Mapping[str, str]) -> bytes:
         noise=fits.get("noise"),
         plots={name: embed_plot(plot) for name, plot in plots.items() if name in fits},
         colours=[
-            (chart, _patches(chart), _differences(chart), _glow(chart.fit.light))
+            (chart, _patches(chart.fit), _differences(chart.fit))
             for chart in fits.get("colour", ())
         ],
         dark=measured.dark,
@@ -101,35 +101,20 @@ def _plot_transfer(noise: NoiseResult, planes: str, axes: "Axes") -> None:
     axes.legend()
 
 
-def _patches(chart: ChartColours) -> list[tuple[str, float, tuple[str, ...]]]:
-    """Return of each patch its name, its dE2000, and its colours: before, after, reference."""
-    versions = [chart.fit.lab, chart.fit.reference]
-    if chart.before is not None:
-        versions.insert(0, chart.before)
-    stripes = zip(*map(_css_colours, versions), strict=True)
-    return list(zip(NAMES, chart.fit.difference.tolist(), stripes, strict=True))
+def _patches(fit: ColourFit) -> list[tuple[str, float, tuple[str, ...]]]:
+    """Return of each patch its name, its dE2000, and its colours: measured, reference."""
+    stripes = zip(_css_colours(fit.lab), _css_colours(fit.reference), strict=True)
+    return list(zip(NAMES, fit.difference.tolist(), stripes, strict=True))
 
 
-def _differences(chart: ChartColours) -> list[tuple[str, str, str]]:
-    """Return mean and maximum of dE2000 before, after, and with each patch predicted from the
-    others.
-    """
-    fit, rows = chart.fit, []
-    if chart.before is not None:
-        name = "before (only white balance, or the shot's own matrix)"
-        rows.append((name, delta_e_2000(chart.before, fit.reference)))
-    rows += [
-        ("matrix, light treated as even", fit.plain),
-        ("matrix, corrected for uneven light", fit.difference),
-        ("the same, each patch predicted from the others", fit.left_out),
-    ]
-    return [(name, f"{errors.mean():.2f}", f"{errors.max():.2f}") for name, errors in rows]
-
-
-def _glow(light: DoubleArray) -> list[tuple[float, int]]:
-    """Return the light on each patch, and its lightness on the page, per cent."""
-    bright = 45 + 45 * np.clip((light - light.min()) / max(float(np.ptp(light)), 0.1), 0, 1)
-    return list(zip(light.tolist(), np.rint(bright).astype(int).tolist(), strict=True))
+def _differences(fit: ColourFit) -> list[tuple[str, str, str]]:
+    """Return mean and maximum of dE2000, and those with each patch predicted from the others."""
+    rows = {
+        "matrix, light treated as even": fit.plain,
+        "matrix, corrected for uneven light": fit.difference,
+        "the same, each patch predicted from the others": fit.left_out,
+    }
+    return [(name, f"{errors.mean():.2f}", f"{errors.max():.2f}") for name, errors in rows.items()]
 
 
 def _css_colours(lab: DoubleArray) -> list[str]:

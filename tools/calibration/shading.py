@@ -67,23 +67,11 @@ class ShadingResult:
         Number of frames that it comes from; those that are clipped are left out.
     error : float
         Standard error of the gain where it is known worst, as a share, if the black level is right.
-    light : DoubleArray
-        (C + 1,), in the middle of the frame, codes above black.
-    falls : DoubleArray
-        (C + 1,), the largest gain of each plane.
     """
 
     shading: Shading | None
     frames: int
     error: float
-    light: DoubleArray
-    falls: DoubleArray
-
-    def error_of_black(self, black: DoubleArray) -> float:
-        """Return the standard error of the gain where it is largest, as a share, by one of the
-        black level, (C + 1,) codes.
-        """
-        return float((black / self.light * np.abs(self.falls - 1)).max())
 
     @property
     def words(self) -> str:
@@ -153,12 +141,9 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
             f"shading, {100 * _RESIDUAL:.1f} % are allowed; take an evenly lit surface without "
             "texture, out of focus"
         )
-    calibration = frames[0][1].calibration
-    codes = left.light.mean(axis=1) * (calibration.white_level - np.array(calibration.black_level))
-    gains = shading.sketch.max(axis=(1, 2)).astype(np.float64)
     is_even = float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error)
     rounded = None if is_even else replace(shading, residual=float(f"{residual:.2g}"))
-    return ShadingResult(rounded, len(parts), error, codes, gains)
+    return ShadingResult(rounded, len(parts), error)
 
 
 def _common_focal_length(frames: Sequence[Named]) -> float | None:

@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from ..calibration.conclude import conclude
     from ..calibration.files import KINDS, check_output, check_same, read_known, sort_files
     from ..calibration.measure import measure_frames
-    from ..calibration.reference import check_order, read_reference
+    from ..calibration.reference import read_reference
     from ..calibration.report import write_report
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
@@ -109,8 +109,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         refuse_existing((folder / "report.html",))
     chart_colours = color_checker_xyz()
     if arguments.chart:
-        usual, chart_colours = chart_colours, read_reference(Path(arguments.chart))
-        check_order(Path(arguments.chart), chart_colours, usual)
+        chart_colours = read_reference(Path(arguments.chart))
     old = read_known(output) if arguments.update and output.exists() else None
     measurements = measure_frames(console, files, chart_colours, corners, arguments.sensor, old)
     if measurements.base is None or measurements.empty:

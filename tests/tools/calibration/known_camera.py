@@ -85,13 +85,6 @@ def edited(mosaic: Mosaic, edit: Callable[[np.ndarray], ArrayLike]) -> Mosaic:
     return replace(mosaic, samples=codes.astype(np.uint16))
 
 
-def with_code(mosaic: Mosaic, place: tuple[int, int], code: float) -> Mosaic:
-    """The frame with another code at one place (row, column)."""
-    codes = mosaic.codes.copy()
-    codes[place] = code
-    return replace(mosaic, samples=codes)
-
-
 def stating(mosaic: Mosaic, **facts: Any) -> Mosaic:
     """The frame with other statements in its calibration, `shading=None` for example."""
     return replace(mosaic, calibration=replace(mosaic.calibration, **facts))
@@ -103,17 +96,12 @@ def save(path: Path, mosaic: Mosaic) -> Path:
     return path
 
 
-def cgats(
-    values: ArrayLike,
-    columns: str = "XYZ_X XYZ_Y XYZ_Z",
-    names: Sequence[str] = (),
-    header: str = "CTI3",
-) -> str:
+def cgats(values: ArrayLike, columns: str = "XYZ_X XYZ_Y XYZ_Z", names: Sequence[str] = ()) -> str:
     """A CGATS file; names: of the patches, by default A1 to F4 in reading order."""
     names = names or [f"{'ABCDEF'[index % 6]}{index // 6 + 1}" for index in range(24)]
     texts = [" ".join(f"{value:.6f}" for value in row) for row in np.asarray(values)]
     rows = [f"{name} {text}" for name, text in zip(names, texts, strict=True)]
-    begin = f"{header}\nBEGIN_DATA_FORMAT\nSAMPLE_ID {columns}\nEND_DATA_FORMAT\nBEGIN_DATA\n"
+    begin = f"CTI3\nBEGIN_DATA_FORMAT\nSAMPLE_ID {columns}\nEND_DATA_FORMAT\nBEGIN_DATA\n"
     return begin + "\n".join(rows) + "\nEND_DATA\n"
 
 

@@ -11,12 +11,8 @@ from panchroma.shared.colorimetry import D50, Matrix, as_rows
 from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.chart.find import chart_at, find_chart
 from panchroma.tools.calibration.chart.place import ChartPlace, least_pitch
-from panchroma.tools.calibration.colour_matrix import (
-    UNEVEN,
-    fit_colour,
-    grey_row_fault,
-    white_balanced,
-)
+from panchroma.tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault
+from panchroma.tools.calibration.samples import patch_samples
 from panchroma.tools.io.colour import lab_to_xyz, xyz_to_lab
 from panchroma.tools.io.colour_difference import delta_e_2000, lab_slopes
 from panchroma.tools.simulation.perspective import rectangle
@@ -93,12 +89,6 @@ def test_more_channels_than_three() -> None:
     assert fit.difference.mean() < 0.5
 
 
-def test_the_state_before_is_that_of_the_matrix_known_before() -> None:
-    for matrix, least, most in ((MATRIX, 0, 1), (np.eye(3), 5, 100)):
-        before = white_balanced(0.2 * READINGS, REFERENCE, matrix)
-        assert least < delta_e_2000(before, xyz_to_lab(REFERENCE)).mean() < most
-
-
 def test_a_grey_row_is_monotone_and_linear() -> None:
     greys = REFERENCE[18:, 1]
     assert grey_row_fault(0.3 * greys * 0.95 ** np.arange(6), greys) is None
@@ -114,15 +104,14 @@ def off(place: ChartPlace, truth: ChartPlace) -> float:
 
 @pytest.mark.parametrize("period", [4, 6, 8])
 def test_the_chart_is_found_in_perspective_and_uneven_light(period: int) -> None:
-    found = find_chart(frame(chart().rgb, period), REFERENCE)
-    assert off(found.place, true_place()) < 0.08
-    assert found.difference < 2
+    place = find_chart(frame(chart().rgb, period), REFERENCE)
+    assert off(place, true_place()) < 0.08
 
 
 def test_upside_down_it_is_named_the_right_way_round() -> None:
-    found = find_chart(frame(chart().rgb[::-1, ::-1]), REFERENCE)
-    assert found.place.corners[0][0] > WIDTH / 2
-    assert found.place.corners[0][1] > HEIGHT / 2
+    place = find_chart(frame(chart().rgb[::-1, ::-1]), REFERENCE)
+    assert place.corners[0][0] > WIDTH / 2
+    assert place.corners[0][1] > HEIGHT / 2
 
 
 def wall() -> FloatArray:
@@ -137,12 +126,15 @@ def test_in_front_of_a_brick_wall() -> None:
     scene, top, left = wall(), 130, 220
     scene[top : top + HEIGHT, left : left + WIDTH] = chart().rgb
     truth = ChartPlace(tuple((x + left, y + top) for x, y in true_place().corners))
-    assert off(find_chart(frame(scene), REFERENCE).place, truth) < 0.1
+    assert off(find_chart(frame(scene), REFERENCE), truth) < 0.1
 
 
 @pytest.mark.parametrize("name", ["chart/g2_full.crw", "raw/outdoor2.dng", "raw/outdoor4.dng"])
 def test_the_charts_of_photographs_are_found(name: str) -> None:
-    assert find_chart(shot_of(name, 4), REFERENCE).difference < 5
+    taken = shot_of(name, 4)
+    place = find_chart(taken, REFERENCE)
+    levels = patch_samples(taken, place.measured()).mean[:, :-1]
+    assert fit_colour(levels, REFERENCE, place.cells).difference.mean() < 5
 
 
 def far() -> Mosaic:
@@ -171,7 +163,6 @@ NONE, SMALL = "no ColorChecker was found whole", f"too small.*period 8 needs {le
         (lambda: find_chart(frame(chart().rgb[:, ::-1]), REFERENCE), NONE),
         (lambda: find_chart(frame(chart().rgb[:, :470]), REFERENCE), NONE),
         (lambda: find_chart(shot_of("chart/g2_cut_off.crw", 4), REFERENCE), NONE),
-        (lambda: find_chart(shot_of("chart/s40_cut_off.crw", 4), REFERENCE), NONE),
         (lambda: find_chart(far(), REFERENCE), SMALL),
         (lambda: chart_at(far(), FAR_CORNERS, REFERENCE), SMALL),
         (lambda: at(as_rows(rectangle(5, 5, 300, 200)), chart().rgb), "there is no ColorChecker"),

@@ -4,7 +4,6 @@ not what is assumed.
 
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -24,11 +23,11 @@ SIMPLE = SimulatedCamera(
 )
 
 
-def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1) -> Frames:
-    """Shots of the chart, in this light, and four dark frames."""
+def frames_of(camera: SimulatedCamera, number: int = 1) -> Frames:
+    """Shots of the chart, and four dark frames."""
     random, frames = np.random.default_rng(5), Frames()
     for each in range(number):
-        frames.mosaics[f"chart{each}"] = camera.shot(charts() * np.array(light), random)
+        frames.mosaics[f"chart{each}"] = camera.shot(charts(), random)
         frames.places[f"chart{each}"] = ChartPlace(true_place().corners)
     for each in range(4):
         frames.mosaics[f"dark{each}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
@@ -47,7 +46,7 @@ def test_intervals_hold_whatever_was_not_measured() -> None:
             assert off.max() < 1.8, kind
 
 
-def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
+def test_a_chart_contradicts_a_black_level_that_is_off() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
         outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
@@ -55,8 +54,7 @@ def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
-        assert "contradict the black level that is assumed" in said
-        assert re.search(r"it seems to be 1.* codes higher; take dark frames \(`dark`\)", said)
+        assert re.search(r"the black level that is assumed by .* take dark frames \(`dark`\)", said)
         assert outcome.camera is not None  # gamma is honest, and dark frames may be added
 
 
@@ -67,14 +65,3 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
     said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.9"
     assert re.search(said, outcome.refusal)
-
-
-def test_blue_light_is_called_blue() -> None:
-    outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
-    (shot,) = outcome.measured.shots
-    # That of the dark frames.
-    assert shot.fit.calibration.black_level == outcome.camera.calibration.black_level
-    said = " ".join(outcome.warnings)
-    assert re.search("strongly coloured: on grey R reads 5 % of what B does.*white light", said)
-    assert not re.search("uneven|black level", said)
-    assert not outcome.contradictions

@@ -132,7 +132,7 @@ def test_what_does_not_tell_gamma_is_refused_with_the_reason_and_a_remedy() -> N
     grey = np.repeat(chart().rgb.mean(axis=2, keepdims=True), 3, axis=2)
     with pytest.raises(InputError, match=r"(?s)gamma.*shoot a ColorChecker"):
         check_determined(of_chart(on_chart(frame(grey))))
-    with pytest.raises(InputError, match=r"clipped.*expose less"):
+    with pytest.raises(InputError, match=r"not clipped.*change the exposure"):
         of_chart(on_chart(frame(8 * chart().rgb + 0.5)))
 
 

@@ -95,7 +95,6 @@ def test_a_frame_that_is_not_like_the_others_is_refused(words: str) -> None:
 
 def test_the_size_is_kept_and_an_update_with_another_one_is_refused(tmp_path: Path) -> None:
     camera = concluded(dark=several("dark", 2), shots=several("chart", 1)).camera
-    assert camera is not None
     assert camera.size == SHAPE
     check_same(tmp_path, camera, taken("chart"))
     said = "the frames have 480 x 300 pixels, those of the camera file 600 x 400"
@@ -125,40 +124,30 @@ def test_defects_that_a_shot_states_are_kept_unless_dark_and_flat_frames_show_no
         hot[place] = 60
     shots = several("chart", 1, lambda mosaic: stating(mosaic, defects=STATED))
     darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda codes: codes + hot))
-    flats, lit = several("flat", 4), {"dark0.dng": frame(0.3 * EVEN)}
-    for frames, expected in (
-        ({"dark": lit, "flat": flats}, STATED),
-        ({"dark": darks}, (*STATED, (7, 8))),
-        ({"dark": darks, "flat": flats}, (*STATED[:2], (7, 8))),
-    ):
-        outcome = concluded(shots=shots, **frames)
-        assert outcome.camera is not None
-        assert outcome.camera.calibration.defects == tuple(sorted(expected))
-    said = "1 defects that the frames state show neither in dark nor in flat frames.*200 300"
-    assert re.search(said, " ".join(outcome.warnings))
+    assert concluded(shots=shots).camera.calibration.defects == STATED
+    outcome = concluded(dark=darks, flat=several("flat", 4), shots=shots)
+    assert outcome.camera.calibration.defects == ((3, 4), (7, 8), (50, 60))
+    said = "1 defects that the frames state show neither in dark nor in flat frames"
+    assert said in " ".join(outcome.warnings)
 
 
 def test_what_a_chart_states_of_lens_and_noise_is_not_lost_where_dark_frames_come_first() -> None:
     shading = darker_corners(SHAPE)
     even = {"even.dng": stating(taken("chart"), noise=NOISE, shading=shading)}
     base = measured(dark=several("dark", 2), shots=even).base
-    assert base is not None
     assert (base.calibration.shading, base.calibration.noise) == (shading, NOISE)
 
 
 @pytest.mark.parametrize(
     ("kind", "content", "words"),
     [
-        ("dark", lambda: taken("chart"), "is not dark: it shows a scene"),
-        ("dark", lambda: taken("flat"), "is not dark: its median is 20 % of full scale"),
+        ("dark", lambda: taken("chart"), "is not dark: its median is"),
         ("flat", lambda: taken("chart"), "is no flat frame: it shows a scene"),
-        ("flat", lambda: taken("dark", 9), "is dark: no light fell in"),
-        ("shots", lambda: taken("dark", 9), "it is dark; a dark frame, or a folder"),
-        ("shots", lambda: taken("flat", 7), "it shows an even surface; a flat frame"),
-        ("shots", lambda: frame(9 * chart().rgb), "it is over-exposed: .* samples are clipped"),
+        ("shots", lambda: taken("dark", 9), "there is no ColorChecker"),
+        ("shots", lambda: frame(9 * chart().rgb), "there is no ColorChecker"),
     ],
 )
-def test_a_frame_of_another_kind_is_recognised(kind: str, content: Taken, words: str) -> None:
+def test_a_frame_of_another_kind_is_skipped_alone(kind: str, content: Taken, words: str) -> None:
     others = {"dark": several("dark", 2), "flat": several("flat", 4), "shots": several("chart", 1)}
     others[kind] = {"wrong.dng": content(), **others[kind]}
     seen = measured(**others)
@@ -169,18 +158,11 @@ def test_a_frame_of_another_kind_is_recognised(kind: str, content: Taken, words:
     assert len(seen.shots) == 1
 
 
-def test_a_dim_chart_is_told() -> None:
-    (line,) = measured(shots={"chart0.dng": frame(0.04 * chart().rgb)}).remarks
-    assert line.startswith("chart0.dng is dark: its white patch reads 3.")
-
-
-@pytest.mark.parametrize("codes", [30, -90])
-def test_dark_frames_that_contradict_a_chart_are_to_blame(codes: float) -> None:
-    darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda every: every + codes))
+def test_dark_frames_that_contradict_a_chart_are_to_blame() -> None:
+    darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda every: every + 12))
     outcome = concluded(dark=darks, shots=several("chart", 1))
-    assert outcome.camera is None or not outcome.measured.shots
-    said = " ".join((outcome.refusal, *outcome.measured.skipped))
-    assert re.search("black level that the dark frames show|the dark frames are to blame", said)
+    assert outcome.camera is None
+    assert "black level that the dark frames show" in outcome.refusal
 
 
 @pytest.mark.parametrize("stated", [96.0, 346.0])

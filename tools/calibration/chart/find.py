@@ -3,7 +3,6 @@ colours and grey row.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -41,27 +40,7 @@ _BESIDE = 0.045  # of a cell, from the middle of a gap: gaps are 0.12 to 0.16 wi
 _EDGE = 0.78  # of a cell: the part that refinement makes uniform, nearly the whole patch
 
 
-@dataclass(frozen=True, eq=False)
-class FoundChart:
-    """A chart in a frame, or a place that shows none.
-
-    Attributes
-    ----------
-    place
-        Where it lies.
-    difference
-        Mean dE2000 to the reference after fitting a matrix and the light; inf if no colours could
-        be fitted.
-    fault
-        Why it is no chart; "" if it is one.
-    """
-
-    place: ChartPlace
-    difference: float
-    fault: str = ""
-
-
-def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
+def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
     """Find the ColorChecker Classic in a shot.
 
     A place is accepted if its corners lie inside the frame, its grey row is monotone and linear,
@@ -90,20 +69,21 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
             )
             if difference > _WORTH_REFINING:
                 continue
-            chart = _judge(picture, refine(picture, upright), reference)
-            if not chart.fault:
-                _check_size(chart.place, mosaic)
-                return chart
-            why = f"; the likeliest place was refused: {chart.fault}"
+            refined = refine(picture, upright)
+            fault = _fault(picture, refined, reference)
+            if not fault:
+                _check_size(refined, mosaic)
+                return refined
+            why = f"; the likeliest place was refused: {fault}"
     raise InputError(
-        f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least "
-        f"{least_pitch(period)} pixels apart at period {period}; if the chart is there, give its "
-        "corners: `corners` x,y x,y x,y x,y"
+        f"no ColorChecker was found whole inside the frame{why}. Its white must read about three "
+        f"quarters, its patches be at least {least_pitch(period)} pixels apart at period {period}; "
+        "if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
     )
 
 
-def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundChart:
-    """Return the chart at given corners (see `ChartPlace`), after the same tests.
+def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> ChartPlace:
+    """Return the place of the chart at given corners (see `ChartPlace`), after the same tests.
 
     Raises
     ------
@@ -111,14 +91,10 @@ def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundCh
         If one of them fails.
     """
     place = ChartPlace(corners)
-    if not place.lies_in(mosaic.shape):
-        size = f"{mosaic.shape[1]} x {mosaic.shape[0]} pixels"
-        raise InputError(f"the corners {place} lie outside the frame of {size}")
     _check_size(place, mosaic)
-    chart = _judge(linear_picture(mosaic), place, reference)
-    if chart.fault:
-        raise InputError(f"at the corners {place} there is no ColorChecker: {chart.fault}")
-    return chart
+    if fault := _fault(linear_picture(mosaic), place, reference):
+        raise InputError(f"at the corners {place} there is no ColorChecker: {fault}")
+    return place
 
 
 def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
@@ -164,19 +140,18 @@ def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> I
             continue
 
 
-def _judge(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart:
-    """Return what a place in a picture (H, W, C), linear, shows."""
-    difference = _difference(picture, place, reference)
-    means, roughness = patch_means(picture, place)
-    fault = grey_row_fault(means[18:].sum(axis=1), reference[18:, 1]) or ""
+def _fault(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> str:
+    """Return why a place in a picture (H, W, C), linear, shows no chart; "" if it does."""
     if not place.lies_in(picture.shape[:2]):
-        fault = f"its corners {place} lie outside the frame: the chart is cut off"
-    elif difference > _LARGEST_DIFFERENCE:
+        return f"its corners {place} lie outside the frame: the chart is cut off"
+    difference = _difference(picture, place, reference)
+    if difference > _LARGEST_DIFFERENCE:
         error = f"mean dE2000 {difference:.0f} after fitting, at most {_LARGEST_DIFFERENCE:.0f}"
-        fault = f"its colours are not a ColorChecker's ({error})"
-    elif np.median(roughness) > _ROUGHEST:
-        fault = fault or "the patches are not uniform"
-    return FoundChart(place, difference, fault)
+        return f"its colours are not a ColorChecker's ({error})"
+    means, roughness = patch_means(picture, place)
+    if fault := grey_row_fault(means[18:].sum(axis=1), reference[18:, 1]):
+        return fault
+    return "the patches are not uniform" if np.median(roughness) > _ROUGHEST else ""
 
 
 def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> float:
