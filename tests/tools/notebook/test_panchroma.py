@@ -70,7 +70,7 @@ def test_a_shot_is_that_of_the_command(tmp_path: Path) -> None:
     run("simulate", SCENE, "-o", tmp_path, f"--pattern {tile}", code=0)
     shot, (file,) = panchroma.simulate(SCENE, pattern=tile), tmp_path.glob("*.dng")
     assert np.array_equal(read_dng(file).codes, shot.mosaic.codes)
-    assert read_dng(file).calibration == shot.mosaic.calibration
+    assert read_dng(file).calibration == shot.calibration
     assert shot.truth.channels == "CMY"
 
 
@@ -184,7 +184,7 @@ def test_more_memory_than_is_free_is_refused(
 
 def test_a_shot_at_another_focal_length_has_a_note(shot: panchroma.Shot, tmp_path: Path) -> None:
     shading = Shading((((1.0,) * 4,) * 4,) * 4, shot.shape, focal_length=35)
-    calibration = replace(shot.mosaic.calibration, shading=shading)
+    calibration = replace(shot.calibration, shading=shading)
     metadata = CaptureMetadata(focal_length=50.0)
     zoomed = panchroma.Shot(replace(shot.mosaic, calibration=calibration, metadata=metadata))
     zoomed.save(tmp_path / "zoomed.dng")
@@ -211,7 +211,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8)), CfaPattern.bayer(4))
     (tmp_path / "camera.json").write_text(json.dumps(camera.to_json()))
     made = panchroma.simulate(SCENE, camera=tmp_path / "camera.json")
-    assert (made.pattern, made.mosaic.calibration.gamma) == (camera.pattern, (0.9, 1.1, 0.8))
+    assert (made.pattern, made.calibration.gamma) == (camera.pattern, (0.9, 1.1, 0.8))
     shot.save(tmp_path / "shot.dng")
     with pytest.raises(panchroma.PanchromaError, match="different sensors"):
         panchroma.open(tmp_path / "shot.dng", camera=tmp_path / "camera.json")

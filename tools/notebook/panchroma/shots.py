@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .pictures import Image, Picture, checked_flag
-from .shared import CfaPattern, Mosaic, read_camera, read_dng, write_dng
+from .shared import (
+    CaptureMetadata,
+    CfaPattern,
+    Mosaic,
+    SensorCalibration,
+    read_camera,
+    read_dng,
+    write_dng,
+)
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
 from .tools.batch.console import fault
@@ -32,8 +40,8 @@ class Shot:
     Attributes
     ----------
     mosaic : Mosaic
-        Samples (`mosaic.codes`, `mosaic.signal` in scene units), with `mosaic.calibration` (gamma,
-        noise, levels, colours) and `mosaic.metadata` (camera, lens, exposure, orientation).
+        Samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and
+        capture data.
     truth : Picture | None
         The light that a simulated camera saw, in the units of a render; None for other shots.
     name : str
@@ -67,6 +75,16 @@ class Shot:
     def pattern(self) -> CfaPattern:
         """The filters: `pattern.tile`, `pattern.channels`, `pattern.filter_map(shot.shape)`."""
         return self.mosaic.pattern
+
+    @property
+    def calibration(self) -> SensorCalibration:
+        """Calibration of the sensor: gamma, noise, levels, colours."""
+        return self.mosaic.calibration
+
+    @property
+    def metadata(self) -> CaptureMetadata:
+        """Capture data: camera, lens, exposure, orientation."""
+        return self.mosaic.metadata
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the shot with its preview as a DNG, which `open` reads. An existing file stays,
