@@ -40,6 +40,10 @@ _MANY = 1e-3  # of the pixels
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 _GOOD_READ, _GOOD_NOISE = 0.05, 0.1  # half width over read noise, and over variance at full scale
 
+# Of a camera file that is updated.
+_OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
+_MOVED = 2.0  # standard errors of the black level
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -147,8 +151,24 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
         camera = Camera(calibration, base.pattern, facts, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
     lines = [line for part in parts.values() for line in part.warnings]
-    warnings = (*measured.remarks, *lines)
+    warnings = (*measured.remarks, *lines, *_outdated(measured, sources))
     return Result(measured, parts, sources, camera, refusal, contradictions, warnings)
+
+
+def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
+    """Return a warning of parts that are kept, and were measured with a black level that has turned
+    out to be wrong.
+    """
+    kept = [part for part in measured.known if part in _OF_BLACK and part not in sources]
+    if not (kept and measured.old and measured.dark):
+        return []
+    moved = np.abs(measured.dark.black - np.array(measured.old.calibration.black_level))
+    if not (moved > _MOVED * measured.assumed().black).any():
+        return []
+    return [
+        f"the black level is {moved.max():.1f} codes off the one with which {', '.join(kept)} of "
+        "the camera file were measured; give all frames together to measure these again"
+    ]
 
 
 # --- gamma ---------------------------------------------------------------------------------------

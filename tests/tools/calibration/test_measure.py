@@ -80,6 +80,14 @@ def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all()
     assert concluded(old, flats=dead, dark=hot).calibration.defects == ((1, 2), (3, 4))
 
 
+def test_parts_that_were_measured_with_a_black_level_far_off_are_named() -> None:
+    known = {"gamma": {}, "colour": {}, "black_level": {"standard_error": [0.01] * 4}}
+    for black, count in ((256.0, 0), (262.0, 1)):
+        old = Camera(replace(BLIND, black_level=(black,) * 4), PATTERN, known)
+        warnings = " ".join(conclude(Measurements(REFERENCE, base_of(), old, DARK)).warnings)
+        assert warnings.count("6.0 codes off the one with which gamma, colour") == count
+
+
 def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
     known = Camera(replace(BLIND, shading=DARKER), PATTERN, {"shading": {"corner": [1, 0, 1]}})
     assert concluded(known, dark=DARK).calibration.shading == DARKER
