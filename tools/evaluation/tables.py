@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..batch.console import one_line
-from ..simulation.noise import Protocol
-from .figures import CRITERIA, EVEN, Figure, Figures, Place
+from .figures import CRITERIA, Figure, Figures, Place
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
 from .tiles import Tile
@@ -168,33 +167,13 @@ def encode_json(
         "protocol": protocol,
         "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
         "methods": methods,
-        "verdict": {group: _verdict(figures, group) for group in figures.groups},
+        "verdict": {group: judge(figures, group)._asdict() for group in figures.groups},
         "figures": [_row(figure) for figure in figures.rows],
         "failed": failures,
         "left_out": left_out,
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode(errors="backslashreplace")
-
-
-def _verdict(figures: Figures, group: str) -> dict[str, Any]:
-    tone, sentences = judge(figures, group)
-    levels = [_level(figures, group, level) for level in figures.study.levels]
-    return {"ours": figures.study.ours, "tone": tone, "sentences": sentences, "levels": levels}
-
-
-def _level(figures: Figures, group: str, level: Protocol) -> dict[str, Any]:
-    place, methods = Place(group, level), figures.study.methods
-    lead, scenes = figures.lead(place), figures.leads(group, level)
-    winners = {criterion.name: figures.best(place, criterion, methods) for criterion in CRITERIA}
-    return {
-        "level": level.level,
-        "winner": winners,
-        "best_rival": lead and lead.rival,
-        "margin_rgb": lead and round(lead.value, 4),
-        "scenes_won": sum(scene.value >= EVEN for scene in scenes),
-        "scenes": len(scenes),
-    }
 
 
 def _facts(tile: Tile | None) -> dict[str, Any]:
