@@ -16,7 +16,6 @@ from ..batch.console import one_line
 from .figures import CRITERIA, Figure, Figures, Place
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
-from .tiles import Tile
 from .verdict import judge
 
 _POOLED = "all scenes"
@@ -96,7 +95,7 @@ def _row(figure: Figure) -> dict[str, Any]:
     row |= {"method": figure.method, "period": tile and tile.period}
     for name, value in figure.values.items():
         row[name] = value if value is None else round(value, _DIGITS.get(name, 4))
-    return row | {"scenes": figure.scenes, "pattern": tile and tile.name} | _facts(tile)
+    return row | {"scenes": figure.scenes, "pattern": tile and tile.name}
 
 
 def encode_csv(figures: Figures) -> bytes:
@@ -147,14 +146,13 @@ def encode_json(
         methods[name] = {"title": method.title, "ours": method.ours, "bayer": not method.ours}
     for tile in study.tiles:
         letters = "/".join(tile.pattern.tile)
-        patterns[tile.name] = {"tile": letters, "period": tile.period} | _facts(tile)
+        light = round(tile.light, 6)
+        patterns[tile.name] = {"tile": letters, "period": tile.period, "light": light}
     protocol = {
         "kind": study.protocol.name,
         "seed": study.seed,
         "level": study.protocol.unit,
         "levels": [level.level for level in study.levels],
-        "period": study.tile.period,
-        "periods": [tile.period for tile in study.tiles if tile.period],
         "pattern": study.tile.name,
         "patterns": patterns,
         "patch": PSNR_PATCH,
@@ -174,9 +172,3 @@ def encode_json(
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode(errors="backslashreplace")
-
-
-def _facts(tile: Tile | None) -> dict[str, Any]:
-    """Return the facts about a pattern; all are None for a Bayer camera's method."""
-    share, light = (tile.panchromatic_share, tile.light) if tile else (None, None)
-    return {"panchromatic_share": share and round(share, 6), "light": light and round(light, 6)}

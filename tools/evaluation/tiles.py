@@ -59,16 +59,11 @@ class Tile:
         return period if self.pattern == CfaPattern.bayer(period, ORDER) else None
 
     @property
-    def panchromatic_share(self) -> float:
-        """Share of the pixels that are panchromatic, 0 to 1."""
-        return 1 - len(self.pattern.sites) / self.pattern.period**2
-
-    @property
     def light(self) -> float:
         """Light collected from a white scene, as a multiple of what a Bayer sensor collects."""
         # that one colour pixel collects; a panchromatic one collects 3
         colour = 1 / filters_of(self.pattern).unit
-        return 3 * self.panchromatic_share + colour * (1 - self.panchromatic_share)
+        return 3 - (3 - colour) * len(self.pattern.sites) / self.pattern.period**2
 
 
 @lru_cache(maxsize=256)

@@ -177,7 +177,8 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     assert own["wrong_hue"] == pytest.approx(measures.wrong_hue, abs=1e-6)
     assert float(row["rgb_q50"]) == own["rgb_q50"]
     kodak = next(item for item in objects if item["pattern"] == "Kodak")
-    assert (kodak["period"], kodak["panchromatic_share"], kodak["light"]) == (None, 0.5, 2.0)
+    assert kodak["period"] is None
+    assert document["protocol"]["patterns"]["Kodak"]["light"] == 2
     assert {item["pattern"] for item in objects if item["method"] == "bilinear"} == {None}
 
 

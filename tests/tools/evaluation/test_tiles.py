@@ -39,7 +39,7 @@ def test_share_and_light() -> None:
     ones two thirds.
     """
     kodak = named(KODAK)
-    assert (kodak.panchromatic_share, kodak.light) == (0.5, 2.0)
+    assert kodak.light == 2
     assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency)
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
     with pytest.raises(InputError, match="channels"):
