@@ -61,7 +61,6 @@ RGB = Criterion("RGB, dB", "rgb_q50")
 TENTH = Criterion("RGB, 10\u00a0%", "rgb_q10")
 WHOLE = Criterion("whole image", "psnr")
 HUE = Criterion("wrong hue,\u00a0%", "wrong_hue", sign=-1, scale=100.0)
-KEPT = Criterion("dark colour,\u00a0%", "kept_1", sign=0, digits=0, scale=100.0)
 CRITERIA = (
     RGB,
     Criterion("luminance", "luminance_q50"),
@@ -70,7 +69,7 @@ CRITERIA = (
     Criterion("chrominance, 10\u00a0%", "chrominance_q10"),
     WHOLE,
     HUE,
-    KEPT,
+    Criterion("dark colour,\u00a0%", "kept_1", sign=0, digits=0, scale=100.0),
 )
 
 
