@@ -35,8 +35,6 @@ class Method:
         The picture depends on what white reads.
     packages
         Distributions that the method needs; results depend on their versions.
-    seconds
-        Rough duration per megapixel, from which the time left is estimated.
     file
         Path of a network; "" = none. Results depend on its content, which `version` states.
     """
@@ -48,7 +46,6 @@ class Method:
     ours: bool = False
     balanced: bool = False
     packages: tuple[str, ...] = ()
-    seconds: float = 1.0
     file: str = ""
 
     @property

@@ -65,11 +65,6 @@ class SceneInfo:
     notes: tuple[str, ...] = ()
     origin: tuple[int, int] = (0, 0)
 
-    @property
-    def megapixels(self) -> float:
-        """Size after cutting."""
-        return self.rows * self.columns / 1e6
-
 
 @dataclass(frozen=True)
 class Reading:

@@ -34,7 +34,6 @@ renderer and its settings, or of the preview), and those of the packages that th
 Whoever changes code so that figures differ raises the number beside it, or the old figures stay; a
 test compares figures with those that the numbers stand for.
 """
-_SECONDS = 0.3  # per megapixel, to measure a picture, roughly
 
 
 @dataclass(frozen=True)
@@ -134,12 +133,6 @@ class Study:
                 for name in self.methods:
                     for tile in self.cameras(name):
                         yield name_cell(scene, level, self.method(name), tile, self.seed)
-
-    def seconds(self, cell: Cell) -> float:
-        """Rough duration on one core: the share of a result in the work, for the time left. It
-        foretells nothing by itself.
-        """
-        return (self.method(cell.method).seconds + _SECONDS) * cell.scene.megapixels
 
     def remarks(self) -> list[str]:
         """Return remarks on filters that are made from others."""
