@@ -1,6 +1,5 @@
 """Load a scene: a camera RAW, a picture, or a built-in scene."""
 
-import os
 import re
 import sys
 from collections import defaultdict
@@ -16,7 +15,6 @@ from ...shared.arrays import CodeArray
 from ...shared.dng.tags import MAKER, TAG
 from ...shared.errors import ForeignFileError, InputError
 from ...shared.reading import MAX_PIXELS, opened_file
-from ...shared.spelling import closest
 from ...shared.tiff_check import PLAIN, check_directories
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.decoded import PictureFormat, guarded
@@ -92,8 +90,6 @@ def load_scene(
     """
     if is_drawn(source):
         return _draw(source, max_pixels, channels)
-    if meant := _misspelt(source):
-        raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
     path = Path(source)
     picture_format, is_dng = file_kind(path)
     if picture_format:
@@ -209,18 +205,6 @@ def _is_shot(path: str) -> bool:
 def is_drawn(source: str) -> bool:
     """Return whether a SCENE is a built-in scene, not a file."""
     return source.startswith((*_DRAWN, *_EVEN))
-
-
-def _misspelt(source: str) -> str:
-    """The drawn scene that a user probably meant by a name of no scene and no file:
-    "bultin:600x400", "600x400"; "" if none.
-    """
-    kind, _, size = source.rpartition(":")
-    if os.path.lexists(source) or not re.fullmatch(r"\d+x\d+", size):
-        return ""
-    kinds = [name.removesuffix(":") for name in (*_DRAWN, *_EVEN)]
-    close = closest(kind, kinds) if kind else kinds[0]
-    return f"{close}:{size}" if close else ""
 
 
 def _draw(source: str, max_pixels: int, channels: str) -> Scene:
