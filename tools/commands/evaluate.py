@@ -131,7 +131,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Re
     from ..evaluation.methods import choose, default_names, missing_packages
     from ..evaluation.scene_sets import Reading
     from ..evaluation.study import Study
-    from ..evaluation.tiles import Tile, distinct_tiles
+    from ..evaluation.tiles import Tile
 
     protocol, requested = protocol_of(arguments)
     levels = protocol.levels(requested)
@@ -142,13 +142,13 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Re
     if not arguments.methods and (missing := missing_packages()):
         reason = f"these packages are not installed: {', '.join(missing)}"
         console.note(f"some methods are left out because {reason}")
-    tiles = distinct_tiles(Tile.named(read_pattern(text), text) for text in arguments.pattern)
+    tiles = dict.fromkeys(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     reading = Reading(arguments.linear, arguments.crop)
     sources = list(map(place, arguments.scenes))
     scenes, failures, left_out = team.read(sources, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     networks = tuple((method.name, method.file) for method in methods if method.file)
-    study = Study(tuple(scenes), chosen, levels, tiles, _SEED, reading, networks)
+    study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, networks)
     console.note(*study.remarks())
     return study, failures, left_out
 

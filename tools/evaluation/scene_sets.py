@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from ..batch.folders import search
 from ..io.scene import Scene
 from ..simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 from .metrics import BORDER, PSNR_PATCH
-from .tiles import unique_name
 
 # Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8
 # bits) is not a measurement of light: it is linearised, but never pooled with what sensors
@@ -174,8 +174,9 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
             same = f"the same pixels as {kept[scene.digest].source}"
             remarks.append(f"{scene.source}: has {same} and is measured once")
         else:
-            names = (scene.name, Path(scene.source).name)
-            name = unique_name(names, [other.name for other in kept.values()])
+            taken = [other.name for other in kept.values()]
+            names = chain([scene.name], (f"{scene.name} ({number})" for number in count(2)))
+            name = next(name for name in names if name not in taken)
             kept[scene.digest] = replace(scene, name=name)
     return list(kept.values()), remarks
 
