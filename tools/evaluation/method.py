@@ -8,8 +8,6 @@ from ...shared.arrays import FloatArray
 from ..io.versions import package_version
 from .cameras import CameraPair
 
-_EXTRAS = {"bm3d": "rivals"}  # packages that another extra of ours than `tools` installs
-
 
 @dataclass(frozen=True)
 class Method:
@@ -58,11 +56,6 @@ class Method:
         """A package that the method needs and that is not installed."""
         missing = (package for package in self.packages if package_version(package) is None)
         return next(missing, None)
-
-    @property
-    def remedy(self) -> str:
-        """The command that installs what the method needs."""
-        return f"pip install -e '.[{_EXTRAS.get(self.missing or '', 'tools')}]'"
 
     @property
     def identity(self) -> dict[str, Any]:

@@ -81,8 +81,8 @@ def choose(names: list[str]) -> list[Method]:
             known = f"{', '.join(methods())}, and networks by `rival`{meant(name, methods())}"
             raise InputError(f"unknown method {name!r}; there are {known}")
         if method.missing:
-            needed = f"{name} needs the package {method.missing}: {method.remedy}"
-            raise InputError(f"{needed}, or leave it out of `methods`")
+            remedy = f"pip install {method.missing}, or leave it out of `methods`"
+            raise InputError(f"{name} needs the package {method.missing}: {remedy}")
         chosen[method.name] = method
     return list(chosen.values())
 
