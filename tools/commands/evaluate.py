@@ -149,7 +149,6 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Re
     chosen = tuple(method.name for method in methods)
     networks = tuple((method.name, method.file) for method in methods if method.file)
     study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, networks)
-    console.note(*study.remarks())
     return study, failures, left_out
 
 

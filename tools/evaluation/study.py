@@ -22,7 +22,7 @@ from .measures import Measures
 from .method import Method
 from .methods import Networks, find_method
 from .scene_sets import Reading, SceneInfo
-from .tiles import Tile, filters_of
+from .tiles import Tile
 
 FOLDER = "results"
 MEASURING = 2
@@ -133,11 +133,6 @@ class Study:
                 for name in self.methods:
                     for tile in self.cameras(name):
                         yield name_cell(scene, level, self.method(name), tile, self.seed)
-
-    def remarks(self) -> list[str]:
-        """Return remarks on filters that are made from others."""
-        notes = {tile: filters_of(tile.pattern).notes for tile in self.tiles}
-        return [f"{tile.name}: {note}" for tile in notes for note in notes[tile]]
 
 
 def name_cell(

@@ -34,8 +34,6 @@ class Filters:
         (C, N), from the scene's channels to the filters' readings; each row adds up to 1.
     gamma : tuple[float, ...]
         (C,), positive weights of Eq. 7.
-    notes : tuple[str, ...]
-        Remarks for the user.
 
     Examples
     --------
@@ -49,7 +47,6 @@ class Filters:
     channels: str
     matrix: Matrix
     gamma: tuple[float, ...]
-    notes: tuple[str, ...] = ()
 
     @property
     def unit(self) -> float:
@@ -122,12 +119,8 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
             f"{others}; use a scene with these channels, or another pattern"
         )
     passed = np.array([sources[channel] for channel in channels])
-    gamma, notes = _weights(channels, passed, there)
-    if composed := [letter for letter in channels if letter not in there]:
-        verb = "is" if len(composed) == 1 else "are"
-        note = f"{_listed(composed)} {verb} made from the scene's red, green and blue"
-        notes = (note, *notes)
-    return Filters(channels, as_rows(passed / passed.sum(axis=1, keepdims=True)), gamma, notes)
+    matrix = passed / passed.sum(axis=1, keepdims=True)
+    return Filters(channels, as_rows(matrix), _weights(channels, passed, there))
 
 
 def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
@@ -143,11 +136,9 @@ def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
     }
 
 
-def _weights(
-    channels: str, passed: DoubleArray, there: str
-) -> tuple[tuple[float, ...], tuple[str, ...]]:
-    """gamma, and notes: the least-squares solution of "weighted filters add up to all channels", in
-    the units of the filters.
+def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[float, ...]:
+    """gamma: the least-squares solution of "weighted filters add up to all channels", in the units
+    of the filters.
 
     passed: (C, N), what each filter lets through of each channel.
     """
@@ -160,14 +151,7 @@ def _weights(
             f"{_listed(channels)} that add up to it; there are none (the nearest: {nearest}), "
             "choose other filters"
         )
-    collected = weights @ matrix
-    notes: tuple[str, ...] = ()
-    if np.abs(collected - 1).max() > _ROUNDING:
-        pairs = zip(collected, there, strict=True)
-        total = " + ".join(f"{part:.3g} {letter}" for part, letter in pairs if part > _ROUNDING)
-        fault = f"no weights of {_listed(channels)} add up to all light"
-        notes = (f"{fault}: panchromatic pixels see {total} of the scene",)
-    return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist()), notes
+    return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist())
 
 
 def _listed(letters: str | list[str]) -> str:

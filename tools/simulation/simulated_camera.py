@@ -51,7 +51,7 @@ class Exposed:
         What the scene's white reads in the shot, scene units: amount of light times exposure. It is
         the peak of every measure of a picture of this shot, so that figures fall with the light.
     notes : tuple[str, ...]
-        Remarks for the user on the scene and on the filters.
+        Remarks for the user on the scene.
     """
 
     mosaic: Mosaic
@@ -165,7 +165,7 @@ class SimulatedCamera:
             mosaic = simulate_additive(light, self.pattern, calibration, sigma, rng, metadata)
         else:
             mosaic = simulate_sensor(seen, self.pattern, calibration, white, rng, metadata)
-        return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
+        return Exposed(mosaic, seen, white, scene.notes)
 
 
 def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:

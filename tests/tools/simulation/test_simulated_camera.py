@@ -35,10 +35,6 @@ def test_channels_are_in_the_order_of_the_pattern() -> None:
     assert filters.channels == "VNGR"
     assert np.array_equal(filters.of(scene.rgb), scene.rgb[..., [4, 3, 1, 0]])
     assert filters.gamma == (1.0,) * 4
-    assert filters.notes == (
-        "no weights of V, N, G and R add up to all light: panchromatic pixels see 1 R + 1 G + 1 "
-        "N + 1 V of the scene",
-    )
 
 
 def test_broadband_filters_are_made_of_red_green_and_blue() -> None:
@@ -50,7 +46,6 @@ def test_broadband_filters_are_made_of_red_green_and_blue() -> None:
     assert filters.gamma == (0.5, 0.5, 0.5)
     assert filters.unit == 0.5
     assert np.allclose(filters.noise.read, np.array(typical_noise(SensorCalibration()).read) / 2)
-    assert filters.notes == ("C, M and Y are made from the scene's red, green and blue",)
 
 
 @pytest.mark.parametrize("block", ["CM/YC", "CM/YG", "RG/BY", "CYM/GRB", "RC/MY", "RC", "YB", "GM"])
