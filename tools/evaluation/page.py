@@ -74,15 +74,15 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     dashed.
     """
     study, levels = figures.study, figures.study.levels
-    places = levels[0].places(levels)
+    places = range(len(levels))
     for name, colour in zip(study.methods, cycle(_COLOURS)):
         medians = [CRITERIA[plane].score(figures.of(Place(group, level), name)) for level in levels]
         style = "o-" if study.method(name).ours else "s--"
         width = 2.4 if name == study.ours else 1.3
         axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
     axes.set_title(TITLES[plane], loc="left")
-    axes.set_xticks(places, [level.tick for level in levels])
-    axes.set_xlabel(levels[0].axis)
+    axes.set_xticks(places, [f"{level.level:g}" for level in levels])
+    axes.set_xlabel(study.protocol.unit)
     axes.set_ylabel("median PSNR, dB")
 
 

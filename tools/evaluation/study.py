@@ -147,9 +147,9 @@ def name_cell(
     """
     parts = {
         "measuring": MEASURING,
-        "protocol": level.identity,
+        "protocol": [level.name, level.version],
         "level": level.level,
-        "seed": seed if level.noisy else 0,  # without noise any seed is the same
+        "seed": seed if level.level else 0,  # without noise any seed is the same
         "pattern": asdict(tile.pattern) if tile else None,
         "scene": scene.digest,
         "channels": RGB,

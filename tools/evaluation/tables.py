@@ -84,7 +84,7 @@ def describe(figures: Figures) -> str:
     levels = ", ".join(level.text for level in study.levels)
     return (
         f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera under "
-        f"the same light; {study.protocol.summary}; {levels}."
+        f"the same light; {levels}."
     )
 
 

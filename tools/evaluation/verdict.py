@@ -80,7 +80,7 @@ def _caveats(figures: Figures, group: str) -> str:
         limits.append(f"{_scenes(count)} only, and {chance}")
     if not study.networks:
         limits.append("no rival is learned")
-        if study.levels[-1].noisy and _DENOISER not in study.rivals:
+        if study.levels[-1].level and _DENOISER not in study.rivals:
             limits.append(f"no rival denoises, such as {_DENOISER}")
     for name, level in product(study.methods, study.levels):
         if figures.of(Place(group, level), name) is None:

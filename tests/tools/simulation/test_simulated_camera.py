@@ -133,7 +133,7 @@ def test_levels_are_ordered_by_noise_checked_and_named() -> None:
     texts = [protocol.text for protocol in PaperProtocol.levels([0.03, 0.0, 0.01, 0.01])]
     assert texts == ["no noise", "sigma 0.01", "sigma 0.03"]
     texts = [protocol.text for protocol in SensorProtocol.levels([0.25, 2.0, 1.0])]
-    assert texts == ["exposure 2", "exposure 1", "exposure 1/4"]
+    assert texts == ["exposure 2", "exposure 1", "exposure 0.25"]
     conditions = "5,000 electrons per scene unit at exposure 1, read noise of 3 electrons, 12 bits"
     assert conditions in SensorProtocol.conditions
     for level in (-0.1, np.nan):
