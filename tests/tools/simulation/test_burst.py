@@ -76,7 +76,7 @@ def test_larger_pixels_are_means(leaves: FloatArray) -> None:
         rows, columns = 200 // pixel, 240 // pixel
         blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
         np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
-    message = "the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"
+    message = "of a scene of 240 x 200 pixels nothing is left; take a larger .* `reduce`"
     with pytest.raises(InputError, match=message):
         next(burst_frames(leaves, SimulatedBurst(1), random(), 201))
 
@@ -98,7 +98,6 @@ def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
         ({"frames": 0}, "`burst` is 0"),
         ({"pixels": -1}, "`motion` is -1 pixels"),
         ({"pixels": np.nan}, "`motion` is nan"),
-        ({"degrees": 31}, "the rotation is 31 degrees, expected 0 to 30"),
         ({"stops": (0, 1)}, "`bracket` has 2 figures for 3 frames"),
         ({"stops": (0, 1, 99)}, "expected -10 to 10"),
         ({"stops": (0, 1, np.nan)}, "expected -10 to 10"),
