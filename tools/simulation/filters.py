@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...shared import CfaPattern, NoiseModel
+from ...shared import CfaPattern
 from ...shared.arrays import DoubleArray, FloatArray
 from ...shared.colorimetry import Matrix, as_rows, nominal_to_xyz
 from ...shared.errors import InputError
 from ..io.scene import BROADBAND, RGB, Scene
-from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor
 _ROUNDING = 1e-6  # smaller weights and differences are rounding
@@ -54,14 +53,6 @@ class Filters:
         under the same light.
         """
         return sum(self.gamma) / 3
-
-    @property
-    def noise(self) -> NoiseModel:
-        """The noise of `typical_noise` under the same light: its pixels hold as many electrons."""
-        planes = len(self.channels) + 1
-        return NoiseModel(
-            (TYPICAL_SHOT * self.unit,) * planes, (TYPICAL_READ * self.unit,) * planes
-        )
 
     def of(self, light: FloatArray) -> FloatArray:
         """Readings through the filters: float32 (H, W, N) scene units -> (H, W, C). The same array
@@ -110,13 +101,11 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
         panchromatic pixels see.
     """
     channels, there = pattern.channels, scene.channels
-    mixtures = _mixtures(scene)
-    sources = mixtures | dict(zip(there, np.eye(len(there)), strict=True))
+    sources = _mixtures(scene) | dict(zip(there, np.eye(len(there)), strict=True))
     if missing := [letter for letter in channels if letter not in sources]:
-        others = f" (of which {_listed([*mixtures])} can be made)" if mixtures else ""
         raise InputError(
-            f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}"
-            f"{others}; use a scene with these channels, or another pattern"
+            f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}; "
+            "use a scene with these channels, or another pattern"
         )
     passed = np.array([sources[channel] for channel in channels])
     matrix = passed / passed.sum(axis=1, keepdims=True)

@@ -162,7 +162,9 @@ def _shaded(
     return change(samples, gain, out=samples)
 
 
-def typical_noise(calibration: SensorCalibration) -> NoiseModel:
-    """Noise model of a small modern sensor, for the planes of the calibration."""
+def typical_noise(calibration: SensorCalibration, unit: float = 1.0) -> NoiseModel:
+    """Noise model of a small modern sensor, for the planes of the calibration. unit: its scene
+    units that are one of a sensor with red, green and blue filters, see `Filters.unit`.
+    """
     planes = len(calibration.channels) + 1
-    return NoiseModel((TYPICAL_SHOT,) * planes, (TYPICAL_READ,) * planes)
+    return NoiseModel((TYPICAL_SHOT * unit,) * planes, (TYPICAL_READ * unit,) * planes)

@@ -7,7 +7,6 @@ The built-in sensor, and what it looks at, are to try capture and viewfinder wit
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import count
 from typing import Any
 
@@ -44,9 +43,9 @@ class Exposed:
     ----------
     mosaic : Mosaic
         The shot.
-    seen : FloatArray
-        What its filters would read at every pixel under full light, without lens and noise, float32
-        (H, W, C), scene units.
+    truth : FloatArray
+        Scene in the units of a render of the shot, without lens and noise, float32 (H, W, C);
+        nothing is clipped.
     white : float
         What the scene's white reads in the shot, scene units: amount of light times exposure. It is
         the peak of every measure of a picture of this shot, so that figures fall with the light.
@@ -55,14 +54,9 @@ class Exposed:
     """
 
     mosaic: Mosaic
-    seen: FloatArray
+    truth: FloatArray
     white: float
     notes: tuple[str, ...] = ()
-
-    @cached_property
-    def truth(self) -> FloatArray:
-        """Scene in the units of a render of the shot, float32 (H, W, C); nothing is clipped."""
-        return _dimmed(self.seen, self.white)
 
 
 @dataclass(frozen=True)
@@ -130,7 +124,7 @@ class SimulatedCamera:
         """
         known = self.sensor
         if not self.measured:
-            known = replace(known, gamma=filters.gamma, noise=filters.noise)
+            known = replace(known, gamma=filters.gamma, noise=typical_noise(known, filters.unit))
         to_xyz, neutral = filters.colours(scene)
         if known.neutral is None:
             known = replace(known, neutral=neutral, neutral_estimated=scene.neutral_estimated)
@@ -160,12 +154,13 @@ class SimulatedCamera:
         shape = seen.shape[0], seen.shape[1]
         calibration = self.lens.calibrated(self.before(scene, filters), shape)
         metadata = frame.metadata(scene.metadata)
+        truth = seen if white == 1 else seen * np.float32(white)
         if isinstance(self.protocol, PaperProtocol):
-            light, sigma = _dimmed(seen, white), self.protocol.level
-            mosaic = simulate_additive(light, self.pattern, calibration, sigma, rng, metadata)
+            sigma = self.protocol.level
+            mosaic = simulate_additive(truth, self.pattern, calibration, sigma, rng, metadata)
         else:
             mosaic = simulate_sensor(seen, self.pattern, calibration, white, rng, metadata)
-        return Exposed(mosaic, seen, white, scene.notes)
+        return Exposed(mosaic, truth, white, scene.notes)
 
 
 def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:
@@ -248,8 +243,3 @@ def scene_of_light(rgb: FloatArray, known: SensorCalibration, metadata: CaptureM
     return Scene(
         light, "picture", known.camera_to_xyz, known.neutral, metadata, channels=known.channels
     )
-
-
-def _dimmed(light: FloatArray, factor: float) -> FloatArray:
-    """Light times a factor; the same array for 1."""
-    return light if factor == 1 else light * np.float32(factor)
