@@ -32,8 +32,8 @@ _CROP_BRIGHT, _CROP_SHARE = 0.8, 0.9  # the same of a crop, at most
 _DARKEST = 0.01  # scene units: darker pictures are shown dark
 
 AHEAD, BEHIND = "where we gain most", "where we lose most"
-WORST, WRONG_HUE = "where our error is largest", "where most hues are wrong"
-REASONS = AHEAD, BEHIND, WORST, WRONG_HUE
+WORST = "where our error is largest"
+REASONS = AHEAD, BEHIND, WORST
 """Why crops are shown, one for each reason at a noise level."""
 
 
@@ -186,7 +186,7 @@ def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, Fl
     own, rival = measures.get(study.ours or ""), _rival(figures, scene, level)
     if own is None:
         return {}
-    scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0), WRONG_HUE: own.hues.copy()}
+    scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0)}
     if rival is not None:
         theirs = np.maximum(measures[rival].errors, _INVISIBLE)
         lead = np.log10(theirs / np.maximum(own.errors, _INVISIBLE))
