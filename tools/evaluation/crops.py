@@ -69,12 +69,6 @@ class Crop:
         """Rows and columns in the scene."""
         return slice(self.row, self.row + self.height), slice(self.column, self.column + self.width)
 
-    @property
-    def place(self) -> str:
-        """Place of its first pixel in the photograph, for people."""
-        row, column = self.scene.origin
-        return f"row {row + self.row}, column {column + self.column}"
-
 
 class Rendered(NamedTuple):
     """One rendering of a crop.

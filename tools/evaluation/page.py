@@ -90,6 +90,6 @@ def _describe(crop: Crop, pictures: Sequence[Rendered]) -> dict[str, Any]:
     """Return the template's variables for an exhibit."""
     return {
         "title": f"{crop.why[:1].upper()}{crop.why[1:]}",
-        "where": f"{crop.scene.name}, {crop.level.text}, {crop.place}",
+        "where": f"{crop.scene.name}, {crop.level.text}, row {crop.row}, column {crop.column}",
         "pictures": [(item.title, item.psnr, embed_picture(item.pixels)) for item in pictures],
     }

@@ -21,7 +21,6 @@ from panchroma.tools.evaluation.crops import (
     render_exhibit,
 )
 from panchroma.tools.evaluation.measures import WINDOW, window_origins
-from panchroma.tools.evaluation.scene_sets import Reading
 from panchroma.tools.evaluation.study import Study
 from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
@@ -124,14 +123,3 @@ def test_bright_squares_are_darkened(tmp_path: Path, tint: tuple[float, float, f
     assert (bright == 255).all(axis=2).mean() < 0.1
     assert np.ptp(bright) > 20
     assert dark.mean() < bright.mean() / 2
-
-
-def test_a_square_is_named_by_its_place_in_the_photograph(tmp_path: Path) -> None:
-    study = large(tmp_path)
-    reading = Reading(largest=150)
-    scene = reading.info(study.scenes[0].source)
-    row, column = (place - first for place, first in zip((100, 120), scene.origin, strict=True))
-    crop = Crop(scene, study.levels[0], WORST, (), row, column, 50, 50)
-    assert crop.place == "row 100, column 120"
-    expected = np.load(scene.source)[100:150, 120:170]
-    np.testing.assert_array_equal(reading.scene(scene).rgb[crop.part], expected)

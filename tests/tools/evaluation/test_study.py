@@ -135,7 +135,7 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     np.save(path, small_scene(78, 90, 7))
     # a picture is listed as it is now
     assert study_of(tmp_path).scenes[0].digest != study.scenes[0].digest
-    study.reading.info(study.scenes[1].source)  # what was read of the first one is forgotten
+    study.reading.scene(study.scenes[1])  # what was read of the first one is forgotten
     line = f"{path}: the picture has changed since the evaluation began; run it again"
     assert alone().measure(study, tmp_path, todo[1:]) == [line]
     assert len(collect(study, tmp_path)) == 1 + 6  # what was measured before is right
@@ -144,7 +144,7 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     path.write_bytes(before)  # a worker that has seen the other one takes it up again
     assert works(study, tmp_path, missing_cells(study, tmp_path)[0]) == []
     path.unlink()
-    study.reading.info(study.scenes[1].source)
+    study.reading.scene(study.scenes[1])
     (line,) = alone().measure(study, tmp_path, todo)
     assert line.startswith(f"{path}: there is no such file")
 
