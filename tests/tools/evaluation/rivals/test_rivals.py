@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 import rawpy
 
-from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
-from panchroma.shared.errors import InputError
-from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
 from panchroma.tools.evaluation.rivals.libraw import encode_bayer_dng, encode_codes
 from panchroma.tools.simulation.bayer import sample_bayer
-from panchroma.tools.simulation.noise import BayerShot, PaperProtocol
+from panchroma.tools.simulation.noise import BayerShot
 
 RIVALS = [name for name, method in methods().items() if not method.ours and method.missing is None]
 CODE = 2 / 65535  # what 16 bits over a range of 1.3 may be wrong by
@@ -43,14 +40,6 @@ def test_colours_land_in_their_channels_and_an_even_one_comes_back(name: str) ->
     even = np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), (40, 44, 3))
     inner = demosaic(name, sample_bayer(even))[EDGE:-EDGE, EDGE:-EDGE]
     np.testing.assert_allclose(inner, even[EDGE:-EDGE, EDGE:-EDGE], atol=CODE)
-
-
-def test_a_line_is_no_mosaic() -> None:
-    cameras = CameraPair(
-        PaperProtocol(0.0), 0, np.zeros((1, 8, 3), np.float32), CfaPattern.bayer(6), None
-    )
-    with pytest.raises(InputError, match="2 rows"):
-        methods()["bilinear"].render(cameras)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0])
