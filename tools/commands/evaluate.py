@@ -9,26 +9,27 @@ adds to a finished one: of another method or noise level only its own results ar
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ...shared.errors import InputError, OutputError
+from ...shared.errors import InputError
 from ...shared.processors import processors
 from ...shared.writing import write_durably
 from ..batch.cluster import SchedulerGoneError, absolute_path
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing
 from ..batch.memory import allowed_memory
+from ..evaluation.crops import render_crops
 from ..evaluation.figures import Figures
-from ..evaluation.tables import plain_text
+from ..evaluation.methods import choose, default_names, missing_packages
+from ..evaluation.page import build_page
+from ..evaluation.scene_sets import Reading
+from ..evaluation.study import Cell, Study, collect, missing_cells, remove_results
+from ..evaluation.tables import encode_csv, encode_json, plain_text
+from ..evaluation.team import Team
+from ..evaluation.tiles import Tile
+from ..io.page import without_folders
 from ..io.versions import program_version
 from ..simulation.pattern_text import read_pattern
 from .options import TILE_NAMES, add, add_noise, count, names, numbers, protocol_of
-
-if TYPE_CHECKING:
-    from ..evaluation.study import Cell, Study
-    from ..evaluation.team import Team
-
-    Requested = tuple[Study, list[str], list[str]]
 
 _SEED = 0  # of the noise
 
@@ -72,21 +73,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from ..evaluation.crops import render_crops
-    from ..evaluation.page import build_page
-    from ..evaluation.study import collect, missing_cells, remove_results
-    from ..evaluation.tables import encode_csv, encode_json
-    from ..evaluation.team import Team
-    from ..io.page import without_folders
-
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv")]
     if not (arguments.overwrite or arguments.resume or arguments.dry_run):
-        try:
-            refuse_existing(outputs)
-        except OutputError as error:
-            remedy = "or `resume=True` to keep the results that are up to date"
-            raise OutputError(f"{error}, {remedy}") from None
+        refuse_existing(outputs)
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
     todo, kept = missing_cells(study, folder, anew=arguments.overwrite)
@@ -102,11 +92,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
         return FAILED
     figures, program = Figures(study, collect(study, folder)), f"panchroma {program_version()}"
-    try:
-        exhibits = render_crops(figures, team)
-    except InputError as error:  # a file that has changed since it was measured
-        console.error(str(error))
-        failures, exhibits = [*failures, str(error)], []
+    exhibits = render_crops(figures, team)
     named_files = [*arguments.scenes, *arguments.rival]
     missing = [without_folders(line, named_files) for line in (*failures, *left_out)]
     contents = (
@@ -124,15 +110,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if failures else 0
 
 
-def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Requested":
+def _study(
+    arguments: argparse.Namespace, console: Console, team: Team
+) -> tuple[Study, list[str], list[str]]:
     """The requested study, with the scenes that can be read; a line for each scene that cannot; and
     remarks on what is left out.
     """
-    from ..evaluation.methods import choose, default_names, missing_packages
-    from ..evaluation.scene_sets import Reading
-    from ..evaluation.study import Study
-    from ..evaluation.tiles import Tile
-
     protocol, requested = protocol_of(arguments)
     levels = protocol.levels(requested)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
@@ -152,7 +135,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Re
     return study, failures, left_out
 
 
-def _list(todo: "list[Cell]", kept: int, failures: list[str], console: Console) -> int:
+def _list(todo: list[Cell], kept: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
     for cell in todo:
         console.say(cell.title)
