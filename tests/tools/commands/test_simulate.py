@@ -208,6 +208,4 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     (record,) = outcome.records
     assert len(record["outputs"]) == 6
     assert record["reference"] == str(out / FRAMES[0])
-    seen = f"{out}/builtin-150x120.truth.tif: what {out / FRAMES[0]} sees, the reference; "
-    assert seen in outcome.err
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
