@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if not (arguments.overwrite or arguments.resume or arguments.dry_run):
         refuse_existing(outputs)
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
-    study, failures, left_out = _study(arguments, console, team)
+    study, failures = _study(arguments, console, team)
     todo, kept = missing_cells(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, kept, failures, console)
@@ -94,10 +94,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     figures, program = Figures(study, collect(study, folder)), f"panchroma {program_version()}"
     exhibits = render_crops(figures, team)
     named_files = [*arguments.scenes, *arguments.rival]
-    missing = [without_folders(line, named_files) for line in (*failures, *left_out)]
+    missing = [without_folders(line, named_files) for line in failures]
     contents = (
         build_page(figures, exhibits, program, missing),
-        encode_json(figures, program, failures, left_out),
+        encode_json(figures, program, failures),
         encode_csv(figures),
     )
     for path, content in zip(outputs, contents, strict=True):
@@ -110,12 +110,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if failures else 0
 
 
-def _study(
-    arguments: argparse.Namespace, console: Console, team: Team
-) -> tuple[Study, list[str], list[str]]:
-    """The requested study, with the scenes that can be read; a line for each scene that cannot; and
-    remarks on what is left out.
-    """
+def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple[Study, list[str]]:
+    """The requested study, with the scenes that can be read; a line for each scene that cannot."""
     protocol, requested = protocol_of(arguments)
     levels = protocol.levels(requested)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
@@ -128,11 +124,11 @@ def _study(
     tiles = dict.fromkeys(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     reading = Reading(arguments.linear, arguments.crop)
     sources = list(map(place, arguments.scenes))
-    scenes, failures, left_out = team.read(sources, Path(arguments.output), reading)
+    scenes, failures = team.read(sources, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     networks = tuple((method.name, method.file) for method in methods if method.file)
     study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, networks)
-    return study, failures, left_out
+    return study, failures
 
 
 def _list(todo: list[Cell], kept: int, failures: list[str], console: Console) -> int:

@@ -38,8 +38,7 @@ def build_page(
     program
         Name and version.
     failures
-        A line for each scene or result that is missing, and for each folder of which a part is left
-        out.
+        A line for each scene or result that is missing.
     """
     study = figures.study
     groups = [_group(figures, name) for name in figures.groups]

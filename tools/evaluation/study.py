@@ -226,13 +226,7 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
         return [f"{place}{error}"]
     except MemoryError:
         return [f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size"]
-    path = folder / FOLDER / cell.name
-    try:
-        path.parent.mkdir(exist_ok=True)
-    except OSError as error:
-        reason = f"the folder cannot be made ({error.strerror or error})"
-        raise OutputError(f"{path.parent}: {reason}") from None
-    write_durably(path, measures.encode(), overwrite=True)
+    write_durably(folder / FOLDER / cell.name, measures.encode(), overwrite=True)
     return []
 
 

@@ -5,10 +5,8 @@ figure.
 import csv
 import io
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +22,7 @@ _FORMULA = tuple("=+-@＝＋－＠")  # in full width, too, which some programs 
 _DIGITS = {"wrong_hue": 6}  # of figures; of all others 4
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """A table of texts.
 
     Parameters
@@ -123,9 +120,7 @@ def _cell(value: Any) -> Any:
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
 
 
-def encode_json(
-    figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()
-) -> bytes:
+def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
     """Return the content of the JSON file, one object: protocol, scenes, methods, verdict, figures,
     failures; no NaN.
 
@@ -137,8 +132,6 @@ def encode_json(
         Name and version.
     failures
         A line for each scene or result that is missing.
-    left_out
-        Remarks on files that were not measured, or once for several.
     """
     study, methods, patterns = figures.study, {}, {}
     for name in study.methods:
@@ -168,7 +161,6 @@ def encode_json(
         "verdict": {group: judge(figures, group)._asdict() for group in figures.groups},
         "figures": [_row(figure) for figure in figures.rows],
         "failed": failures,
-        "left_out": left_out,
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode(errors="backslashreplace")

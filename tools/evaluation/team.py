@@ -12,12 +12,12 @@ from typing import TypeVar
 from ...shared.errors import InputError, PanchromaError
 from ..batch.cluster import cluster
 from ..batch.console import Console
-from ..batch.jobs import reason
+from ..batch.jobs import output_folder, reason
 from ..batch.memory import format_bytes
 from ..batch.parallel import follow, one_by_one, processes
 from ..batch.progress import StageProgress
 from .scene_sets import Reading, SceneInfo, distinct, expand
-from .study import Cell, Study, work
+from .study import FOLDER, Cell, Study, work
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -54,9 +54,9 @@ class Team:
 
     def read(
         self, sources: Sequence[str], output: Path, reading: Reading
-    ) -> tuple[list[SceneInfo], list[str], list[str]]:
+    ) -> tuple[list[SceneInfo], list[str]]:
         """The scenes that can be read, each once, in the given order; a line for each source that
-        cannot, and one for each that is left out. The user is shown the lines, too.
+        cannot. The user is shown the lines, and what is left out, too.
 
         Parameters
         ----------
@@ -84,12 +84,11 @@ class Team:
                 scenes.append(info)
         self.console.notes((scene.source, scene.notes) for scene in scenes)
         scenes, remarks = distinct(scenes)
-        left_out += remarks
-        self.console.note(*left_out)
+        self.console.note(*left_out, *remarks)
         if not scenes:
             expected = "a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT"
             raise InputError(f"no scene could be read; {expected}")
-        return scenes, failures, left_out
+        return scenes, failures
 
     def measure(
         self, study: Study, folder: Path, todo: Sequence[Cell], scheduler: str | None = None
@@ -106,6 +105,7 @@ class Team:
         list[str]
             A line for each that failed; it is shown to the user too.
         """
+        output_folder(str(folder / FOLDER))
         pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
         measure = partial(work, replace(study, scenes=()), folder.absolute())
         results = self.together("measuring", measure, todo, pixels, scheduler)
