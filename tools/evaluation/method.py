@@ -47,11 +47,6 @@ class Method:
     file: str = ""
 
     @property
-    def short(self) -> str:
-        """Title without the camera."""
-        return self.title.partition(", ")[2] or self.title
-
-    @property
     def missing(self) -> str | None:
         """A package that the method needs and that is not installed."""
         missing = (package for package in self.packages if package_version(package) is None)

@@ -49,9 +49,8 @@ def _lead(figures: Figures, lead: Lead) -> str:
     group, level, _ = lead.place
     scenes = figures.leads(group, level)
     ahead = sum(scene.value >= EVEN for scene in scenes)
-    short = figures.study.method(lead.rival).short
     count = _scenes(len(scenes))
-    return f"{level.text} {lead.value:+.1f} dB ({short}), ahead on {ahead} of {count}"
+    return f"{level.text} {lead.value:+.1f} dB ({lead.rival}), ahead on {ahead} of {count}"
 
 
 def _weakest(figures: Figures, group: str) -> str:
@@ -63,7 +62,7 @@ def _weakest(figures: Figures, group: str) -> str:
     worst = min(leads, key=lambda lead: lead.value)
     if worst.value <= -EVEN:
         loss = f"{-worst.value:.1f} dB in {criteria[worst.criterion]}"
-        where = f"{worst.place.scene}, {worst.place.level.text}, {study.method(worst.rival).short}"
+        where = f"{worst.place.scene}, {worst.place.level.text}, {worst.rival}"
         text = f"Its largest loss on a scene is {loss} ({where})"
     else:
         text = "It loses on no scene, in the median, the worst tenth or the whole image"

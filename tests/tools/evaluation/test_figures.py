@@ -69,7 +69,7 @@ def test_winner_lead_and_losses(study: Study) -> None:
     assert tone == "care"
     assert "paper is better than every Bayer rival at some noise levels only" in first
     assert "no noise -6.0 dB (bilinear), ahead on 0 of 2 scenes" in first
-    assert "sigma 0.03 +6.0 dB (DLMMSE 2005), ahead on 2 of 2" in first
+    assert "sigma 0.03 +6.0 dB (dlmmse), ahead on 2 of 2" in first
     assert second.startswith("Its largest loss on a scene is 6.0 dB in ")
     assert third.startswith("Mind: 2 scenes only")
     table = method_table(figures, SET)
