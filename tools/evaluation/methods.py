@@ -87,28 +87,17 @@ def choose(names: list[str]) -> list[Method]:
     return list(chosen.values())
 
 
+@cache
 def find_method(name: str, networks: Networks = ()) -> Method:
     """Return a method by its name, in any process.
 
     Raises
     ------
     InputError
-        As `find_network` does.
+        If the file of a network has changed or is gone.
     """
     file = dict(networks).get(name)
-    return find_network(name, file) if file else methods()[name]
-
-
-@cache
-def find_network(name: str, file: str) -> Method:
-    """Return a network by its name and file.
-
-    Raises
-    ------
-    InputError
-        If the file has changed or is gone.
-    """
-    method = network(file)
+    method = network(file) if file else methods()[name]
     if method.name != name:
         raise InputError(f"{file}: {CHANGED}")
     return method

@@ -163,7 +163,7 @@ def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_al
     todo = missing_cells(study, tmp_path)[0]
     assert works(study, tmp_path, todo[:1]) == []
     other, changed = written(tmp_path / "one", 0.5)
-    registry.find_network.cache_clear()  # as in another process
+    registry.find_method.cache_clear()  # as in another process
     assert not kept & {cell.name for cell in changed.cells()}
     assert changed.methods != study.methods
     (line,) = works(study, tmp_path, todo[1:2])
@@ -175,7 +175,7 @@ def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_al
     todo = missing_cells(changed, tmp_path)[0]
     for end in (".json", ".onnx"):
         Path(path).with_suffix(end).unlink()
-        registry.find_network.cache_clear()
+        registry.find_method.cache_clear()
         (line,) = works(changed, tmp_path, todo[:1])
         assert line.startswith(f"{Path(path).with_suffix(end)}: ")
 
@@ -213,6 +213,8 @@ def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.M
     todo = missing_cells(study, tmp_path)[0]
     known = registry.methods()
     monkeypatch.setitem(known, "dlmmse", replace(known["dlmmse"], function=failing))
+    registry.find_method.cache_clear()
     lines = works(study, tmp_path, todo)
     assert lines[0].endswith("scene0.npy: dlmmse, no noise: stopped at 500 iterations")
     assert (len(lines), len(collect(study, tmp_path))) == (2, 2)
+    registry.find_method.cache_clear()
