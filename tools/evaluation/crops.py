@@ -3,7 +3,6 @@ and our worst places.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from math import lcm
 from typing import NamedTuple
@@ -37,8 +36,7 @@ REASONS = AHEAD, BEHIND, WORST
 """Why crops are shown, one for each reason at a noise level."""
 
 
-@dataclass(frozen=True)
-class Crop:
+class Crop(NamedTuple):
     """A part of a scene at a noise level.
 
     Parameters

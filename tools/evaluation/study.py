@@ -122,17 +122,13 @@ class Study:
         """Return one of the methods."""
         return find_method(name, self.networks)
 
-    def cameras(self, method: str) -> tuple[Tile | None, ...]:
-        """Return the patterns whose shots a method renders; (None,) for a Bayer camera's method."""
-        return self.tiles if self.method(method).ours else (None,)
-
     def cells(self) -> Iterator[Cell]:
         """Yield every result, in the order of the report."""
         for scene in self.scenes:
             for level in self.levels:
-                for name in self.methods:
-                    for tile in self.cameras(name):
-                        yield name_cell(scene, level, self.method(name), tile, self.seed)
+                for method in map(self.method, self.methods):
+                    for tile in self.tiles if method.ours else (None,):
+                        yield name_cell(scene, level, method, tile, self.seed)
 
 
 def name_cell(

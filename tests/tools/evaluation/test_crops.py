@@ -49,7 +49,7 @@ def test_a_square_is_cut_out_of_the_whole_rendering(
     scene = study.scenes[0]
     light = study.reading.scene(scene).rgb
     crop = Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW)
-    frame = replace(crop, row=0, column=0, height=scene.rows, width=scene.columns)
+    frame = crop._replace(row=0, column=0, height=scene.rows, width=scene.columns)
     squares, pictures = (render_crop(study, place, light) for place in (crop, frame))
     for square, picture in zip(squares, pictures, strict=True):
         assert square.shape == (WINDOW, WINDOW, 3)
