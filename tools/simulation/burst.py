@@ -138,8 +138,6 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     >>> reduced(np.arange(15, dtype=np.float32).reshape(3, 5, 1), 2)[..., 0].tolist()
     [[3.0, 5.0]]
     """
-    if pixel == 1:
-        return rgb
     rows, columns = rgb.shape[0] // pixel, rgb.shape[1] // pixel
     total: FloatArray = np.zeros((rows, columns, rgb.shape[2]), np.float32)
     for row, column in np.ndindex(pixel, pixel):

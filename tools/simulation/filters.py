@@ -101,7 +101,10 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
         panchromatic pixels see.
     """
     channels, there = pattern.channels, scene.channels
-    sources = _mixtures(scene) | dict(zip(there, np.eye(len(there)), strict=True))
+    sources = dict(zip(there, np.eye(len(there)), strict=True))
+    if set(RGB) <= set(there):
+        for letter, parts in BROADBAND.items():
+            sources.setdefault(letter, np.sum([sources[part] for part in parts], axis=0))
     if missing := [letter for letter in channels if letter not in sources]:
         raise InputError(
             f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}; "
@@ -110,19 +113,6 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
     passed = np.array([sources[channel] for channel in channels])
     matrix = passed / passed.sum(axis=1, keepdims=True)
     return Filters(channels, as_rows(matrix), _weights(channels, passed, there))
-
-
-def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
-    """For each filter that is no channel of the scene: what it passes of the scene's channels,
-    (N,), by letter.
-    """
-    if not set(RGB) <= set(scene.channels):
-        return {}
-    return {
-        letter: np.array([float(channel in passed) for channel in scene.channels])
-        for letter, passed in BROADBAND.items()
-        if letter not in scene.channels
-    }
 
 
 def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[float, ...]:
