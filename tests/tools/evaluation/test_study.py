@@ -191,12 +191,6 @@ def test_results_of_another_version_are_not_kept(
     assert line.startswith("dcb: the process that measures has other versions of Panchroma, rawpy")
 
 
-def test_every_method_of_ours_can_represent_us(tmp_path: Path) -> None:
-    for name, method in registry.methods().items():
-        expected = name if method.ours else None
-        assert study_of(tmp_path, methods=("bilinear", name)).ours == expected
-
-
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
     study = study_of(tmp_path)
     before = measured(study, tmp_path)

@@ -147,13 +147,3 @@ def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) 
     assert seen.dtype == np.float32
     assert np.abs(seen - waves(points))[inside].max() < ACCURATE
     assert np.abs(seen - waves(grid(SHAPE)))[inside].max() > ACCURATE
-
-
-def test_what_is_within_reach_of_the_border_alone_depends_on_what_is_beyond() -> None:
-    light = np.random.default_rng(1).random((260, 110, 1), np.float32)
-    framed = np.pad(light, ((30, 30), (30, 30), (0, 0)), constant_values=9)
-    for motion in (moved(1.5, 2.5), moved(-2, 0.25, 1.5), moved(0, 0.5, 5)):
-        border = reach(motion, light.shape)
-        inside = (slice(border, -border), slice(border, -border))
-        seen, other = displaced(light, motion), displaced(framed, motion)[30:-30, 30:-30]
-        np.testing.assert_allclose(seen[inside], other[inside], atol=1e-4)
