@@ -95,9 +95,7 @@ def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
     without a method of ours.
     """
     crops = list(choose_crops(figures))
-    if not crops:
-        return []
-    largest = max(crop.scene.rows * crop.scene.columns for crop in crops)
+    largest = max((crop.scene.rows * crop.scene.columns for crop in crops), default=0)
     pixels = (WINDOW + 2 * _HALO) ** 2 + largest // 4
     return team.together("crops", partial(render_exhibit, figures.study), crops, pixels)
 

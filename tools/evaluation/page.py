@@ -50,7 +50,7 @@ def build_page(
         exhibits=[_describe(*exhibit) for exhibit in exhibits],
         failures=failures,
         facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": study.seed},
-        conditions=study.protocol.conditions,
+        conditions=study.levels[0].conditions,
         program=program,
     )
 
@@ -81,7 +81,7 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
         axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
     axes.set_title(TITLES[plane], loc="left")
     axes.set_xticks(places, [f"{level.level:g}" for level in levels])
-    axes.set_xlabel(study.protocol.unit)
+    axes.set_xlabel(levels[0].unit)
     axes.set_ylabel("median PSNR, dB")
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from ...shared.arrays import FloatArray
 from ...shared.errors import InputError, OutputError, PanchromaError
@@ -36,8 +37,7 @@ test compares figures with those that the numbers stand for.
 """
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """One result: a scene at one noise level, by one method.
 
     Parameters
@@ -94,11 +94,6 @@ class Study:
     seed: int
     reading: Reading
     networks: Networks = ()
-
-    @property
-    def protocol(self) -> type[Protocol]:
-        """The kind of noise."""
-        return type(self.levels[0])
 
     @property
     def tile(self) -> Tile:

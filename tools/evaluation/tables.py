@@ -78,10 +78,9 @@ def describe(figures: Figures) -> str:
     """Return the scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
-    levels = ", ".join(level.text for level in study.levels)
     return (
         f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera under "
-        f"the same light; {levels}."
+        "the same light."
     )
 
 
@@ -142,9 +141,9 @@ def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
         light = round(tile.light, 6)
         patterns[tile.name] = {"tile": letters, "period": tile.period, "light": light}
     protocol = {
-        "kind": study.protocol.name,
+        "kind": study.levels[0].name,
         "seed": study.seed,
-        "level": study.protocol.unit,
+        "level": study.levels[0].unit,
         "levels": [level.level for level in study.levels],
         "pattern": study.tile.name,
         "patterns": patterns,

@@ -38,11 +38,6 @@ class Motion(NamedTuple):
     shift: tuple[float, float] = (0.0, 0.0)
     angle: float = 0.0
 
-    @property
-    def none(self) -> bool:
-        """True if nothing has moved."""
-        return self == Motion()
-
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""
         return Motion((self.shift[0] * factor, self.shift[1] * factor), self.angle)
@@ -153,7 +148,7 @@ def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
     --------
     >>> import numpy as np
     >>> first, second = tremor(SimulatedBurst(2, pixels=3), np.random.default_rng(1))
-    >>> first.none, 0 < math.hypot(*second.shift) <= 3
+    >>> first == Motion(), 0 < math.hypot(*second.shift) <= 3
     (True, True)
     """
     walk = [(0.0, 0.0, 0.0)]  # down, across, degrees clockwise
@@ -225,7 +220,7 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
         Beyond its borders the outermost pixels go on: it is true `reach` pixels from the border and
         further inside. Interpolation may overshoot at sharp edges, below zero too.
     """
-    if motion.none:
+    if motion == STILL:
         return rgb
     from scipy.ndimage import affine_transform  # takes longer to load than all of ours
 
@@ -243,7 +238,7 @@ def reach(motion: Motion, shape: tuple[int, ...]) -> int:
     """Return how far from the border `displaced` depends on what is beyond it, pixels; 0 for no
     motion.
     """
-    if motion.none:
+    if motion == STILL:
         return 0
     half = np.array(shape[:2]) / 2
     sine, less = abs(math.sin(motion.angle)), 1 - math.cos(motion.angle)

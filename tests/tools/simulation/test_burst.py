@@ -32,7 +32,7 @@ def leaves() -> FloatArray:
 
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
     walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
-    assert walk[0].none
+    assert walk[0] == Motion()
     shifts, angles = (np.array(values) for values in zip(*walk, strict=True))
     lengths = np.hypot(*shifts.T)
     assert 2.5 < lengths.max() <= 3
