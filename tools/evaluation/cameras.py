@@ -3,7 +3,7 @@ make of them.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -101,4 +101,4 @@ class CameraPair:
     def bayer(self) -> BayerShot:
         """The shot of the Bayer camera, in scene units under full light."""
         shot = self.level.bayer(sample_bayer(self.truth), self._rng)
-        return replace(shot, samples=shot.samples[self.part])
+        return shot._replace(samples=shot.samples[self.part])

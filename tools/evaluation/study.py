@@ -163,9 +163,7 @@ def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[li
     anew
         Make all results, whatever is there.
     """
-    distinct: dict[str, Cell] = {}
-    for cell in study.cells():
-        distinct.setdefault(cell.name, cell)
+    distinct = {cell.name: cell for cell in study.cells()}
     missing = [cell for cell in distinct.values() if anew or _kept(folder, cell) is None]
     return missing, len(distinct) - len(missing)
 

@@ -19,7 +19,6 @@ from .verdict import judge
 _POOLED = "all scenes"
 _SCENE = ("source", "name", "group", "rows", "columns", "notes")
 _FORMULA = tuple("=+-@＝＋－＠")  # in full width, too, which some programs take for the same
-_DIGITS = {"wrong_hue": 6}  # of figures; of all others 4
 
 
 class Table(NamedTuple):
@@ -90,12 +89,12 @@ def _row(figure: Figure) -> dict[str, Any]:
     row: dict[str, Any] = {"group": group, "scene": scene, "level": level.level}
     row |= {"method": figure.method, "period": tile and tile.period}
     for name, value in figure.values.items():
-        row[name] = value if value is None else round(value, _DIGITS.get(name, 4))
+        row[name] = value if value is None else round(value, 6)
     return row | {"scenes": figure.scenes, "pattern": tile and tile.name}
 
 
 def encode_csv(figures: Figures) -> bytes:
-    """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 4
+    """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 6
     decimals.
     """
     text, rows = io.StringIO(), [_row(figure) for figure in figures.rows]

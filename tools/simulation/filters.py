@@ -7,7 +7,7 @@ the light of all channels, so it reads the more, the less of them the filters le
 which collect two channels each. The scene units of two cameras thus differ: `Filters.unit`.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on th
 _ROUNDING = 1e-6  # smaller weights and differences are rounding
 
 
-@dataclass(frozen=True)
-class Filters:
+class Filters(NamedTuple):
     """The filters of a sensor, each a mixture of the channels of a scene. `filters_for` makes them.
 
     Attributes

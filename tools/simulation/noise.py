@@ -4,7 +4,7 @@ amount of light.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -16,8 +16,7 @@ _BITS = 12
 _BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
 
 
-@dataclass(frozen=True, eq=False)
-class BayerShot:
+class BayerShot(NamedTuple):
     """Mosaic of a Bayer sensor.
 
     Attributes

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,7 @@ _SWING = 16  # the frame moves on a circle; its radius is the shorter side divid
 _SEED = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Exposed:
+class Exposed(NamedTuple):
     """Shot of a simulated camera.
 
     Attributes
