@@ -17,7 +17,7 @@ from panchroma.shared import CfaPattern
 from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.measure import Measurements, measure_chart
 from panchroma.tools.calibration.report import write_report
-from panchroma.tools.evaluation.crops import REASONS, Crop, Exhibit, Rendered
+from panchroma.tools.evaluation.crops import REASONS, Crop, Rendered
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.measures import Measures
 from panchroma.tools.evaluation.methods import choose
@@ -62,11 +62,9 @@ def of_evaluation(folder: Path, text: str) -> bytes:
     tiles = tuple(Tile(f"{text}{period}", CfaPattern.bayer(period)) for period in (6, 4))
     study = replace(study, scenes=scenes, tiles=tiles)
     measures = Measures.of(*pair())
-    pictures = tuple(Rendered(text, PIXELS, (psnr, psnr, psnr)) for psnr in (200.0, 30.0, 20.0))
-    exhibits = [
-        Exhibit(Crop(scenes[0], study.levels[0], why, (), 20, 20, 8, 8), pictures, 1.0)
-        for why in REASONS
-    ]
+    pictures = tuple(Rendered(text, PIXELS, psnr) for psnr in (200.0, 30.0, 20.0))
+    crops = (Crop(scenes[0], study.levels[0], why, (), 20, 20, 8, 8) for why in REASONS)
+    exhibits = [(crop, pictures) for crop in crops]
     return build_page(
         Figures(study, dict.fromkeys(study.cells(), measures)), exhibits, text, [text]
     )

@@ -9,26 +9,27 @@ adds to a finished one: of another method or noise level only its own results ar
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ...shared.errors import InputError, OutputError
+from ...shared.errors import InputError
 from ...shared.processors import processors
 from ...shared.writing import write_durably
 from ..batch.cluster import SchedulerGoneError, absolute_path
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing
 from ..batch.memory import allowed_memory
+from ..evaluation.crops import render_crops
 from ..evaluation.figures import Figures
-from ..evaluation.tables import plain_text
+from ..evaluation.methods import choose, default_names, missing_packages
+from ..evaluation.page import build_page
+from ..evaluation.scene_sets import Reading
+from ..evaluation.study import Cell, Study, collect, missing_cells, remove_results
+from ..evaluation.tables import encode_csv, encode_json, plain_text
+from ..evaluation.team import Team
+from ..evaluation.tiles import Tile
+from ..io.page import without_folders
 from ..io.versions import program_version
 from ..simulation.pattern_text import read_pattern
 from .options import TILE_NAMES, add, add_noise, count, names, numbers, protocol_of
-
-if TYPE_CHECKING:
-    from ..evaluation.study import Cell, Study
-    from ..evaluation.team import Team
-
-    Requested = tuple[Study, list[str], list[str]]
 
 _SEED = 0  # of the noise
 
@@ -72,23 +73,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from ..evaluation.crops import render_crops
-    from ..evaluation.page import build_page
-    from ..evaluation.study import collect, missing_cells, remove_results
-    from ..evaluation.tables import encode_csv, encode_json
-    from ..evaluation.team import Team
-    from ..io.page import without_folders
-
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv")]
     if not (arguments.overwrite or arguments.resume or arguments.dry_run):
-        try:
-            refuse_existing(outputs)
-        except OutputError as error:
-            remedy = "or `resume=True` to keep the results that are up to date"
-            raise OutputError(f"{error}, {remedy}") from None
+        refuse_existing(outputs)
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
-    study, failures, left_out = _study(arguments, console, team)
+    study, failures = _study(arguments, console, team)
     todo, kept = missing_cells(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, kept, failures, console)
@@ -102,16 +92,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
         return FAILED
     figures, program = Figures(study, collect(study, folder)), f"panchroma {program_version()}"
-    try:
-        exhibits = render_crops(figures, team)
-    except InputError as error:  # a file that has changed since it was measured
-        console.error(str(error))
-        failures, exhibits = [*failures, str(error)], []
+    exhibits = render_crops(figures, team)
     named_files = [*arguments.scenes, *arguments.rival]
-    missing = [without_folders(line, named_files) for line in (*failures, *left_out)]
+    missing = [without_folders(line, named_files) for line in failures]
     contents = (
         build_page(figures, exhibits, program, missing),
-        encode_json(figures, program, failures, left_out),
+        encode_json(figures, program, failures),
         encode_csv(figures),
     )
     for path, content in zip(outputs, contents, strict=True):
@@ -124,15 +110,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if failures else 0
 
 
-def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Requested":
-    """The requested study, with the scenes that can be read; a line for each scene that cannot; and
-    remarks on what is left out.
-    """
-    from ..evaluation.methods import choose, default_names, missing_packages
-    from ..evaluation.scene_sets import Reading
-    from ..evaluation.study import Study
-    from ..evaluation.tiles import Tile, distinct_tiles
-
+def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple[Study, list[str]]:
+    """The requested study, with the scenes that can be read; a line for each scene that cannot."""
     protocol, requested = protocol_of(arguments)
     levels = protocol.levels(requested)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
@@ -142,18 +121,17 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> "Re
     if not arguments.methods and (missing := missing_packages()):
         reason = f"these packages are not installed: {', '.join(missing)}"
         console.note(f"some methods are left out because {reason}")
-    tiles = distinct_tiles(Tile.named(read_pattern(text), text) for text in arguments.pattern)
+    tiles = dict.fromkeys(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     reading = Reading(arguments.linear, arguments.crop)
     sources = list(map(place, arguments.scenes))
-    scenes, failures, left_out = team.read(sources, Path(arguments.output), reading)
+    scenes, failures = team.read(sources, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     networks = tuple((method.name, method.file) for method in methods if method.file)
-    study = Study(tuple(scenes), chosen, levels, tiles, _SEED, reading, networks)
-    console.note(*study.remarks())
-    return study, failures, left_out
+    study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, networks)
+    return study, failures
 
 
-def _list(todo: "list[Cell]", kept: int, failures: list[str], console: Console) -> int:
+def _list(todo: list[Cell], kept: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
     for cell in todo:
         console.say(cell.title)

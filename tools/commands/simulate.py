@@ -149,15 +149,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         notes.append((job.source, (*exposed.notes, *missing)))
         rows, columns = mosaic.shape
         size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
-        lines = [f"{shot}: {size}" for shot in shots]
         written = [str(path) for path in job.outputs if not (missing and path == beside[1])]
         facts = {"outputs": written, "width": columns, "height": rows}
         if is_series:
             facts["reference"] = str(shots[0])
-        if is_series and beside:
-            same = f"panchroma burst --reference {shots[0]} shows the same"
-            lines.append(f"{beside[0]}: what {shots[0]} sees, the reference; {same}")
-        return Outcome(facts, tuple(lines))
+        return Outcome(facts, tuple(f"{shot}: {size}" for shot in shots))
 
     def listen(job: Job) -> StageProgress:
         return console.progress(job.source)

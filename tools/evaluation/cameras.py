@@ -3,7 +3,7 @@ make of them.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import FloatArray
 from ..io.scene import Scene
-from ..simulation.bayer import channel_map, check_mosaic, sample_bayer
+from ..simulation.bayer import channel_map, sample_bayer
 from ..simulation.noise import BayerShot, Protocol
 from ..simulation.simulated_camera import SimulatedCamera
 from .tiles import filters_of
@@ -99,13 +99,6 @@ class CameraPair:
 
     @cached_property
     def bayer(self) -> BayerShot:
-        """The shot of the Bayer camera, in scene units under full light.
-
-        Raises
-        ------
-        InputError
-            For fewer than two rows or columns.
-        """
+        """The shot of the Bayer camera, in scene units under full light."""
         shot = self.level.bayer(sample_bayer(self.truth), self._rng)
-        check_mosaic(shot.samples[self.part])
-        return replace(shot, samples=shot.samples[self.part])
+        return shot._replace(samples=shot.samples[self.part])

@@ -3,21 +3,21 @@ and our worst places.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
-from math import lcm, log2
+from math import lcm
+from typing import NamedTuple
 
 import numpy as np
 
 from ...shared import SensorCalibration
-from ...shared.arrays import ByteArray, FloatArray
+from ...shared.arrays import ByteArray, DoubleArray, FloatArray
 from ..io.display import ColourTransform
 from ..io.samples import quantise
 from ..simulation.noise import Protocol
 from .cameras import CameraPair
 from .figures import RGB, Figures, Place
 from .measures import WINDOW, window_origins
-from .metrics import BORDER, whole_psnr
+from .metrics import BORDER, psnr
 from .scene_sets import SceneInfo
 from .study import Study
 from .team import Team
@@ -26,21 +26,17 @@ from .team import Team
 _INVISIBLE = 0.004**2
 # pixels around a crop that are rendered with it and cut off: beyond the reach of every method
 _HALO = 96
-_WORST = 3  # crops of the worst places at each level, by each measure
 _BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene is shown with
-_MOST_STOPS = 6.0
 _CROP_BRIGHT, _CROP_SHARE = 0.8, 0.9  # the same of a crop, at most
-_DARKEST = 1e-6  # scene units
+_DARKEST = 0.01  # scene units: darker pictures are shown dark
 
-Psnr = tuple[float, float, float]
 AHEAD, BEHIND = "where we gain most", "where we lose most"
-WORST, WRONG_HUE = "where our error is largest", "where most hues are wrong"
-REASONS = {AHEAD: 1, BEHIND: 1, WORST: _WORST, WRONG_HUE: _WORST}
-"""Why crops are shown, and how many for each reason at a noise level."""
+WORST = "where our error is largest"
+REASONS = AHEAD, BEHIND, WORST
+"""Why crops are shown, one for each reason at a noise level."""
 
 
-@dataclass(frozen=True)
-class Crop:
+class Crop(NamedTuple):
     """A part of a scene at a noise level.
 
     Parameters
@@ -71,15 +67,8 @@ class Crop:
         """Rows and columns in the scene."""
         return slice(self.row, self.row + self.height), slice(self.column, self.column + self.width)
 
-    @property
-    def place(self) -> str:
-        """Place of its first pixel in the photograph, for people."""
-        row, column = self.scene.origin
-        return f"row {row + self.row}, column {column + self.column}"
 
-
-@dataclass(frozen=True, eq=False)
-class Rendered:
+class Rendered(NamedTuple):
     """One rendering of a crop.
 
     Parameters
@@ -89,31 +78,16 @@ class Rendered:
     pixels
         The picture for a screen: sRGB, uint8 (h, w, 3).
     psnr
-        PSNR of the crop in RGB, luminance and chrominance, dB.
+        PSNR of the crop in RGB, dB.
     """
 
     title: str
     pixels: ByteArray
-    psnr: Psnr
+    psnr: float
 
 
-@dataclass(frozen=True, eq=False)
-class Exhibit:
-    """A crop with its pictures: the truth, ours, the best rival if there is one.
-
-    Parameters
-    ----------
-    crop
-        The crop.
-    pictures
-        Its pictures, the truth first.
-    stops
-        Brightening for display; negative values darken.
-    """
-
-    crop: Crop
-    pictures: tuple[Rendered, ...]
-    stops: float
+Exhibit = tuple[Crop, tuple[Rendered, ...]]
+"""A crop with its pictures: the truth, ours, the best rival if there is one."""
 
 
 def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
@@ -121,24 +95,20 @@ def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
     without a method of ours.
     """
     crops = list(choose_crops(figures))
-    if not crops:
-        return []
-    largest = max(crop.scene.rows * crop.scene.columns for crop in crops)
+    largest = max((crop.scene.rows * crop.scene.columns for crop in crops), default=0)
     pixels = (WINDOW + 2 * _HALO) ** 2 + largest // 4
     return team.together("crops", partial(render_exhibit, figures.study), crops, pixels)
 
 
 def choose_crops(figures: Figures) -> Iterator[Crop]:
-    """Yield crops by noise level and reason: those of a reason are from different scenes, and none
-    of a level overlap.
-    """
+    """Yield crops by noise level and reason; none of a level overlap."""
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
         scores = {scene: _scores(figures, scene, level) for scene in figures.study.scenes}
-        for why, most in REASONS.items():
+        for why in REASONS:
             highest = {scene: of[why].max() for scene, of in scores.items() if why in of}
-            shown = [scene for scene in highest if highest[scene] > 0]
-            for scene in sorted(shown, key=highest.__getitem__, reverse=True)[:most]:
+            scene = max(highest, key=highest.__getitem__, default=None)
+            if scene and highest[scene] > 0:
                 yield _crop(figures, scene, level, why, scores[scene])
 
 
@@ -154,20 +124,18 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     colours = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral)
     transform = ColourTransform.to_space(colours)
     truth = scene.rgb[crop.part]
-    stops = _stops(scene.rgb, (truth / np.array(transform.white)).astype(np.float32))
+    gain = _gain(scene.rgb, truth / np.array(transform.white))
 
     def display(rgb: FloatArray) -> ByteArray:
-        # A gain of the light, because a negative exposure leaves white what is burnt out, and it
-        # may differ.
-        return quantise(transform.apply(rgb * np.float32(2.0**stops)), 8).astype(np.uint8)
+        return quantise(transform.apply(rgb * gain), 8).astype(np.uint8)
 
     titles = ("truth", *(study.method(name).title for name in crop.methods))
     renderings = (truth, *render_crop(study, crop, scene.rgb))
     pictures = (
-        Rendered(title, display(picture), whole_psnr(picture, truth))
+        Rendered(title, display(picture), psnr(picture, truth))
         for title, picture in zip(titles, renderings, strict=True)
     )
-    return Exhibit(crop, tuple(pictures), stops)
+    return crop, tuple(pictures)
 
 
 def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatArray]:
@@ -208,7 +176,7 @@ def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, Fl
     own, rival = measures.get(study.ours or ""), _rival(figures, scene, level)
     if own is None:
         return {}
-    scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0), WRONG_HUE: own.hues.copy()}
+    scores = {WORST: np.where(own.errors > _INVISIBLE, own.errors, 0)}
     if rival is not None:
         theirs = np.maximum(measures[rival].errors, _INVISIBLE)
         lead = np.log10(theirs / np.maximum(own.errors, _INVISIBLE))
@@ -240,14 +208,13 @@ def _around(start: int, length: int, size: int, step: int) -> slice:
     return slice(max(0, start - _HALO) // step * step, min(size, start + length + _HALO))
 
 
-def _stops(scene: FloatArray, balanced: FloatArray) -> float:
+def _gain(scene: FloatArray, balanced: DoubleArray) -> np.float32:
     """Brightening for display: from the scene's own light, but so that the crop is not all white.
 
     scene: its light, (H, W, 3).
     balanced: light of the crop, (h, w, 3), 1 = display white.
     """
-    brightest = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
-    crop = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
-    brightened = max(log2(_BRIGHT / max(brightest, _DARKEST)), 0.0)
-    stops = min(brightened, log2(_CROP_BRIGHT / max(crop, _DARKEST)))
-    return min(max(stops, -_MOST_STOPS), _MOST_STOPS)
+    brightest = np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE)
+    crop = np.quantile(balanced.max(axis=2), _CROP_SHARE)
+    brightened = max(_BRIGHT / max(brightest, _DARKEST), 1.0)
+    return np.float32(min(brightened, _CROP_BRIGHT / max(crop, _DARKEST)))

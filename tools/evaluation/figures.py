@@ -23,8 +23,6 @@ class Criterion(NamedTuple):
 
     Parameters
     ----------
-    name
-        Name in the verdict of the JSON file.
     title
         Title of the column.
     figure
@@ -37,7 +35,6 @@ class Criterion(NamedTuple):
         Factor from the value to what people are shown.
     """
 
-    name: str
     title: str
     figure: str
     sign: int = 1
@@ -60,20 +57,19 @@ class Criterion(NamedTuple):
         return "–" if value is None else f"{value:.{self.digits}f}"
 
 
-RGB = Criterion("rgb", "RGB, dB", "rgb_q50")
-TENTH = Criterion("rgb_q10", "RGB, 10\u00a0%", "rgb_q10")
-WHOLE = Criterion("psnr", "whole image", "psnr")
-HUE = Criterion("wrong_hue", "wrong hue,\u00a0%", "wrong_hue", sign=-1, scale=100.0)
-KEPT = Criterion("kept", "dark colour,\u00a0%", "kept_1", sign=0, digits=0, scale=100.0)
+RGB = Criterion("RGB, dB", "rgb_q50")
+TENTH = Criterion("RGB, 10\u00a0%", "rgb_q10")
+WHOLE = Criterion("whole image", "psnr")
+HUE = Criterion("wrong hue,\u00a0%", "wrong_hue", sign=-1, scale=100.0)
 CRITERIA = (
     RGB,
-    Criterion("luminance", "luminance", "luminance_q50"),
-    Criterion("chrominance", "chrominance", "chrominance_q50"),
+    Criterion("luminance", "luminance_q50"),
+    Criterion("chrominance", "chrominance_q50"),
     TENTH,
-    Criterion("chrominance_q10", "chrominance, 10\u00a0%", "chrominance_q10"),
+    Criterion("chrominance, 10\u00a0%", "chrominance_q10"),
     WHOLE,
     HUE,
-    KEPT,
+    Criterion("dark colour,\u00a0%", "kept_1", sign=0, digits=0, scale=100.0),
 )
 
 

@@ -22,7 +22,7 @@ WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
 _STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
 _BINS = round((CAP - _LOWEST) / _STEP) + 1
-_ARRAYS = ("kept", "errors", "hues")
+_ARRAYS = ("kept", "errors")
 
 
 class Histogram(NamedTuple):
@@ -73,8 +73,6 @@ class Measures:
     errors : FloatArray
         float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at
         `window_origins`.
-    hues : FloatArray
-        float32, share of pixels of wrong hue of the same squares; 0 where there is no `wrong_hue`.
     """
 
     quality: Quality
@@ -83,7 +81,6 @@ class Measures:
     kept: DoubleArray
     patches: tuple[Histogram, ...]
     errors: FloatArray
-    hues: FloatArray
 
     @classmethod
     def of(cls, rendered: FloatArray, truth: FloatArray, channels: str = RGB) -> "Measures":
@@ -100,17 +97,16 @@ class Measures:
             As `patch_psnr` does.
         """
         maps, share = patch_psnr(rendered, truth), None
-        wrong, kept = np.zeros(truth.shape[:2], bool), np.zeros((2, len(PLACES)))
+        kept = np.zeros((2, len(PLACES)))
         if set(RGB) <= set(channels):
             places = [channels.index(letter) for letter in RGB]
             colours = rendered[..., places], truth[..., places]
-            wrong, kept = wrong_hue(*colours), colour_kept(*colours)
-            share = float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean())
+            kept = colour_kept(*colours)
+            share = float(wrong_hue(*colours)[BORDER:-BORDER, BORDER:-BORDER].mean())
         whole = whole_psnr(rendered, truth, BORDER)
         patches = tuple(map(Histogram.of, maps))
         errors = np.square(rendered.astype(np.float64) - truth).mean(axis=2)
-        squares = map(_window_means, (errors, wrong.astype(np.float64)))
-        return cls(Quality.of(maps), whole, share, kept, patches, *squares)
+        return cls(Quality.of(maps), whole, share, kept, patches, _window_means(errors))
 
     def encode(self) -> bytes:
         """File content for the cache, which `decode` reads."""

@@ -8,8 +8,6 @@ from ...shared.arrays import FloatArray
 from ..io.versions import package_version
 from .cameras import CameraPair
 
-_EXTRAS = {"bm3d": "rivals"}  # packages that another extra of ours than `tools` installs
-
 
 @dataclass(frozen=True)
 class Method:
@@ -35,8 +33,6 @@ class Method:
         The picture depends on what white reads.
     packages
         Distributions that the method needs; results depend on their versions.
-    seconds
-        Rough duration per megapixel, from which the time left is estimated.
     file
         Path of a network; "" = none. Results depend on its content, which `version` states.
     """
@@ -48,24 +44,13 @@ class Method:
     ours: bool = False
     balanced: bool = False
     packages: tuple[str, ...] = ()
-    seconds: float = 1.0
     file: str = ""
-
-    @property
-    def short(self) -> str:
-        """Title without the camera."""
-        return self.title.partition(", ")[2] or self.title
 
     @property
     def missing(self) -> str | None:
         """A package that the method needs and that is not installed."""
         missing = (package for package in self.packages if package_version(package) is None)
         return next(missing, None)
-
-    @property
-    def remedy(self) -> str:
-        """The command that installs what the method needs."""
-        return f"pip install -e '.[{_EXTRAS.get(self.missing or '', 'tools')}]'"
 
     @property
     def identity(self) -> dict[str, Any]:

@@ -32,11 +32,11 @@ def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
     return render(mosaic, settings).rgb
 
 
-def _preset(name: str, title: str, seconds: float) -> Method:
+def _preset(name: str, title: str) -> Method:
     settings = PRESETS[name]
     version, function = [ALGORITHM, asdict(settings)], partial(render_preset, settings)
     packages = ("onnxruntime",) if settings.learned.used else ()
-    return Method(name, title, function, version, True, packages=packages, seconds=seconds)
+    return Method(name, title, function, version, True, packages=packages)
 
 
 @cache
@@ -44,10 +44,10 @@ def methods() -> dict[str, Method]:
     """All methods but networks, by name: ours, then those of a Bayer camera."""
     title, version, packages = "Sparse colour, preview", preview_version(), ("onnxruntime",)
     ours = [
-        _preset("paper", "Sparse colour, paper", 0.3),
-        _preset("best", "Sparse colour, best", 2),
-        _preset("unlearned", "Sparse colour, best, unlearned", 2),
-        Method("preview", title, linear_preview, version, True, packages=packages, seconds=0.1),
+        _preset("paper", "Sparse colour, paper"),
+        _preset("best", "Sparse colour, best"),
+        _preset("unlearned", "Sparse colour, best, unlearned"),
+        Method("preview", title, linear_preview, version, True, packages=packages),
     ]
     rivals = (method for module in _RIVALS for method in module.METHODS)
     return {method.name: method for method in (*ours, *rivals)}
@@ -81,34 +81,23 @@ def choose(names: list[str]) -> list[Method]:
             known = f"{', '.join(methods())}, and networks by `rival`{meant(name, methods())}"
             raise InputError(f"unknown method {name!r}; there are {known}")
         if method.missing:
-            needed = f"{name} needs the package {method.missing}: {method.remedy}"
-            raise InputError(f"{needed}, or leave it out of `methods`")
+            remedy = f"pip install {method.missing}, or leave it out of `methods`"
+            raise InputError(f"{name} needs the package {method.missing}: {remedy}")
         chosen[method.name] = method
     return list(chosen.values())
 
 
+@cache
 def find_method(name: str, networks: Networks = ()) -> Method:
     """Return a method by its name, in any process.
 
     Raises
     ------
     InputError
-        As `find_network` does.
+        If the file of a network has changed or is gone.
     """
     file = dict(networks).get(name)
-    return find_network(name, file) if file else methods()[name]
-
-
-@cache
-def find_network(name: str, file: str) -> Method:
-    """Return a network by its name and file.
-
-    Raises
-    ------
-    InputError
-        If the file has changed or is gone.
-    """
-    method = network(file)
+    method = network(file) if file else methods()[name]
     if method.name != name:
         raise InputError(f"{file}: {CHANGED}")
     return method

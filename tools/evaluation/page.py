@@ -1,6 +1,4 @@
-"""The page: verdict, two pairs of crops, a table, three plots and the worst places, in one HTML
-file that needs no network.
-"""
+"""The page: verdict, crops, a table and three plots, in one HTML file that needs no network."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -9,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..io.page import embed_picture, embed_plot, render_page
-from .crops import AHEAD, BEHIND, Exhibit, Psnr
+from .crops import Crop, Exhibit, Rendered
 from .figures import CRITERIA, Figures, Place
 from .measures import TITLES
 from .metrics import BORDER, PSNR_PATCH
@@ -40,8 +38,7 @@ def build_page(
     program
         Name and version.
     failures
-        A line for each scene or result that is missing, and for each folder of which a part is left
-        out.
+        A line for each scene or result that is missing.
     """
     study = figures.study
     groups = [_group(figures, name) for name in figures.groups]
@@ -50,11 +47,10 @@ def build_page(
         title="Is the sparse-colour camera better?",
         summary=describe(figures),
         groups=groups,
-        pairs=[_describe(item) for why in (AHEAD, BEHIND) for item in _clearest(exhibits, why)],
-        worst=[_describe(item) for item in exhibits if item.crop.why not in (AHEAD, BEHIND)],
+        exhibits=[_describe(*exhibit) for exhibit in exhibits],
         failures=failures,
         facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": study.seed},
-        conditions=study.protocol.conditions,
+        conditions=study.levels[0].conditions,
         program=program,
     )
 
@@ -77,58 +73,22 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     dashed.
     """
     study, levels = figures.study, figures.study.levels
-    places = levels[0].places(levels)
+    places = range(len(levels))
     for name, colour in zip(study.methods, cycle(_COLOURS)):
         medians = [CRITERIA[plane].score(figures.of(Place(group, level), name)) for level in levels]
         style = "o-" if study.method(name).ours else "s--"
         width = 2.4 if name == study.ours else 1.3
         axes.plot(places, medians, style, linewidth=width, markersize=3.5, color=colour)
     axes.set_title(TITLES[plane], loc="left")
-    axes.set_xticks(places, [level.tick for level in levels])
-    axes.set_xlabel(levels[0].axis)
+    axes.set_xticks(places, [f"{level.level:g}" for level in levels])
+    axes.set_xlabel(levels[0].unit)
     axes.set_ylabel("median PSNR, dB")
 
 
-def _clearest(exhibits: Sequence[Exhibit], why: str) -> list[Exhibit]:
-    """Return the exhibit of a reason in which ours and the best rival differ most, if there is
-    one.
-    """
-
-    def difference(exhibit: Exhibit) -> float:
-        _, ours, rival = exhibit.pictures
-        return abs(ours.psnr[0] - rival.psnr[0])
-
-    chosen = [exhibit for exhibit in exhibits if exhibit.crop.why == why]
-    return sorted(chosen, key=difference, reverse=True)[:1]
-
-
-def _describe(exhibit: Exhibit) -> dict[str, Any]:
+def _describe(crop: Crop, pictures: Sequence[Rendered]) -> dict[str, Any]:
     """Return the template's variables for an exhibit."""
-    crop, (_, *rendered) = exhibit.crop, exhibit.pictures
-    where = f"{crop.scene.name}, {crop.level.text}, {crop.place}"
-    if exhibit.stops:
-        change = "brightened" if exhibit.stops > 0 else "darkened"
-        where += f", {change} by {abs(exhibit.stops):.1f} stops"
-    pictures = [(item.title, item.psnr, embed_picture(item.pixels)) for item in exhibit.pictures]
     return {
         "title": f"{crop.why[:1].upper()}{crop.why[1:]}",
-        "where": where,
-        "look": _advise(*(item.psnr for item in rendered)) if len(rendered) == 2 else "",
-        "pictures": pictures,
+        "where": f"{crop.scene.name}, {crop.level.text}, row {crop.row}, column {crop.column}",
+        "pictures": [(item.title, item.psnr, embed_picture(item.pixels)) for item in pictures],
     }
-
-
-def _advise(ours: Psnr, rival: Psnr) -> str:
-    """Return what to look at: the plane in which the better picture saves most of the other's mean
-    squared error.
-    """
-    better, worse = max(ours, rival), min(ours, rival)
-    planes = zip(better, worse, strict=True)
-    saved = [10 ** (-low / 10) - 10 ** (-high / 10) for high, low in planes]
-    luminance, chrominance = ours[1] - rival[1], ours[2] - rival[2]
-    what = "fine detail and noise in brightness"
-    if saved[2] > saved[1]:
-        what = "colour: its hue, its edges, its noise"
-    nearer = "ours" if ours > rival else "the rival"
-    leads = f"luminance {luminance:+.1f} dB, chrominance {chrominance:+.1f} dB"
-    return f"Look at {what}. Here {nearer} is nearer to the truth; ours minus rival: {leads}."

@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from ..batch.folders import search
 from ..io.scene import Scene
 from ..simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 from .metrics import BORDER, PSNR_PATCH
-from .tiles import unique_name
 
 # Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8
 # bits) is not a measurement of light: it is linearised, but never pooled with what sensors
@@ -47,8 +47,6 @@ class SceneInfo:
         Of its pixels, after cutting.
     rows, columns : int
         After cutting.
-    origin : tuple[int, int]
-        Row and column of its first pixel before cutting.
     neutral : tuple[float, ...] | None
         What white reads, one value per channel; None = unknown.
     notes : tuple[str, ...]
@@ -63,12 +61,6 @@ class SceneInfo:
     columns: int
     neutral: tuple[float, ...] | None
     notes: tuple[str, ...] = ()
-    origin: tuple[int, int] = (0, 0)
-
-    @property
-    def megapixels(self) -> float:
-        """Size after cutting."""
-        return self.rows * self.columns / 1e6
 
 
 @dataclass(frozen=True)
@@ -91,40 +83,43 @@ class Reading:
 
         Raises InputError, naming the file, if it cannot be read, or has changed since.
         """
-        for _ in range(2):
-            try:
-                scene, _, pixels = _loaded(info.source, self)
-            except InputError as error:
-                raise InputError(f"{info.source}: {error}") from None
-            if pixels == info.digest:
-                return scene
-            _loaded.cache_clear()  # the file may have been another one when it was kept in memory
-        changed = "the picture has changed since the evaluation began; run it again"
-        raise InputError(f"{info.source}: {changed}")
+        return _checked(info, self)
 
     def info(self, source: str) -> SceneInfo:
         """Facts about a scene.
 
         Raises InputError, without the name of the source, if it cannot be read or is too small.
         """
-        _loaded.cache_clear()
-        scene, origin, pixels = _loaded(source, self)
+        scene = _loaded(source, self)
         group = MEASURED if self.linear else _group(source, scene)
-        facts = (scene.name, group, pixels, *scene.shape, _neutral(scene, group))
-        return SceneInfo(source, *facts, scene.notes, origin)
+        facts = (scene.name, group, digest(scene.rgb), *scene.shape, _neutral(scene, group))
+        return SceneInfo(source, *facts, scene.notes)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
-def _loaded(source: str, reading: Reading) -> tuple[Scene, tuple[int, int], str]:
-    """The scene, cut, and `origin` and `digest` of its `SceneInfo`."""
+def _checked(info: SceneInfo, reading: Reading) -> Scene:
+    """Return the scene, cut, if it is the one that was listed; raises InputError as `Reading.scene`
+    does.
+    """
+    try:
+        scene = _loaded(info.source, reading)
+    except InputError as error:
+        raise InputError(f"{info.source}: {error}") from None
+    if digest(scene.rgb) != info.digest:
+        changed = "the picture has changed since the evaluation began; run it again"
+        raise InputError(f"{info.source}: {changed}")
+    return scene
+
+
+def _loaded(source: str, reading: Reading) -> Scene:
+    """Return the scene, cut."""
     scene = load_scene(source, linear=reading.linear)
-    rows, columns = (_kept(size, reading.largest).start for size in scene.shape)
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST_SIDE:
         size = f"{scene.shape[1]} x {scene.shape[0]} pixels"
         least = f"{_LEAST_SIDE} each way at least, for one patch within the border"
         raise InputError(f"{size} are too few: {least}")
-    return replace(scene, rgb=rgb), (rows, columns), digest(rgb)
+    return replace(scene, rgb=rgb)
 
 
 def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
@@ -179,8 +174,9 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
             same = f"the same pixels as {kept[scene.digest].source}"
             remarks.append(f"{scene.source}: has {same} and is measured once")
         else:
-            names = (scene.name, Path(scene.source).name)
-            name = unique_name(names, [other.name for other in kept.values()])
+            taken = [other.name for other in kept.values()]
+            names = chain([scene.name], (f"{scene.name} ({number})" for number in count(2)))
+            name = next(name for name in names if name not in taken)
             kept[scene.digest] = replace(scene, name=name)
     return list(kept.values()), remarks
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from ...shared.arrays import FloatArray
 from ...shared.errors import InputError, OutputError, PanchromaError
@@ -22,7 +23,7 @@ from .measures import Measures
 from .method import Method
 from .methods import Networks, find_method
 from .scene_sets import Reading, SceneInfo
-from .tiles import Tile, filters_of
+from .tiles import Tile
 
 FOLDER = "results"
 MEASURING = 2
@@ -34,11 +35,9 @@ renderer and its settings, or of the preview), and those of the packages that th
 Whoever changes code so that figures differ raises the number beside it, or the old figures stay; a
 test compares figures with those that the numbers stand for.
 """
-_SECONDS = 0.3  # per megapixel, to measure a picture, roughly
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """One result: a scene at one noise level, by one method.
 
     Parameters
@@ -97,11 +96,6 @@ class Study:
     networks: Networks = ()
 
     @property
-    def protocol(self) -> type[Protocol]:
-        """The kind of noise."""
-        return type(self.levels[0])
-
-    @property
     def tile(self) -> Tile:
         """The pattern at which our methods are compared with the rivals: the paper's K = 6, if it
         is among them.
@@ -123,28 +117,13 @@ class Study:
         """Return one of the methods."""
         return find_method(name, self.networks)
 
-    def cameras(self, method: str) -> tuple[Tile | None, ...]:
-        """Return the patterns whose shots a method renders; (None,) for a Bayer camera's method."""
-        return self.tiles if self.method(method).ours else (None,)
-
     def cells(self) -> Iterator[Cell]:
         """Yield every result, in the order of the report."""
         for scene in self.scenes:
             for level in self.levels:
-                for name in self.methods:
-                    for tile in self.cameras(name):
-                        yield name_cell(scene, level, self.method(name), tile, self.seed)
-
-    def seconds(self, cell: Cell) -> float:
-        """Rough duration on one core: the share of a result in the work, for the time left. It
-        foretells nothing by itself.
-        """
-        return (self.method(cell.method).seconds + _SECONDS) * cell.scene.megapixels
-
-    def remarks(self) -> list[str]:
-        """Return remarks on filters that are made from others."""
-        notes = {tile: filters_of(tile.pattern).notes for tile in self.tiles}
-        return [f"{tile.name}: {note}" for tile in notes for note in notes[tile]]
+                for method in map(self.method, self.methods):
+                    for tile in self.tiles if method.ours else (None,):
+                        yield name_cell(scene, level, method, tile, self.seed)
 
 
 def name_cell(
@@ -159,9 +138,9 @@ def name_cell(
     """
     parts = {
         "measuring": MEASURING,
-        "protocol": level.identity,
+        "protocol": [level.name, level.version],
         "level": level.level,
-        "seed": seed if level.noisy else 0,  # without noise any seed is the same
+        "seed": seed if level.level else 0,  # without noise any seed is the same
         "pattern": asdict(tile.pattern) if tile else None,
         "scene": scene.digest,
         "channels": RGB,
@@ -184,9 +163,7 @@ def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[li
     anew
         Make all results, whatever is there.
     """
-    distinct: dict[str, Cell] = {}
-    for cell in study.cells():
-        distinct.setdefault(cell.name, cell)
+    distinct = {cell.name: cell for cell in study.cells()}
     missing = [cell for cell in distinct.values() if anew or _kept(folder, cell) is None]
     return missing, len(distinct) - len(missing)
 
@@ -238,13 +215,7 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
         return [f"{place}{error}"]
     except MemoryError:
         return [f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size"]
-    path = folder / FOLDER / cell.name
-    try:
-        path.parent.mkdir(exist_ok=True)
-    except OSError as error:
-        reason = f"the folder cannot be made ({error.strerror or error})"
-        raise OutputError(f"{path.parent}: {reason}") from None
-    write_durably(path, measures.encode(), overwrite=True)
+    write_durably(folder / FOLDER / cell.name, measures.encode(), overwrite=True)
     return []
 
 

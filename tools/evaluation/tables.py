@@ -5,29 +5,23 @@ figure.
 import csv
 import io
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..batch.console import one_line
-from ..simulation.noise import Protocol
-from .figures import CRITERIA, EVEN, Figure, Figures, Place
+from .figures import CRITERIA, Figure, Figures, Place
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
-from .tiles import Tile
 from .verdict import judge
 
 _POOLED = "all scenes"
 _SCENE = ("source", "name", "group", "rows", "columns", "notes")
 _FORMULA = tuple("=+-@＝＋－＠")  # in full width, too, which some programs take for the same
-_DIGITS = {"wrong_hue": 6}  # of figures; of all others 4
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """A table of texts.
 
     Parameters
@@ -83,10 +77,9 @@ def describe(figures: Figures) -> str:
     """Return the scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
-    levels = ", ".join(level.text for level in study.levels)
     return (
         f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera under "
-        f"the same light; {study.protocol.summary}; {levels}."
+        "the same light."
     )
 
 
@@ -96,12 +89,12 @@ def _row(figure: Figure) -> dict[str, Any]:
     row: dict[str, Any] = {"group": group, "scene": scene, "level": level.level}
     row |= {"method": figure.method, "period": tile and tile.period}
     for name, value in figure.values.items():
-        row[name] = value if value is None else round(value, _DIGITS.get(name, 4))
-    return row | {"scenes": figure.scenes, "pattern": tile and tile.name} | _facts(tile)
+        row[name] = value if value is None else round(value, 6)
+    return row | {"scenes": figure.scenes, "pattern": tile and tile.name}
 
 
 def encode_csv(figures: Figures) -> bytes:
-    """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 4
+    """Return the content of the CSV file: UTF-8, a header line, decimal points, figures to 6
     decimals.
     """
     text, rows = io.StringIO(), [_row(figure) for figure in figures.rows]
@@ -125,9 +118,7 @@ def _cell(value: Any) -> Any:
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
 
 
-def encode_json(
-    figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()
-) -> bytes:
+def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
     """Return the content of the JSON file, one object: protocol, scenes, methods, verdict, figures,
     failures; no NaN.
 
@@ -139,8 +130,6 @@ def encode_json(
         Name and version.
     failures
         A line for each scene or result that is missing.
-    left_out
-        Remarks on files that were not measured, or once for several.
     """
     study, methods, patterns = figures.study, {}, {}
     for name in study.methods:
@@ -148,14 +137,13 @@ def encode_json(
         methods[name] = {"title": method.title, "ours": method.ours, "bayer": not method.ours}
     for tile in study.tiles:
         letters = "/".join(tile.pattern.tile)
-        patterns[tile.name] = {"tile": letters, "period": tile.period} | _facts(tile)
+        light = round(tile.light, 6)
+        patterns[tile.name] = {"tile": letters, "period": tile.period, "light": light}
     protocol = {
-        "kind": study.protocol.name,
+        "kind": study.levels[0].name,
         "seed": study.seed,
-        "level": study.protocol.unit,
+        "level": study.levels[0].unit,
         "levels": [level.level for level in study.levels],
-        "period": study.tile.period,
-        "periods": [tile.period for tile in study.tiles if tile.period],
         "pattern": study.tile.name,
         "patterns": patterns,
         "patch": PSNR_PATCH,
@@ -168,36 +156,9 @@ def encode_json(
         "protocol": protocol,
         "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
         "methods": methods,
-        "verdict": {group: _verdict(figures, group) for group in figures.groups},
+        "verdict": {group: judge(figures, group)._asdict() for group in figures.groups},
         "figures": [_row(figure) for figure in figures.rows],
         "failed": failures,
-        "left_out": left_out,
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode(errors="backslashreplace")
-
-
-def _verdict(figures: Figures, group: str) -> dict[str, Any]:
-    tone, sentences = judge(figures, group)
-    levels = [_level(figures, group, level) for level in figures.study.levels]
-    return {"ours": figures.study.ours, "tone": tone, "sentences": sentences, "levels": levels}
-
-
-def _level(figures: Figures, group: str, level: Protocol) -> dict[str, Any]:
-    place, methods = Place(group, level), figures.study.methods
-    lead, scenes = figures.lead(place), figures.leads(group, level)
-    winners = {criterion.name: figures.best(place, criterion, methods) for criterion in CRITERIA}
-    return {
-        "level": level.level,
-        "winner": winners,
-        "best_rival": lead and lead.rival,
-        "margin_rgb": lead and round(lead.value, 4),
-        "scenes_won": sum(scene.value >= EVEN for scene in scenes),
-        "scenes": len(scenes),
-    }
-
-
-def _facts(tile: Tile | None) -> dict[str, Any]:
-    """Return the facts about a pattern; all are None for a Bayer camera's method."""
-    share, light = (tile.panchromatic_share, tile.light) if tile else (None, None)
-    return {"panchromatic_share": share and round(share, 6), "light": light and round(light, 6)}

@@ -7,17 +7,17 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ...shared.errors import InputError, PanchromaError
 from ..batch.cluster import cluster
 from ..batch.console import Console
-from ..batch.jobs import reason
+from ..batch.jobs import output_folder, reason
 from ..batch.memory import format_bytes
 from ..batch.parallel import follow, one_by_one, processes
 from ..batch.progress import StageProgress
 from .scene_sets import Reading, SceneInfo, distinct, expand
-from .study import Cell, Study, work
+from .study import FOLDER, Cell, Study, work
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -54,9 +54,9 @@ class Team:
 
     def read(
         self, sources: Sequence[str], output: Path, reading: Reading
-    ) -> tuple[list[SceneInfo], list[str], list[str]]:
+    ) -> tuple[list[SceneInfo], list[str]]:
         """The scenes that can be read, each once, in the given order; a line for each source that
-        cannot, and one for each that is left out. The user is shown the lines, too.
+        cannot. The user is shown the lines, and what is left out, too.
 
         Parameters
         ----------
@@ -84,12 +84,11 @@ class Team:
                 scenes.append(info)
         self.console.notes((scene.source, scene.notes) for scene in scenes)
         scenes, remarks = distinct(scenes)
-        left_out += remarks
-        self.console.note(*left_out)
+        self.console.note(*left_out, *remarks)
         if not scenes:
             expected = "a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT"
             raise InputError(f"no scene could be read; {expected}")
-        return scenes, failures, left_out
+        return scenes, failures
 
     def measure(
         self, study: Study, folder: Path, todo: Sequence[Cell], scheduler: str | None = None
@@ -106,16 +105,21 @@ class Team:
         list[str]
             A line for each that failed; it is shown to the user too.
         """
+        output_folder(str(folder / FOLDER))
         pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
         measure = partial(work, replace(study, scenes=()), folder.absolute())
-        how = {"length": study.seconds, "scheduler": scheduler}
-        results = self.together("measuring", measure, todo, pixels, **how)
+        results = self.together("measuring", measure, todo, pixels, scheduler)
         failures = list(dict.fromkeys(line for lines in results for line in lines))
         self.console.error(*failures)
         return failures
 
     def together(
-        self, title: str, function: Callable[[T], R], items: Sequence[T], pixels: int, **how: Any
+        self,
+        title: str,
+        function: Callable[[T], R],
+        items: Sequence[T],
+        pixels: int,
+        scheduler: str | None = None,
     ) -> list[R]:
         """Results in the order of the items. Arguments as for `_run`.
 
@@ -125,7 +129,7 @@ class Team:
             For the first that fails.
         """
         results = []
-        for result in self._run(title, function, items, pixels, **how):
+        for result in self._run(title, function, items, pixels, scheduler):
             if isinstance(result, Exception):
                 raise InputError(f"{title}: {result}") from result
             results.append(result)
@@ -137,7 +141,6 @@ class Team:
         function: Callable[[T], R],
         items: Sequence[T],
         pixels: int,
-        length: Callable[[T], float] = lambda _: 1.0,
         scheduler: str | None = None,
     ) -> list[R | PanchromaError | MemoryError]:
         """Call a function for items; returns the results or errors in their order.
@@ -146,7 +149,6 @@ class Team:
         function: of a module, or a `partial` of one.
         items: hashable.
         pixels: of the largest scene that an item needs.
-        length: weight of an item in the time left.
         scheduler: see `measure`.
         """
         if not items:
@@ -162,7 +164,7 @@ class Team:
             else:
                 pool = cluster(scheduler, note) if scheduler else processes(count, _REMEDY)
                 results = stack.enter_context(pool).run(call, items, note)
-            for item, result in follow(results, items, progress, title, length):
+            for item, result in follow(results, items, progress, title):
                 if isinstance(result, Exception) and not isinstance(result, _FAILURES):
                     raise result
                 ended[item] = result

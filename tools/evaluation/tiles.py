@@ -2,10 +2,8 @@
 before a scene.
 """
 
-from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from itertools import chain, count
 from os.path import isfile
 from pathlib import Path
 
@@ -24,7 +22,7 @@ class Tile:
     Attributes
     ----------
     name : str
-        For people, unique in a study.
+        For people.
     pattern : CfaPattern
         The pattern.
     """
@@ -46,7 +44,13 @@ class Tile:
         ----------
         source : str
             What the user wrote.
+
+        Raises
+        ------
+        InputError
+            As `filters_for` does.
         """
+        filters_of(pattern)
         if pattern == CfaPattern.bayer(pattern.period, ORDER):
             return cls.of_period(pattern.period)
         name = Path(source).stem if isfile(source) else pattern.name or source  # noqa: PTH113 (Path.is_file refuses long names)
@@ -59,16 +63,11 @@ class Tile:
         return period if self.pattern == CfaPattern.bayer(period, ORDER) else None
 
     @property
-    def panchromatic_share(self) -> float:
-        """Share of the pixels that are panchromatic, 0 to 1."""
-        return 1 - len(self.pattern.sites) / self.pattern.period**2
-
-    @property
     def light(self) -> float:
         """Light collected from a white scene, as a multiple of what a Bayer sensor collects."""
         # that one colour pixel collects; a panchromatic one collects 3
         colour = 1 / filters_of(self.pattern).unit
-        return 3 * self.panchromatic_share + colour * (1 - self.panchromatic_share)
+        return 3 - (3 - colour) * len(self.pattern.sites) / self.pattern.period**2
 
 
 @lru_cache(maxsize=256)
@@ -81,26 +80,3 @@ def filters_of(pattern: CfaPattern) -> Filters:
         As `filters_for` does.
     """
     return filters_for(pattern, Scene(np.zeros((1, 1, len(RGB)), np.float32), ""))
-
-
-def distinct_tiles(tiles: Iterable[Tile]) -> tuple[Tile, ...]:
-    """Each pattern once and under a unique name.
-
-    Raises
-    ------
-    InputError
-        For filters that cannot be made from red, green and blue.
-    """
-    by_name: dict[str, Tile] = {}
-    for tile in tiles:
-        filters_of(tile.pattern)
-        if all(tile.pattern != other.pattern for other in by_name.values()):
-            name = unique_name([tile.name], by_name)
-            by_name[name] = replace(tile, name=name)
-    return tuple(by_name.values())
-
-
-def unique_name(names: Sequence[str], taken: Container[str]) -> str:
-    """Return the first of some names that is not taken, or the first one with a number."""
-    numbered = (f"{names[0]} ({number})" for number in count(2))
-    return next(name for name in chain(names, numbered) if name not in taken)

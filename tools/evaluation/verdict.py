@@ -5,8 +5,7 @@ does not stand on.
 from itertools import product
 from typing import NamedTuple
 
-from .figures import EVEN, HUE, KEPT, RGB, TENTH, WHOLE, Figures, Lead, Place
-from .methods import methods
+from .figures import EVEN, RGB, TENTH, WHOLE, Figures, Lead, Place
 
 # scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6
 # = 0.03)
@@ -50,29 +49,23 @@ def _lead(figures: Figures, lead: Lead) -> str:
     group, level, _ = lead.place
     scenes = figures.leads(group, level)
     ahead = sum(scene.value >= EVEN for scene in scenes)
-    short = figures.study.method(lead.rival).short
     count = _scenes(len(scenes))
-    return f"{level.text} {lead.value:+.1f} dB ({short}), ahead on {ahead} of {count}"
+    return f"{level.text} {lead.value:+.1f} dB ({lead.rival}), ahead on {ahead} of {count}"
 
 
 def _weakest(figures: Figures, group: str) -> str:
-    """Return the sentence on the largest loss on any scene, and on colour at the highest noise."""
-    study, level = figures.study, figures.study.levels[-1]
+    """Return the sentence on the largest loss on any scene."""
+    study = figures.study
     criteria = {RGB: "the median", TENTH: "the worst tenth", WHOLE: "the whole image"}
     pairs = product(study.levels, criteria)
     leads = [lead for noise, criterion in pairs for lead in figures.leads(group, noise, criterion)]
     worst = min(leads, key=lambda lead: lead.value)
     if worst.value <= -EVEN:
         loss = f"{-worst.value:.1f} dB in {criteria[worst.criterion]}"
-        where = f"{worst.place.scene}, {worst.place.level.text}, {study.method(worst.rival).short}"
+        where = f"{worst.place.scene}, {worst.place.level.text}, {worst.rival}"
         text = f"Its largest loss on a scene is {loss} ({where})"
     else:
         text = "It loses on no scene, in the median, the worst tenth or the whole image"
-    place = Place(group, level)
-    if rival := figures.lead(place, HUE):
-        own, theirs = figures.of(place, study.ours or ""), HUE.text(figures.of(place, rival.rival))
-        text += f"; at {level.text} {HUE.text(own)} % of its pixels show a wrong hue (best rival "
-        text += f"{theirs} %), and the darkest tenth keeps {KEPT.text(own)} % of its colour"
     return f"{text}."
 
 
@@ -84,14 +77,10 @@ def _caveats(figures: Figures, group: str) -> str:
     if count < FEW:
         chance = f"with fewer than {FEW} even being ahead on all of them may be chance"
         limits.append(f"{_scenes(count)} only, and {chance}")
-    noisy = any(level.noisy for level in study.levels)
-    if noisy and not study.networks and _DENOISER not in study.rivals:
-        method, why = methods()[_DENOISER], "it was not asked for"
-        if method.missing:
-            why = f"{method.missing} is not installed: {method.remedy}"
-        limits.append(f"no rival denoises ({why})")
     if not study.networks:
         limits.append("no rival is learned")
+        if study.levels[-1].level and _DENOISER not in study.rivals:
+            limits.append(f"no rival denoises, such as {_DENOISER}")
     for name, level in product(study.methods, study.levels):
         if figures.of(Place(group, level), name) is None:
             limits.append(f"results of {name} are missing at {level.text}")

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
 
 ORDER = "RGGB"
 """Filters of the first two rows."""
@@ -18,13 +17,6 @@ def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
     for channel, row, column in _SITES:
         channels[row::2, column::2] = channel
     return channels
-
-
-def check_mosaic(mosaic: FloatArray) -> None:
-    """Raise InputError unless a mosaic has two axes of at least two samples."""
-    if mosaic.ndim != 2 or min(mosaic.shape) < 2:
-        least = "a Bayer mosaic has at least 2 rows and 2 columns"
-        raise InputError(f"{least}; this one has shape {mosaic.shape}")
 
 
 def sample_bayer(rgb: FloatArray) -> FloatArray:

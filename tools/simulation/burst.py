@@ -20,8 +20,6 @@ from ...shared.errors import InputError
 
 MOST_FRAMES, MOST_PIXELS, MOST_STOPS = 1000, 1000.0, 10.0
 _TIME = 1 / 60  # seconds: exposure time of a bracket, where the scene does not know its own
-MOST_DEGREES = 30.0
-"""The largest rotation that is simulated: beyond it margins would take most of a picture."""
 RADIUS = 12
 """Pixels up to which a sample has an influence on interpolated ones that can be measured."""
 
@@ -39,11 +37,6 @@ class Motion(NamedTuple):
 
     shift: tuple[float, float] = (0.0, 0.0)
     angle: float = 0.0
-
-    @property
-    def none(self) -> bool:
-        """True if nothing has moved."""
-        return self == Motion()
 
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""
@@ -85,9 +78,6 @@ class SimulatedBurst:
             raise InputError(f"`burst` is {self.frames}, expected 1 to {MOST_FRAMES} frames")
         if not 0 <= self.pixels <= MOST_PIXELS:
             raise InputError(f"`motion` is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
-        if not 0 <= self.degrees <= MOST_DEGREES:
-            expected = f"expected 0 to {MOST_DEGREES:g}"
-            raise InputError(f"the rotation is {self.degrees} degrees, {expected}")
         if self.stops and len(self.stops) != self.frames:
             counts = f"{len(self.stops)} figures for {self.frames} frames"
             raise InputError(f"`bracket` has {counts}, expected one for each")
@@ -143,8 +133,6 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     >>> reduced(np.arange(15, dtype=np.float32).reshape(3, 5, 1), 2)[..., 0].tolist()
     [[3.0, 5.0]]
     """
-    if pixel == 1:
-        return rgb
     rows, columns = rgb.shape[0] // pixel, rgb.shape[1] // pixel
     total: FloatArray = np.zeros((rows, columns, rgb.shape[2]), np.float32)
     for row, column in np.ndindex(pixel, pixel):
@@ -160,7 +148,7 @@ def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
     --------
     >>> import numpy as np
     >>> first, second = tremor(SimulatedBurst(2, pixels=3), np.random.default_rng(1))
-    >>> first.none, 0 < math.hypot(*second.shift) <= 3
+    >>> first == Motion(), 0 < math.hypot(*second.shift) <= 3
     (True, True)
     """
     walk = [(0.0, 0.0, 0.0)]  # down, across, degrees clockwise
@@ -204,21 +192,15 @@ def burst_frames(
     """
     # the centre of the scene is that of the frames
     rows, columns = (count // pixel for count in rgb.shape[:2])
-    if not rows or not columns:
-        size = f"{rgb.shape[1]} x {rgb.shape[0]} pixels"
-        raise InputError(f"the scene has {size}: `reduce={pixel}` leaves nothing of it")
     scene = rgb[: rows * pixel, : columns * pixel]
     margin = -(-reach(burst.largest.times(pixel), scene.shape) // pixel)
     if min(rows, columns) <= 2 * margin:
-        raise InputError(
-            f"a burst with this motion loses {margin} pixels on each side of a scene of "
-            f"{columns} x {rows}: nothing is left; take a larger picture, or less motion"
-        )
+        size = f"{rgb.shape[1]} x {rgb.shape[0]} pixels"
+        remedy = "take a larger picture, a smaller `reduce` or less motion"
+        raise InputError(f"of a scene of {size} nothing is left; {remedy}")
     inner = tuple(slice(margin * pixel, (size - margin) * pixel) for size in (rows, columns))
     for motion, stops in zip(tremor(burst, rng), burst.stops or repeat(None), strict=False):
-        light = scene
-        if not motion.none:
-            light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
+        light = displaced(scene, motion.times(pixel)).clip(0)  # interpolation overshoots
         yield SimulatedFrame(reduced(light[inner], pixel), motion, stops)
 
 
@@ -230,7 +212,7 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
     rgb : float32 (H, W, C)
         The light before it.
     motion : Motion
-        Of the camera, pixels of this picture; at most MOST_DEGREES.
+        Of the camera, pixels of this picture.
 
     Returns
     -------
@@ -238,7 +220,7 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
         Beyond its borders the outermost pixels go on: it is true `reach` pixels from the border and
         further inside. Interpolation may overshoot at sharp edges, below zero too.
     """
-    if motion.none:
+    if motion == STILL:
         return rgb
     from scipy.ndimage import affine_transform  # takes longer to load than all of ours
 
@@ -256,7 +238,7 @@ def reach(motion: Motion, shape: tuple[int, ...]) -> int:
     """Return how far from the border `displaced` depends on what is beyond it, pixels; 0 for no
     motion.
     """
-    if motion.none:
+    if motion == STILL:
         return 0
     half = np.array(shape[:2]) / 2
     sine, less = abs(math.sin(motion.angle)), 1 - math.cos(motion.angle)

@@ -7,23 +7,21 @@ the light of all channels, so it reads the more, the less of them the filters le
 which collect two channels each. The scene units of two cameras thus differ: `Filters.unit`.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ...shared import CfaPattern, NoiseModel
+from ...shared import CfaPattern
 from ...shared.arrays import DoubleArray, FloatArray
 from ...shared.colorimetry import Matrix, as_rows, nominal_to_xyz
 from ...shared.errors import InputError
 from ..io.scene import BROADBAND, RGB, Scene
-from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor
 _ROUNDING = 1e-6  # smaller weights and differences are rounding
 
 
-@dataclass(frozen=True)
-class Filters:
+class Filters(NamedTuple):
     """The filters of a sensor, each a mixture of the channels of a scene. `filters_for` makes them.
 
     Attributes
@@ -34,8 +32,6 @@ class Filters:
         (C, N), from the scene's channels to the filters' readings; each row adds up to 1.
     gamma : tuple[float, ...]
         (C,), positive weights of Eq. 7.
-    notes : tuple[str, ...]
-        Remarks for the user.
 
     Examples
     --------
@@ -49,7 +45,6 @@ class Filters:
     channels: str
     matrix: Matrix
     gamma: tuple[float, ...]
-    notes: tuple[str, ...] = ()
 
     @property
     def unit(self) -> float:
@@ -57,14 +52,6 @@ class Filters:
         under the same light.
         """
         return sum(self.gamma) / 3
-
-    @property
-    def noise(self) -> NoiseModel:
-        """The noise of `typical_noise` under the same light: its pixels hold as many electrons."""
-        planes = len(self.channels) + 1
-        return NoiseModel(
-            (TYPICAL_SHOT * self.unit,) * planes, (TYPICAL_READ * self.unit,) * planes
-        )
 
     def of(self, light: FloatArray) -> FloatArray:
         """Readings through the filters: float32 (H, W, N) scene units -> (H, W, C). The same array
@@ -113,41 +100,23 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
         panchromatic pixels see.
     """
     channels, there = pattern.channels, scene.channels
-    mixtures = _mixtures(scene)
-    sources = mixtures | dict(zip(there, np.eye(len(there)), strict=True))
+    sources = dict(zip(there, np.eye(len(there)), strict=True))
+    if set(RGB) <= set(there):
+        for letter, parts in BROADBAND.items():
+            sources.setdefault(letter, np.sum([sources[part] for part in parts], axis=0))
     if missing := [letter for letter in channels if letter not in sources]:
-        others = f" (of which {_listed([*mixtures])} can be made)" if mixtures else ""
         raise InputError(
-            f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}"
-            f"{others}; use a scene with these channels, or another pattern"
+            f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}; "
+            "use a scene with these channels, or another pattern"
         )
     passed = np.array([sources[channel] for channel in channels])
-    gamma, notes = _weights(channels, passed, there)
-    if composed := [letter for letter in channels if letter not in there]:
-        verb = "is" if len(composed) == 1 else "are"
-        note = f"{_listed(composed)} {verb} made from the scene's red, green and blue"
-        notes = (note, *notes)
-    return Filters(channels, as_rows(passed / passed.sum(axis=1, keepdims=True)), gamma, notes)
+    matrix = passed / passed.sum(axis=1, keepdims=True)
+    return Filters(channels, as_rows(matrix), _weights(channels, passed, there))
 
 
-def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
-    """For each filter that is no channel of the scene: what it passes of the scene's channels,
-    (N,), by letter.
-    """
-    if not set(RGB) <= set(scene.channels):
-        return {}
-    return {
-        letter: np.array([float(channel in passed) for channel in scene.channels])
-        for letter, passed in BROADBAND.items()
-        if letter not in scene.channels
-    }
-
-
-def _weights(
-    channels: str, passed: DoubleArray, there: str
-) -> tuple[tuple[float, ...], tuple[str, ...]]:
-    """gamma, and notes: the least-squares solution of "weighted filters add up to all channels", in
-    the units of the filters.
+def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[float, ...]:
+    """gamma: the least-squares solution of "weighted filters add up to all channels", in the units
+    of the filters.
 
     passed: (C, N), what each filter lets through of each channel.
     """
@@ -160,14 +129,7 @@ def _weights(
             f"{_listed(channels)} that add up to it; there are none (the nearest: {nearest}), "
             "choose other filters"
         )
-    collected = weights @ matrix
-    notes: tuple[str, ...] = ()
-    if np.abs(collected - 1).max() > _ROUNDING:
-        pairs = zip(collected, there, strict=True)
-        total = " + ".join(f"{part:.3g} {letter}" for part, letter in pairs if part > _ROUNDING)
-        fault = f"no weights of {_listed(channels)} add up to all light"
-        notes = (f"{fault}: panchromatic pixels see {total} of the scene",)
-    return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist()), notes
+    return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist())
 
 
 def _listed(letters: str | list[str]) -> str:

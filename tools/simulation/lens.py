@@ -28,19 +28,10 @@ class Lens:
         By which panchromatic pixels get less light there, 0 to 4.
     percent : float
         100 times the colour shading, 0 to 50.
-
-    Raises
-    ------
-    InputError
-        For other figures.
     """
 
     stops: float = 0.0
     percent: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.stops <= _MOST_STOPS and 0 <= self.percent <= _MOST_PERCENT):
-            raise _error((self.stops, self.percent))
 
     @classmethod
     def of(cls, figures: Sequence[float] | None) -> "Lens":
@@ -53,9 +44,13 @@ class Lens:
         """
         if figures is None:
             return cls()
-        if not 1 <= len(figures) <= 2:
-            raise _error(figures)
-        return cls(*map(float, figures))
+        lens = cls(*map(float, figures[:2]))
+        is_known = 0 <= lens.stops <= _MOST_STOPS and 0 <= lens.percent <= _MOST_PERCENT
+        if not is_known or not 1 <= len(figures) <= 2:
+            limits = f"0 to {_MOST_STOPS:g} stops, 0 to {_MOST_PERCENT:g} %, such as 2,15"
+            stated = ",".join(map("{:g}".format, figures))
+            raise InputError(f"`shading` is {stated}, expected STOPS,PERCENT: {limits}")
+        return lens
 
     def check(self, known: SensorCalibration, source: object) -> None:
         """Raise InputError, naming the source of a calibration, if that has a shading already."""
@@ -80,12 +75,6 @@ class Lens:
 
 
 NO_LENS = Lens()
-
-
-def _error(figures: Sequence[float]) -> InputError:
-    limits = f"0 to {_MOST_STOPS:g} stops, 0 to {_MOST_PERCENT:g} %, such as 2,15"
-    stated = ",".join(map("{:g}".format, figures))
-    return InputError(f"`shading` is {stated}, expected STOPS,PERCENT: {limits}")
 
 
 def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int]) -> Shading:

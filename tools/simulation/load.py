@@ -1,14 +1,11 @@
 """Load a scene: a camera RAW, a picture, or a built-in scene."""
 
-import os
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,6 @@ from ...shared.arrays import CodeArray
 from ...shared.dng.tags import MAKER, TAG
 from ...shared.errors import ForeignFileError, InputError
 from ...shared.reading import MAX_PIXELS, opened_file
-from ...shared.spelling import closest
 from ...shared.tiff_check import PLAIN, check_directories
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.decoded import PictureFormat, guarded
@@ -94,14 +90,7 @@ def load_scene(
     """
     if is_drawn(source):
         return _draw(source, max_pixels, channels)
-    if meant := _misspelt(source):
-        raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
-    with text_name(Path(source)) as path:
-        scene = _load_file(path, linear, max_pixels, channels, registered)
-    return replace(scene, name=Path(source).stem)
-
-
-def _load_file(path: Path, linear: bool, max_pixels: int, channels: str, registered: bool) -> Scene:
+    path = Path(source)
     picture_format, is_dng = file_kind(path)
     if picture_format:
         with guarded(path):
@@ -128,15 +117,14 @@ def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
     max_pixels : int, optional
         Larger files are refused.
     """
-    with text_name(path) as name:
-        try:
-            picture_format, _ = file_kind(name)
-        except ForeignFileError:
-            return read_dng(name, max_pixels=max_pixels).codes
-        if picture_format is None:
-            return camera_raw_samples(name, max_pixels)
-        with guarded(name):
-            pixels = picture_format.decode(name, max_pixels, RGB).pixels
+    try:
+        picture_format, _ = file_kind(path)
+    except ForeignFileError:
+        return read_dng(path, max_pixels=max_pixels).codes
+    if picture_format is None:
+        return camera_raw_samples(path, max_pixels)
+    with guarded(path):
+        pixels = picture_format.decode(path, max_pixels, RGB).pixels
     if pixels.shape[2] != 1:
         remedy = "give the samples of the sensor, one at each pixel"
         raise InputError(f"is a picture with several colours at each pixel; {remedy}")
@@ -170,7 +158,11 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     elif kind and suffix not in kind.endings:
         remedy = f"if that is right, rename it {path.stem}{kind.endings[0]}"
         raise InputError(f"is a {kind.name} picture by its content; {remedy}")
-    if kind and suffix in kind.endings and not is_dng:
+    is_picture = kind is not None and suffix in kind.endings and not is_dng
+    is_text = str(path) == str(path).encode(errors="ignore").decode()
+    if not is_text and (suffix == ".exr" or not is_picture):  # LibRaw and OpenEXR take text alone
+        raise InputError("its name is no text in UTF-8; rename it")
+    if is_picture:
         return kind, False
     if not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
         raise InputError(NO_RAW.format("by its name and its first bytes"))
@@ -215,18 +207,6 @@ def is_drawn(source: str) -> bool:
     return source.startswith((*_DRAWN, *_EVEN))
 
 
-def _misspelt(source: str) -> str:
-    """The drawn scene that a user probably meant by a name of no scene and no file:
-    "bultin:600x400", "600x400"; "" if none.
-    """
-    kind, _, size = source.rpartition(":")
-    if os.path.lexists(source) or not re.fullmatch(r"\d+x\d+", size):
-        return ""
-    kinds = [name.removesuffix(":") for name in (*_DRAWN, *_EVEN)]
-    close = closest(kind, kinds) if kind else kinds[0]
-    return f"{close}:{size}" if close else ""
-
-
 def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     kind = source[: source.index(":") + 1]
     size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
@@ -241,26 +221,6 @@ def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     there = RGB if set(there) <= set(RGB) else there
     light = np.full((height, width, len(there)), _EVEN[kind], np.float32)
     return Scene(light, f"{kind[:-1]}-{width}x{height}", channels=there)
-
-
-@contextmanager
-def text_name(path: Path) -> Iterator[Path]:
-    """In the `with` block, a name of the file that is text: LibRaw and OpenEXR take no other names.
-    It is a link if need be.
-
-    Text has no bytes that the locale's encoding does not have (LC_ALL=C), or that are no UTF-8.
-    """
-    if str(path) == str(path).encode(errors="ignore").decode():
-        yield path
-        return
-    try:
-        with TemporaryDirectory() as folder:
-            link = Path(folder, "scene" + path.suffix.encode("ascii", "ignore").decode())
-            link.symlink_to(path.absolute())
-            yield link
-    except OSError as error:
-        fault = f"a link to it cannot be made ({error.strerror or error})"
-        raise InputError(f"its name is no text, and {fault}; rename it") from None
 
 
 def _inspect_tiff(path: Path) -> tuple[bool, bool]:

@@ -2,9 +2,9 @@
 amount of light.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -16,8 +16,7 @@ _BITS = 12
 _BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
 
 
-@dataclass(frozen=True, eq=False)
-class BayerShot:
+class BayerShot(NamedTuple):
     """Mosaic of a Bayer sensor.
 
     Attributes
@@ -41,8 +40,8 @@ class Protocol:
     ----------
     level : float
         How strong it is, in the unit of the kind.
-    name, option, metavar, help, summary : str
-        Of the kind; its level's option and argument; what both say in help texts.
+    name, option, metavar, help : str
+        Of the kind; its level's option and argument; what help texts say.
     default, usual : float, tuple of float
         Level of one shot where none is given; levels of an evaluation.
     unit : str
@@ -61,7 +60,6 @@ class Protocol:
     option: ClassVar[str]
     metavar: ClassVar[str]
     help: ClassVar[str]
-    summary: ClassVar[str]
     default: ClassVar[float]
     usual: ClassVar[tuple[float, ...]]
     unit: ClassVar[str]
@@ -69,8 +67,6 @@ class Protocol:
     bits: ClassVar[int]
     conditions: ClassVar[str]
 
-    noisy = True
-    """There is noise at this level."""
     light = 1.0
     """Light that a shot records, as a multiple of the scene's."""
 
@@ -81,37 +77,12 @@ class Protocol:
         Raises InputError.
         """
         levels = dict.fromkeys(cls.usual if wanted is None else wanted)
-        return tuple(sorted(map(cls, levels), key=lambda protocol: protocol.noisiness))
-
-    @classmethod
-    def places(cls, levels: Sequence["Protocol"]) -> list[float]:
-        """Return where levels lie along the axis of a plot: evenly."""
-        return [float(place) for place in range(len(levels))]
-
-    @property
-    def axis(self) -> str:
-        """Name of the level along an axis."""
-        return self.unit.partition(",")[0]
-
-    @property
-    def tick(self) -> str:
-        """The level beside an axis."""
-        return f"{self.level:g}"
+        return tuple(sorted(map(cls, levels), key=lambda noise: (-noise.light, noise.level)))
 
     @property
     def text(self) -> str:
         """The level in a sentence."""
-        return f"{self.axis} {self.tick}"
-
-    @property
-    def noisiness(self) -> float:
-        """Rises with the noise."""
-        return self.level
-
-    @property
-    def identity(self) -> list[str | float]:
-        """Identity of its shots among others at the same level, as JSON values."""
-        return [self.name, self.version]
+        return f"{self.unit.partition(',')[0]} {self.level:g}"
 
     def scaled(self, unit: float) -> "Protocol":
         """Return the same noise for a sensor with other filters, `unit` of whose scene units are
@@ -142,7 +113,6 @@ class PaperProtocol(Protocol):
     option = "sigma"
     metavar = "S"
     help = "additive Gaussian noise: its standard deviation, scene units"
-    summary = "additive Gaussian noise, no clipping"
     default = 0.0
     usual = (0.0, 0.01, 0.02, 0.03)
     unit = "sigma, scene units"
@@ -154,20 +124,10 @@ class PaperProtocol(Protocol):
         if not 0 <= self.level < np.inf:
             raise InputError(f"`sigma` is {self.level}, expected 0 or more")
 
-    @classmethod
-    def places(cls, levels: Sequence[Protocol]) -> list[float]:
-        """Return where levels lie along the axis of a plot: in proportion."""
-        return [level.level for level in levels]
-
     @property
     def text(self) -> str:
         """The level in a sentence."""
         return super().text if self.level else "no noise"
-
-    @property
-    def noisy(self) -> bool:  # type: ignore[override]
-        """There is noise at this level."""
-        return self.level > 0
 
     def scaled(self, unit: float) -> Protocol:
         """Return the same fraction of what a panchromatic pixel reads in white: see
@@ -203,7 +163,6 @@ class SensorProtocol(Protocol):
     option = "light"
     metavar = "FACTOR"
     help = "shot and read noise: amount of light, 1 is a full exposure, 2 is one stop more"
-    summary = "shot and read noise, clipped at full scale"
     default = 1.0
     usual = (1.0, 1 / 4, 1 / 16)
     unit = "exposure"
@@ -213,24 +172,13 @@ class SensorProtocol(Protocol):
         "both cameras expose pixels of the same sensor for the same time: "
         f"{1 / TYPICAL_SHOT:,.0f} electrons per scene unit at exposure 1, read noise of "
         f"{TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; the Bayer camera amplifies "
-        "more, for its white is a third of the panchromatic pixel's; in bright light it could "
-        "expose longer instead, which is not tried here"
+        "more, for its white is a third of the panchromatic pixel's"
     )
 
     def __post_init__(self) -> None:
         if not 0 < self.level < np.inf:
             expected = "expected a positive factor; 1 is a full exposure"
             raise InputError(f"`light` is {self.level}, {expected}")
-
-    @property
-    def tick(self) -> str:
-        """The level beside an axis: 1/4 for 0.25."""
-        return f"1/{1 / self.level:g}" if self.level < 1 else f"{self.level:g}"
-
-    @property
-    def noisiness(self) -> float:
-        """Falls with the light."""
-        return -self.level
 
     @property
     def light(self) -> float:  # type: ignore[override]

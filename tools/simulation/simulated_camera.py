@@ -7,9 +7,8 @@ The built-in sensor, and what it looks at, are to try capture and viewfinder wit
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,33 +35,27 @@ _SWING = 16  # the frame moves on a circle; its radius is the shorter side divid
 _SEED = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Exposed:
+class Exposed(NamedTuple):
     """Shot of a simulated camera.
 
     Attributes
     ----------
     mosaic : Mosaic
         The shot.
-    seen : FloatArray
-        What its filters would read at every pixel under full light, without lens and noise, float32
-        (H, W, C), scene units.
+    truth : FloatArray
+        Scene in the units of a render of the shot, without lens and noise, float32 (H, W, C);
+        nothing is clipped.
     white : float
         What the scene's white reads in the shot, scene units: amount of light times exposure. It is
         the peak of every measure of a picture of this shot, so that figures fall with the light.
     notes : tuple[str, ...]
-        Remarks for the user on the scene and on the filters.
+        Remarks for the user on the scene.
     """
 
     mosaic: Mosaic
-    seen: FloatArray
+    truth: FloatArray
     white: float
     notes: tuple[str, ...] = ()
-
-    @cached_property
-    def truth(self) -> FloatArray:
-        """Scene in the units of a render of the shot, float32 (H, W, C); nothing is clipped."""
-        return _dimmed(self.seen, self.white)
 
 
 @dataclass(frozen=True)
@@ -130,7 +123,7 @@ class SimulatedCamera:
         """
         known = self.sensor
         if not self.measured:
-            known = replace(known, gamma=filters.gamma, noise=filters.noise)
+            known = replace(known, gamma=filters.gamma, noise=typical_noise(known, filters.unit))
         to_xyz, neutral = filters.colours(scene)
         if known.neutral is None:
             known = replace(known, neutral=neutral, neutral_estimated=scene.neutral_estimated)
@@ -160,12 +153,13 @@ class SimulatedCamera:
         shape = seen.shape[0], seen.shape[1]
         calibration = self.lens.calibrated(self.before(scene, filters), shape)
         metadata = frame.metadata(scene.metadata)
+        truth = seen if white == 1 else seen * np.float32(white)
         if isinstance(self.protocol, PaperProtocol):
-            light, sigma = _dimmed(seen, white), self.protocol.level
-            mosaic = simulate_additive(light, self.pattern, calibration, sigma, rng, metadata)
+            sigma = self.protocol.level
+            mosaic = simulate_additive(truth, self.pattern, calibration, sigma, rng, metadata)
         else:
             mosaic = simulate_sensor(seen, self.pattern, calibration, white, rng, metadata)
-        return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))
+        return Exposed(mosaic, truth, white, scene.notes)
 
 
 def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:
@@ -248,8 +242,3 @@ def scene_of_light(rgb: FloatArray, known: SensorCalibration, metadata: CaptureM
     return Scene(
         light, "picture", known.camera_to_xyz, known.neutral, metadata, channels=known.channels
     )
-
-
-def _dimmed(light: FloatArray, factor: float) -> FloatArray:
-    """Light times a factor; the same array for 1."""
-    return light if factor == 1 else light * np.float32(factor)

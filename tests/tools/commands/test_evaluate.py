@@ -33,12 +33,11 @@ def test_a_folder_of_mixed_files(out: Path, tmp_path: Path) -> None:
     assert groups == ["Kodak", "linear photographs", "built-in scenes"]
     assert sum(not record["ok"] for record in outcome.records) == 2
     document = json.loads((out / "evaluation.json").read_text())
-    assert (len(document["failed"]), len(document["left_out"])) == (2, 1)
+    assert len(document["failed"]) == 2
     assert set(document["verdict"]) == set(groups)
     table = (out / "evaluation.csv").read_text()
     assert table.startswith("group,scene,level,method,period,rgb_q10")
     page = (out / "evaluation.html").read_text()
-    assert "notes.txt" in page
     assert "mixed/cut.png: " in page
     assert str(mixed.parent) not in page  # it is made to be shared
 
@@ -60,7 +59,7 @@ def test_overwrite_measures_again(out: Path, tmp_path: Path) -> None:
     for path in results.iterdir():
         source = next(other for other in results.glob(f"*{path.suffix}") if other != path)
         path.write_bytes(source.read_bytes())
-    exists = "evaluation.html: exists already; use `overwrite=True` to replace it, or `resume=True`"
+    exists = "evaluation.html: exists already; use `overwrite=True` to replace it"
     assert exists in run("evaluate", *options, code=2).err
     listed = run("evaluate", *options, "--overwrite", "--dry-run", code=0).out
     assert listed.endswith("2 results to make, 0 kept from an earlier run\n")
@@ -98,8 +97,7 @@ def test_patterns_of_every_kind_are_compared(tmp_path: Path, out: Path) -> None:
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
     patterns = f"K=6,{mine},WBWG/BWGW/WGWR/GWRW"
     options = "--methods preview,bilinear --light 0.25 --jobs 1 --pattern"
-    outcome = run("evaluate builtin:60x60 -o", out, options, patterns, code=0)
-    assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
+    run("evaluate builtin:60x60 -o", out, options, patterns, code=0)
     document = json.loads((out / "evaluation.json").read_text())
     protocol = document["protocol"]
     assert (protocol["kind"], protocol["levels"], protocol["pattern"]) == ("sensor", [0.25], "K=6")

@@ -60,8 +60,7 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
 
 def test_broadband_filters_show_the_colours_of_the_scene(out: Path) -> None:
     source, stem = f"builtin:{WIDTH}x{HEIGHT}", f"builtin-{WIDTH}x{HEIGHT}"
-    outcome = run("simulate", source, "-o", out, f"--pattern {BROADBAND} --truth --light 1", code=0)
-    assert "C, M and Y are made from the scene's red, green and blue" in outcome.err
+    run("simulate", source, "-o", out, f"--pattern {BROADBAND} --truth --light 1", code=0)
     calibration = read_dng(out / f"{stem}.dng").calibration
     assert (calibration.channels, calibration.full_scale) == ("CMY", 1.5)
     run("render", out / f"{stem}.dng", "-o", out, MEASURED, code=0)

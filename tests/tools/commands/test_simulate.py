@@ -13,7 +13,6 @@ import pytest
 import tifffile
 from PIL import Image
 
-import panchroma
 from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
 from panchroma.tools.commands.simulate import noise_of
 from panchroma.tools.io.display import ColourTransform
@@ -101,7 +100,6 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(
 @pytest.mark.parametrize(
     ("option", "light"),
     [
-        ("--linear", 3),
         ("--shading 1,10", 0.25),
         ("--reduce 2", 0.25),
         ("--burst 2 --motion 1 --bracket=-1,1", 3),
@@ -110,18 +108,12 @@ def test_shots_of_one_command_have_noise_of_their_own_in_any_order(
 def test_the_truth_is_as_bright_as_a_render_under_any_light(
     out: Path, option: str, light: float
 ) -> None:
-    """It is the light of the scene times light and exposure, in command and notebook, in each
-    protocol.
-    """
+    """It is the light of the scene times light and exposure, in each protocol."""
     source, truth = "builtin:96x72", out / "builtin-96x72.truth.tif"
     run("simulate", source, "-o", out, f"--truth --light {light}", option, code=0)
     under_light = tifffile.imread(truth)
     run("simulate", source, "-o", out, "--truth --overwrite", option, code=0)
     np.testing.assert_allclose(under_light, tifffile.imread(truth) * light, rtol=1e-6)
-    if option == "--linear":  # which is nothing to a built-in scene
-        shot = panchroma.simulate(source, light=light)
-        np.testing.assert_array_equal(shot.truth.rgb, under_light)
-        assert shot.truth.white == light
 
 
 def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path: Path) -> None:
@@ -208,6 +200,4 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     (record,) = outcome.records
     assert len(record["outputs"]) == 6
     assert record["reference"] == str(out / FRAMES[0])
-    seen = f"{out}/builtin-150x120.truth.tif: what {out / FRAMES[0]} sees, the reference; "
-    assert seen in outcome.err
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]

@@ -10,7 +10,7 @@ from panchroma.shared.arrays import FloatArray
 from panchroma.tools.batch.console import Console
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.scene_sets import Reading
-from panchroma.tools.evaluation.study import Study, collect, missing_cells, work
+from panchroma.tools.evaluation.study import FOLDER, Study, collect, missing_cells, work
 from panchroma.tools.evaluation.team import Team
 from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.simulation.noise import PaperProtocol
@@ -46,6 +46,7 @@ def study_of(
     **changes: object,
 ) -> Study:
     """A study of `count` small scenes, which are written to `folder`."""
+    (folder / FOLDER).mkdir(exist_ok=True)
     scenes = []
     for seed in range(count):
         path = folder / f"scene{seed}.npy"

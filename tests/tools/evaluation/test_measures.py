@@ -45,15 +45,6 @@ def test_equal_pictures_score_the_cap_even_beside_a_gross_error() -> None:
     assert patch_psnr(spoiled, truth).rgb[20:, 20:].min() == CAP
 
 
-def test_the_border_is_left_out() -> None:
-    rendered, truth = pair(60, 60)
-    spoiled = rendered.copy()
-    spoiled[:15] = spoiled[-15:] = 9
-    spoiled[:, :15] = spoiled[:, -15:] = 9
-    assert quality(spoiled, truth) == quality(rendered, truth)
-    assert psnr(spoiled, truth, border=15) == psnr(rendered, truth, border=15)
-
-
 def test_what_cannot_be_compared_is_refused() -> None:
     rendered, truth = pair(40, 40)
     spoiled = rendered.copy()

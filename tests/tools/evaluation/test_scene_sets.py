@@ -53,7 +53,7 @@ def test_each_scene_is_measured_once_under_a_name_of_its_own(tmp_path: Path) -> 
     np.save(tmp_path / "a" / "scene.npy", pixels / 2)
     sources = [str(tmp_path / name) for name in ("scene.npy", "copy.npy", "a/scene.npy")]
     scenes, remarks = distinct([Reading().info(source) for source in sources])
-    assert [scene.name for scene in scenes] == ["scene", "scene.npy"]
+    assert [scene.name for scene in scenes] == ["scene", "scene (2)"]
     assert len(remarks) == 1
     assert "copy.npy: has the same pixels" in remarks[0]
 

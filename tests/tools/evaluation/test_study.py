@@ -135,7 +135,7 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     np.save(path, small_scene(78, 90, 7))
     # a picture is listed as it is now
     assert study_of(tmp_path).scenes[0].digest != study.scenes[0].digest
-    study.reading.info(study.scenes[1].source)  # what was read of the first one is forgotten
+    study.reading.scene(study.scenes[1])  # what was read of the first one is forgotten
     line = f"{path}: the picture has changed since the evaluation began; run it again"
     assert alone().measure(study, tmp_path, todo[1:]) == [line]
     assert len(collect(study, tmp_path)) == 1 + 6  # what was measured before is right
@@ -144,7 +144,7 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     path.write_bytes(before)  # a worker that has seen the other one takes it up again
     assert works(study, tmp_path, missing_cells(study, tmp_path)[0]) == []
     path.unlink()
-    study.reading.info(study.scenes[1].source)
+    study.reading.scene(study.scenes[1])
     (line,) = alone().measure(study, tmp_path, todo)
     assert line.startswith(f"{path}: there is no such file")
 
@@ -163,7 +163,7 @@ def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_al
     todo = missing_cells(study, tmp_path)[0]
     assert works(study, tmp_path, todo[:1]) == []
     other, changed = written(tmp_path / "one", 0.5)
-    registry.find_network.cache_clear()  # as in another process
+    registry.find_method.cache_clear()  # as in another process
     assert not kept & {cell.name for cell in changed.cells()}
     assert changed.methods != study.methods
     (line,) = works(study, tmp_path, todo[1:2])
@@ -175,7 +175,7 @@ def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_al
     todo = missing_cells(changed, tmp_path)[0]
     for end in (".json", ".onnx"):
         Path(path).with_suffix(end).unlink()
-        registry.find_network.cache_clear()
+        registry.find_method.cache_clear()
         (line,) = works(changed, tmp_path, todo[:1])
         assert line.startswith(f"{Path(path).with_suffix(end)}: ")
 
@@ -189,12 +189,6 @@ def test_results_of_another_version_are_not_kept(
     monkeypatch.setattr("panchroma.tools.evaluation.method.package_version", lambda name: "another")
     (line,) = alone().measure(study, tmp_path, todo)
     assert line.startswith("dcb: the process that measures has other versions of Panchroma, rawpy")
-
-
-def test_every_method_of_ours_can_represent_us(tmp_path: Path) -> None:
-    for name, method in registry.methods().items():
-        expected = name if method.ours else None
-        assert study_of(tmp_path, methods=("bilinear", name)).ours == expected
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
@@ -213,6 +207,8 @@ def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.M
     todo = missing_cells(study, tmp_path)[0]
     known = registry.methods()
     monkeypatch.setitem(known, "dlmmse", replace(known["dlmmse"], function=failing))
+    registry.find_method.cache_clear()
     lines = works(study, tmp_path, todo)
     assert lines[0].endswith("scene0.npy: dlmmse, no noise: stopped at 500 iterations")
     assert (len(lines), len(collect(study, tmp_path))) == (2, 2)
+    registry.find_method.cache_clear()

@@ -7,7 +7,7 @@ from panchroma.shared import CfaPattern
 from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
-from panchroma.tools.evaluation.tiles import Tile, distinct_tiles, filters_of
+from panchroma.tools.evaluation.tiles import Tile, filters_of
 from panchroma.tools.simulation.noise import PaperProtocol, SensorProtocol
 from panchroma.tools.simulation.pattern_text import read_pattern
 
@@ -23,15 +23,9 @@ def test_patterns_have_readable_names(tmp_path: Path) -> None:
     path = tmp_path / "mine.txt"
     path.write_text("CMWW\nYCWW\nWWWW\nWWWW\n")
     texts = (KODAK, str(path), "CMWW/YCWW/WWWW/WWWW", "RGWW/GBWW/WWWW/WWWW", "GRWW/BGWW/WWWW/WWWW")
-    assert [named(text).name for text in texts] == ["Kodak", "mine", texts[2], "K=4", texts[4]]
-
-
-def test_each_pattern_is_there_once_under_a_name_of_its_own() -> None:
-    other = Tile("K=6", CfaPattern.bayer(6, "BGGR"))
-    texts = ("K=6", KODAK, "RGWW/GBWW/WWWW/WWWW", "K=4", KODAK)
-    tiles = distinct_tiles([*map(named, texts), other])
-    assert [tile.name for tile in tiles] == ["K=6", "Kodak", "K=4", "K=6 (2)"]
-    assert [tile.period for tile in tiles] == [6, None, 4, None]
+    tiles = [named(text) for text in texts]
+    assert [tile.name for tile in tiles] == ["Kodak", "mine", texts[2], "K=4", texts[4]]
+    assert [tile.period for tile in tiles] == [None, None, None, 4, None]
 
 
 def test_share_and_light() -> None:
@@ -39,11 +33,11 @@ def test_share_and_light() -> None:
     ones two thirds.
     """
     kodak = named(KODAK)
-    assert (kodak.panchromatic_share, kodak.light) == (0.5, 2.0)
+    assert kodak.light == 2
     assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency)
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
     with pytest.raises(InputError, match="channels"):
-        distinct_tiles([named("AWWW/WBWW/WWWW/WWWW")])
+        named("AWWW/WBWW/WWWW/WWWW")
 
 
 def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:

@@ -32,7 +32,7 @@ def leaves() -> FloatArray:
 
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
     walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
-    assert walk[0].none
+    assert walk[0] == Motion()
     shifts, angles = (np.array(values) for values in zip(*walk, strict=True))
     lengths = np.hypot(*shifts.T)
     assert 2.5 < lengths.max() <= 3
@@ -76,7 +76,7 @@ def test_larger_pixels_are_means(leaves: FloatArray) -> None:
         rows, columns = 200 // pixel, 240 // pixel
         blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
         np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
-    message = "the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"
+    message = "of a scene of 240 x 200 pixels nothing is left; take a larger .* `reduce`"
     with pytest.raises(InputError, match=message):
         next(burst_frames(leaves, SimulatedBurst(1), random(), 201))
 
@@ -98,7 +98,6 @@ def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
         ({"frames": 0}, "`burst` is 0"),
         ({"pixels": -1}, "`motion` is -1 pixels"),
         ({"pixels": np.nan}, "`motion` is nan"),
-        ({"degrees": 31}, "the rotation is 31 degrees, expected 0 to 30"),
         ({"stops": (0, 1)}, "`bracket` has 2 figures for 3 frames"),
         ({"stops": (0, 1, 99)}, "expected -10 to 10"),
         ({"stops": (0, 1, np.nan)}, "expected -10 to 10"),
@@ -148,13 +147,3 @@ def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) 
     assert seen.dtype == np.float32
     assert np.abs(seen - waves(points))[inside].max() < ACCURATE
     assert np.abs(seen - waves(grid(SHAPE)))[inside].max() > ACCURATE
-
-
-def test_what_is_within_reach_of_the_border_alone_depends_on_what_is_beyond() -> None:
-    light = np.random.default_rng(1).random((260, 110, 1), np.float32)
-    framed = np.pad(light, ((30, 30), (30, 30), (0, 0)), constant_values=9)
-    for motion in (moved(1.5, 2.5), moved(-2, 0.25, 1.5), moved(0, 0.5, 5)):
-        border = reach(motion, light.shape)
-        inside = (slice(border, -border), slice(border, -border))
-        seen, other = displaced(light, motion), displaced(framed, motion)[30:-30, 30:-30]
-        np.testing.assert_allclose(seen[inside], other[inside], atol=1e-4)

@@ -41,18 +41,6 @@ def test_any_size_works_and_repeats(width: int, height: int) -> None:
     assert np.float32(0.01) <= first.rgb.min() <= first.rgb.max() <= np.float32(0.95)
 
 
-def test_leaves_have_the_spectrum_of_natural_scenes(scene: Scene) -> None:
-    """Power falls as frequency^-2 and a little more (Ruderman 1994: 1.8; Field 1987: 2.2)."""
-    luminance = np.log(scene.rgb[:240, :240].mean(axis=2))
-    window = np.hanning(240)[:, None] * np.hanning(240)
-    power = np.abs(np.fft.fft2((luminance - luminance.mean()) * window)) ** 2
-    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(240), np.fft.fftfreq(240)))
-    lows = (0.02, 0.04, 0.08, 0.16)
-    octaves = [power[(frequency >= low) & (frequency < 2 * low)].mean() for low in lows]
-    slope = np.polyfit(range(4), np.log2(octaves), 1)[0]
-    assert -3.0 < slope < -1.5
-
-
 def test_patches_are_the_published_ones(scene: Scene) -> None:
     """Read from the picture where the layout puts them, through the scene's own matrix, into CIE
     L*a*b* again.

@@ -3,11 +3,8 @@
 import json
 import os
 import pickle
-import sys
-import warnings
 import zlib
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from io import BytesIO
@@ -65,23 +62,13 @@ def test_a_scene_is_checked_when_made() -> None:
     for bad in (good[..., 0], good[..., :2], good[:0], np.zeros((2, 2, 4), np.float32)):
         with pytest.raises(InputError, match="rows, columns, 3"):
             Scene(bad, "a")
-    for value in (np.nan, np.inf, -np.inf):
-        spoiled = good.copy()
-        spoiled[1, 1, 1] = value
-        with pytest.raises(InputError, match="1 of 18 values are not finite"):
-            Scene(spoiled, "a")
-
-
-def test_negative_light_is_refused_and_rounding_is_not() -> None:
-    rgb = np.full((2, 2, 3), 4.0, np.float32)
-    rgb[0, 0, 0] = -0.003
-    assert Scene(rgb, "a").rgb[0, 0, 0] == 0
-    assert rgb[0, 0, 0] < 0  # the caller's array is left alone
-    rgb[0, 0, 0] = -0.005
-    for negative in (rgb, -np.ones((1, 1, 3), np.float32)):
-        with pytest.raises(InputError, match="light is not negative"):
-            Scene(negative, "a")
-    assert Scene(np.zeros((1, 1, 3), np.float32), "black").rgb.max() == 0
+    good[1, 1, 1] = -0.0003  # rounding
+    assert Scene(good, "a").rgb.min() == 0
+    assert good.min() < 0  # the caller's array is left alone
+    for value, message in ((np.nan, "1 of 18 values are not finite"), (-0.01, "is not negative")):
+        good[1, 1, 1] = value
+        with pytest.raises(InputError, match=message):
+            Scene(good, "a")
 
 
 def test_sizes_are_bounded_before_decoding() -> None:
@@ -137,27 +124,6 @@ def test_our_own_shots_are_refused_with_the_right_command(
         file.write(samples, photometric=32803, extratags=tags["samples"], **plain)
     with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
-
-
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".npy", ".exr", ".dng"])
-def test_files_that_are_cut_short_are_refused_in_one_line(
-    tmp_path: Path, suffix: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / f"good{suffix}"
-    picture = np.random.default_rng(0).integers(0, 65536, (60, 50, 3), np.uint16)
-    if suffix == ".dng":
-        write_dng(path, picture[..., 0])
-    else:
-        dtypes = {".exr": np.float32, ".jpg": np.uint8}
-        save(path, picture.astype(dtypes.get(suffix, np.uint16)))
-    data = path.read_bytes()
-    load_scene(str(path))
-    for part in (0, 2, 5, 7):
-        path.write_bytes(data[: len(data) * part // 8])
-        with pytest.raises(InputError) as refused:
-            load_scene(str(path))
-        assert "\n" not in str(refused.value)
-    assert capfd.readouterr().out == ""  # standard output is for data
 
 
 def test_commands_start_without_the_libraries_of_file_formats() -> None:
@@ -297,33 +263,6 @@ def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:
     assert (refused, samples.tolist(), facts) == ("", [[0, 1, 2], [3, 4, 5]], {})
     with pytest.raises((ValueError, TypeError, LookupError, RecursionError)):
         _received(BytesIO(answer + b"\n" + bytes(6)), 1 << 20)
-
-
-# --- threads -------------------------------------------------------------------------------------
-
-
-def test_threads_that_read_scenes_change_nothing_of_the_process(tmp_path: Path) -> None:
-    """Standard error was lost for ever, and Pillow's limit of pixels with it."""
-    picture = noise(24, 32, 3, dtype=np.uint8)
-    for suffix in (".png", ".tif", ".jpg", ".npy"):
-        save(tmp_path / f"a{suffix}", picture)
-    save(tmp_path / "a.exr", picture.astype(np.float32))
-    write_dng(tmp_path / "a.dng", noise(60, 80))
-    (tmp_path / "cut.jpg").write_bytes((tmp_path / "a.jpg").read_bytes()[:400])
-    sources = sorted(map(str, tmp_path.iterdir())) * 3
-
-    def state() -> tuple[Any, ...]:
-        settings = list(warnings.filters), dict(os.environ)
-        return os.fstat(2), Image.MAX_IMAGE_PIXELS, sys.stderr, *settings
-
-    def read(source: str) -> None:
-        with suppress(InputError):
-            load_scene(source)
-
-    before = state()
-    with ThreadPoolExecutor(4) as threads:
-        list(threads.map(read, sources))
-    assert state() == before
 
 
 # --- folders -------------------------------------------------------------------------------------

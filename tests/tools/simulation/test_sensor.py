@@ -12,7 +12,6 @@ import pytest
 
 from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
-from panchroma.shared.errors import InputError
 from panchroma.tools.simulation.sensor import (
     TYPICAL_READ,
     TYPICAL_SHOT,
@@ -84,18 +83,6 @@ def test_the_generator_alone_decides_the_noise(make: Any) -> None:
 
     assert np.array_equal(shot(1), shot(1))
     assert not np.array_equal(shot(1), shot(2))
-
-
-@pytest.mark.parametrize(
-    ("make", "amount", "words"),
-    [
-        *((simulate_additive, sigma, "sigma is") for sigma in (-0.1, math.nan, math.inf)),
-        *((simulate_sensor, factor, "exposure is") for factor in (0.0, -1.0, math.nan, math.inf)),
-    ],
-)
-def test_an_impossible_sigma_or_exposure_is_refused(make: Any, amount: float, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        make(flat(1, 1, 1), PATTERN, SensorCalibration(), amount, rng())
 
 
 # --- the noise of a sensor -----------------------------------------------------------------------

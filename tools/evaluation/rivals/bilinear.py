@@ -31,4 +31,4 @@ def _render(shot: BayerShot, _: FloatArray) -> FloatArray:
     return demosaic_bilinear(shot.samples)
 
 
-METHODS = (Method("bilinear", "Bayer, bilinear", _render, seconds=0.05),)
+METHODS = (Method("bilinear", "Bayer, bilinear", _render),)

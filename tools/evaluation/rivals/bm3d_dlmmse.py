@@ -60,6 +60,4 @@ def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
 
 
 _TITLE = "Bayer, BM3D + DLMMSE, balanced"
-METHODS = (
-    Method("bm3d+dlmmse-wb", _TITLE, _render, balanced=True, packages=("bm3d",), seconds=40.15),
-)
+METHODS = (Method("bm3d+dlmmse-wb", _TITLE, _render, balanced=True, packages=("bm3d",)),)

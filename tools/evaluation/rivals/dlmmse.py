@@ -89,6 +89,6 @@ def _render_balanced(shot: BayerShot, white: FloatArray) -> FloatArray:
 
 
 METHODS = (
-    Method("dlmmse", "Bayer, DLMMSE 2005", _render, seconds=0.15),
-    Method("dlmmse-wb", "Bayer, DLMMSE, balanced", _render_balanced, balanced=True, seconds=0.15),
+    Method("dlmmse", "Bayer, DLMMSE 2005", _render),
+    Method("dlmmse-wb", "Bayer, DLMMSE, balanced", _render_balanced, balanced=True),
 )

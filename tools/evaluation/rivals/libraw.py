@@ -88,6 +88,4 @@ def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
     return with_balance(demosaic_libraw, shot.samples, white)
 
 
-METHODS = (
-    Method("dcb", "Bayer, LibRaw DCB", _render, balanced=True, packages=("rawpy",), seconds=0.2),
-)
+METHODS = (Method("dcb", "Bayer, LibRaw DCB", _render, balanced=True, packages=("rawpy",)),)

@@ -124,7 +124,6 @@ def network(path: str) -> Method:
         version,
         balanced=contract.balanced,
         packages=("onnxruntime",),
-        seconds=10,
         file=path,
     )
 

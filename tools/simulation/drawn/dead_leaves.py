@@ -7,7 +7,7 @@ constant, while shading, veins and cast shadows vary its luminance. This is the 
 about the world; the outlines of the leaves are edges that break it.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,8 +46,7 @@ MATERIALS = decode_srgb(np.stack(_CHANNELS, axis=1) / 255)
 VARIATION = 0.09
 
 
-@dataclass(frozen=True, eq=False)
-class Leaves:
+class Leaves(NamedTuple):
     """n leaves, the lowest first; arrays (n,).
 
     Attributes
