@@ -106,3 +106,14 @@ def test_patterns_of_every_kind_are_compared(tmp_path: Path, out: Path) -> None:
         *(("preview", name) for name in protocol["patterns"]),
         ("bilinear", None),
     }
+
+
+def test_two_patterns_of_one_name_are_refused(tmp_path: Path) -> None:
+    for folder, letters in (("a", "GR/BG"), ("b", "BG/GR")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.txt").write_text(
+            "\n".join(f"{row}WW" for row in letters.split("/")) + "\nWWWW\nWWWW\n"
+        )
+    patterns = f"--pattern {tmp_path}/a/mine.txt,{tmp_path}/b/mine.txt"
+    outcome = run("evaluate builtin:60x60 -o", tmp_path / "out", patterns, code=2)
+    assert "different patterns are called 'mine'" in outcome.err
