@@ -19,6 +19,9 @@ in 3 x 3 cells. Clipped blocks have an infinite v, so that b is 0 around them.
 `tools/training/network.py` has the same formulas for training, `models/README.md` the pictures that
 were learned from.
 
+Tiles with little noise are looked at twice, where a cell is the same in another orientation: the
+answer is the mean of both.
+
 A file in `models/` serves a block and its mirror images: cells are mirrored on the way in and out.
 Tiles of cells have one size and fixed places, so that neither threads nor bands change a bit; in a
 tile the network runs on the smallest box around the cells that are worth it.
@@ -69,6 +72,11 @@ _DIM, _LEAST_DIM = 0.2, 1e-5
 # bound, a fraction of luminance, below which a correction is not worth its time, as below the
 # noise: loses nothing
 _FAINT = 0.01
+# Standard deviation of the noise in residuals, scene units, below which a tile is looked at twice.
+# A second look takes a quarter of BEST's time. Mean gain of 14 photographs (median, 10 %, whole
+# image) without noise 0.05, 0.08, 0.08 dB, at sigma 0.005 0.02, 0.06, 0.04, at 0.01 0.01, 0.05,
+# 0.03, at 0.03 0.01, 0.02, 0.01.
+_QUIET = 0.005
 # cells of a tile down and, at most, across: wider ones leave the processor's cache
 _TILE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
@@ -151,9 +159,9 @@ class ColourNetwork(RowStage):
             ]
             if box[0].size:
                 down, across = ((int(cells[0]), int(cells[-1]) + 1) for cells in box)
-                (answer,) = network.run(
-                    None, {"features": contrast.around(down, across, REACH).inputs()[None]}
-                )
+                inputs = contrast.around(down, across, REACH).inputs()[None]
+                twice = np.array(np.median(contrast.variance[worth]) < _QUIET**2)
+                (answer,) = network.run(None, {"features": inputs, "twice": twice})
                 spans = [
                     cells.span(axis, region[axis], span) for axis, span in enumerate((down, across))
                 ]

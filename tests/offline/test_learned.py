@@ -307,11 +307,11 @@ def test_a_memory_estimate_reads_no_network(
 @pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
 def test_every_network_sees_as_far_as_the_stage_looks(path: Path) -> None:
     network = load_network(path)
-    side, (inputs,) = 2 * REACH + 3, network.get_inputs()
-    (answer,) = network.run(
-        None, {"features": np.zeros((1, inputs.shape[1], side, side), np.float32)}
-    )
-    assert answer.shape[2:] == (3, 3)
+    side, (inputs, _) = 2 * REACH + 3, network.get_inputs()
+    features = np.zeros((1, inputs.shape[1], side, side), np.float32)
+    for twice in (False, True):
+        (answer,) = network.run(None, {"features": features, "twice": np.array(twice)})
+        assert answer.shape[2:] == (3, 3)
 
 
 @pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
@@ -326,7 +326,27 @@ def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
     options.optimized_model_filepath = str(tmp_path / path.name)
     options.log_severity_level = 3  # such a file is for this processor alone
     onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-    kinds = [node.op_type for node in onnx.load(tmp_path / path.name).graph.node]
+    nodes = list(onnx.load(tmp_path / path.name).graph.node)
+    looks = [body.g.node for node in nodes for body in node.attribute if body.g.node]
+    kinds = [node.op_type for part in (nodes, *looks) for node in part]
     assert (kinds.count("QLinearConv"), kinds.count("Conv")) == (
         (8, 2) if path.stem.startswith("rgbw") else (18, 2)
     )
+
+
+def test_tiles_with_little_noise_are_looked_at_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A photograph's colours with less noise than the limit, and with more."""
+    asked = set[bool]()
+    pattern, rgb = CfaPattern.bayer(6), scene(120, 120)
+    network = load_network(NETWORKS / "rggb-k6.onnx")
+
+    class Listening:
+        def run(self, names: None, inputs: dict[str, FloatArray]) -> list[FloatArray]:
+            asked.add(bool(inputs["twice"]))
+            return network.run(names, inputs)
+
+    monkeypatch.setattr(module, "load_network", lambda _: Listening())
+    for sigma, twice in ((0.0, True), (0.003, True), (0.02, False)):
+        asked.clear()
+        render(simulate_additive(rgb, pattern, GREY, sigma, np.random.default_rng(0)), BEST)
+        assert asked == {twice}

@@ -124,7 +124,9 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     tiles = dict.fromkeys(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     names = [tile.name for tile in tiles]
     if alike := [name for name in names if names.count(name) > 1]:
-        raise InputError(f"different patterns are called {alike[0]!r}; give one in a file of another name")
+        raise InputError(
+            f"different patterns are called {alike[0]!r}; give one in a file of another name"
+        )
     reading = Reading(arguments.linear, arguments.crop)
     sources = list(map(place, arguments.scenes))
     scenes, failures = team.read(sources, Path(arguments.output), reading)

@@ -2,9 +2,9 @@
 
 Convolutions compute with integers of 8 bits, which takes a third of the time. Their weights keep 16
 bits in the file, so that a training can begin with them: onnxruntime rounds them as it reads the
-file. Where a cell is the same in another orientation, the file answers by the mean of what the
-network finds in a picture and in the turned one: 0.05 to 0.08 dB. There is one set of weights for
-both, for it is the turned weights that see a picture turned.
+file. Where a cell is the same in another orientation, the file can look twice: it then answers by
+the mean of what the network finds in a picture and in the turned one. There is one set of weights
+for both, for it is the turned weights that see a picture turned.
 
 What goes in, and what becomes of the result, is computed by `offline.stages.colour_network`;
 `tests/tools/training` compares both.
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import onnx
-from onnx import NodeProto, TensorProto, helper, numpy_helper
+from onnx import GraphProto, NodeProto, TensorProto, ValueInfoProto, helper, numpy_helper
 
 from ...shared.arrays import FloatArray, IndexArray
 from ...shared.writing import write_durably
@@ -26,6 +26,8 @@ _GROUP = 16  # channels: onnxruntime is faster where there is a multiple of thes
 # steps of a rounded weight: with more, the sum of two products may not fit in the 16 bits that AVX2
 # has for it
 _LARGEST_STEP = 63
+SWITCH = "twice"
+"""Name of the input that asks for the second look."""
 _TURNED = "turned."  # begins the names of the weights that see the picture turned
 _MIDDLE = 128  # the step of 8 bits that stands for 0 where values may be negative
 _LEAST_WEIGHT = 1e-12  # of a weight: only keeps quotients finite
@@ -53,13 +55,22 @@ class Graph:
         self._nodes.append(helper.make_node(kind, inputs, [output], **attributes))
         return output
 
-    def write(self, path: Path, source: Values, result: Values) -> None:
-        """Write a file that onnxruntime reads. Raises what the check of ONNX raises."""
-        first, last = (
-            helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
-            for name, shape in (source, result)
-        )
-        graph = helper.make_graph(self._nodes, path.stem, [first], [last], self._stored)
+    def body(self, name: str, sources: list[ValueInfoProto], result: Values) -> GraphProto:
+        """Return the graph of ONNX."""
+        last = helper.make_tensor_value_info(result[0], TensorProto.FLOAT, result[1])
+        return helper.make_graph(self._nodes, name, sources, [last], self._stored)
+
+    def write(self, path: Path, source: Values, result: Values, *switches: str) -> None:
+        """Write a file that onnxruntime reads. Raises what the check of ONNX raises.
+
+        Parameters
+        ----------
+        switches : str
+            Names of inputs that are true or false.
+        """
+        sources = [helper.make_tensor_value_info(source[0], TensorProto.FLOAT, source[1])]
+        sources += [helper.make_tensor_value_info(name, TensorProto.BOOL, []) for name in switches]
+        graph = self.body(path.stem, sources, result)
         opsets = [helper.make_opsetid("", _OPSET)]
         model = helper.make_model(graph, opset_imports=opsets, ir_version=_IR)
         onnx.checker.check_model(model, full_check=True)
@@ -100,7 +111,7 @@ def save_graph(
     units : Mapping[str, float]
         Of the values that are rounded to 8 bits, from `network.units`.
     turn : Turn | None, optional
-        The orientation of the second look; None = there is no second look.
+        The orientation of the second look; None = there is none, whatever is asked for.
     """
     (_, inputs, *_), outputs = weights["enter.weight"].shape, len(weights["leave.bias"])
     spare = -inputs % _GROUP
@@ -121,21 +132,31 @@ def save_graph(
     for name, numbers in constants.items():
         graph.store(name, np.array(numbers, np.int64))
     padded = graph.add("Pad", ["features", "spare"], "padded")
+    source: Values = "features", [1, inputs, "rows", "columns"]
+    shape: list[int | str] = [1, outputs, "inner_rows", "inner_columns"]
     if turn is None:  # alone, the first convolution would lose up to 0.07 dB by rounding
         output = graph.add("Conv", [padded, "enter.weight", "enter.bias"], "found")
-        answers = [_add_blocks(graph, "", output, kept, units)]
+        graph.add("Identity", [_add_blocks(graph, "", output, kept, units)], "correction")
     else:
-        turn, answers = turn._replace(inputs=np.pad(turn.inputs, (0, spare))), []
-        _turn(graph, kept, turn)
-        rounded = _round(graph, padded, np.float32(units["features"]), np.uint8(_MIDDLE))
+        turn = turn._replace(inputs=np.pad(turn.inputs, (0, spare)))
         turned = np.einsum("oihw,ij->ojhw", enter, turn.inputs)
-        for side, weight in (("", enter), (_TURNED, turned)):
-            entered = _convolve(graph, f"{side}enter", rounded, weight, units["features"])
-            output = _round(graph, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
-            answers.append(_add_blocks(graph, side, output, kept, units))
-    graph.add("Mean", answers, "correction")
-    source: Values = "features", [1, inputs, "rows", "columns"]
-    graph.write(path, source, ("correction", [1, outputs, "inner_rows", "inner_columns"]))
+        once, twice, answers = Graph(), Graph(), []
+        _turn(twice, kept, turn)
+        for part, side, weight in ((graph, "", enter), (twice, _TURNED, turned)):
+            # onnxruntime recognises a pair of roundings within one branch only
+            features = part.add("Identity", [padded], f"{side}features_of")
+            rounded = _round(part, features, np.float32(units["features"]), np.uint8(_MIDDLE))
+            entered = _convolve(part, f"{side}enter", rounded, weight, units["features"])
+            output = _round(part, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
+            answers.append(_add_blocks(part, side, output, kept, units))
+        once.add("Identity", answers[:1], "once")
+        twice.add("Mean", answers, "both")
+        branches = {
+            "then_branch": twice.body("second_look", [], ("both", shape)),
+            "else_branch": once.body("one_look", [], ("once", shape)),
+        }
+        graph.add("If", [SWITCH], "correction", **branches)
+    graph.write(path, source, ("correction", shape), SWITCH)
 
 
 def _add_blocks(

@@ -233,12 +233,14 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     if plan.exchanged:
         planes = torch.einsum("nchw,ck->nkhw", planes.flip(2, 3), exchange)
     planes = torch.nn.functional.pixel_unshuffle(planes.mT if plan.transposed else planes, period)
-    expected = ((alone + planes) / 2 if plan.transposed or plan.exchanged else alone).numpy()
+    both = (alone + planes) / 2 if plan.transposed or plan.exchanged else alone
     steps = units(network, [batch(period, sites)])
     save_graph(weights, steps, path, run.turn_of(plan))
-    (output,) = load_network(path).run(None, {"features": inputs.numpy()})
-    assert output.shape == expected.shape
-    assert np.linalg.norm(output - expected) < 0.025 * np.linalg.norm(expected)
+    for twice, expected in ((False, alone.numpy()), (True, both.numpy())):
+        asked = {"features": inputs.numpy(), "twice": np.array(twice)}
+        (output,) = load_network(path).run(None, asked)
+        assert output.shape == expected.shape
+        assert np.linalg.norm(output - expected) < 0.025 * np.linalg.norm(expected)
     kept = load_weights(path)
     assert kept.keys() == weights.keys()
     for name in weights.keys() - {"enter.weight"}:
