@@ -248,6 +248,7 @@ def oriented_median(
                         plane[near[2 + down], 2 + across :],
                         plane[near[2 + 2 * down], 2 + 2 * across :],
                         medians[channel],
+                        distance,
                     )
                 else:
                     for step in range(-half, half + 1):
@@ -257,7 +258,7 @@ def oriented_median(
                         )
                     _sort(lines, half)
                     _copy(lines[half], medians[channel])
-                _add_squares(medians[channel], before[channel, row, half:], distance)
+                    _add_squares(medians[channel], before[channel, row, half:], distance)
             for channel in range(channels):
                 _take_nearer(medians[channel], distance, nearest, after[channel, row, half:])
             for column in range(columns):
@@ -286,13 +287,24 @@ def _differ(line: Doubles1, other: Doubles1) -> bool:
 
 @kernel
 def _median_of_five(
-    a: Doubles1, b: Doubles1, c: Doubles1, d: Doubles1, e: Doubles1, out: Doubles1
+    a: Doubles1,
+    b: Doubles1,
+    c: Doubles1,
+    d: Doubles1,
+    e: Doubles1,
+    out: Doubles1,
+    distance: Doubles1,
 ) -> None:
-    """Neither the least nor the greatest of the first four can be the median."""
+    """Write medians and add the squares of their distances from c, the middle.
+
+    Neither the least nor the greatest of the first four can be the median.
+    """
     for column in range(len(out)):
         low = max(min(a[column], b[column]), min(c[column], d[column]))
         high = min(max(a[column], b[column]), max(c[column], d[column]))
-        out[column] = max(min(e[column], low), min(max(e[column], low), high))
+        median = max(min(e[column], low), min(max(e[column], low), high))
+        distance[column] += (median - c[column]) ** 2
+        out[column] = median
 
 
 @kernel
