@@ -2,7 +2,6 @@
 rendered from.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import degrees
@@ -52,10 +51,6 @@ class BurstFile:
     failed: bool = False
     judged: "Judged | None" = None
 
-    def refuse(self, reason: str) -> None:
-        """Leave it out."""
-        self.mosaic, self.reason = None, reason
-
     @property
     def line(self) -> str:
         """Why it is left out, after its name."""
@@ -70,38 +65,6 @@ class BurstFile:
         facts |= {"right": right, "down": down, "degrees": degrees(judged.motion.angle)}
         figures = ("gain", "agreement", "sharpness", "error")
         return facts | {name: float(getattr(judged, name)) for name in figures}
-
-
-def refuse_misfits(frames: Sequence[BurstFile], reference: int | None) -> None:
-    """Refuse the frames that are not like the reference, or, where there is none, like most of the
-    others.
-    """
-    mosaics = [frame.mosaic for frame in frames if frame.mosaic is not None]
-    model = frames[reference].mosaic if reference is not None else None
-    if model is None and mosaics:
-        most = Counter(map(_kind, mosaics)).most_common(1)[0][0]
-        model = next(mosaic for mosaic in mosaics if _kind(mosaic) == most)
-    for frame in frames:
-        if frame.mosaic is not None and model is not None and _kind(frame.mosaic) != _kind(model):
-            frame.refuse(_difference(frame.mosaic, model))
-
-
-def _kind(mosaic: Mosaic) -> tuple[object, ...]:
-    """Common properties of the frames of a burst."""
-    calibration = mosaic.calibration
-    return mosaic.shape, mosaic.pattern, calibration.gamma, calibration.sensor, calibration.camera
-
-
-def _difference(mosaic: Mosaic, model: Mosaic) -> str:
-    """Differences of two frames."""
-    if mosaic.shape != model.shape:
-        return "it has {1} x {0} pixels, the others {3} x {2}".format(*mosaic.shape, *model.shape)
-    if mosaic.pattern != model.pattern:
-        return "its filters are arranged otherwise than those of the others"
-    return (
-        "it was taken with another camera than the others, or with another calibration; "
-        "`camera` replaces it in all of them"
-    )
 
 
 def series(sources: Sequence[Source]) -> list[str]:
@@ -220,17 +183,17 @@ class BurstOrder(Order):
             if frame.mosaic and not any(earlier.mosaic for earlier in frames):
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))
             frames.append(frame)
-        refuse_misfits(frames, self.reference)
         for frame in frames:
             if frame.reason and not frame.failed:
                 note(f"{frame.name}: is left out: {frame.reason}")
         if self.reference is not None and frames[self.reference].reason:
             raise InputError(f"{frames[self.reference].line}; name another `reference`")
-        if not any(frame.mosaic for frame in frames):
-            for frame in frames:
-                if frame.failed:
-                    note(frame.line)
-            raise InputError(f"none of the {len(frames)} frames can be used")
+        channels = {frame.mosaic.calibration.channels for frame in frames if frame.mosaic}
+        if not channels:
+            raise InputError(f"{frames[0].line}; none of the {len(frames)} frames can be used")
+        if len(channels) > 1:
+            kinds = ", ".join(sorted(channels))
+            raise InputError(f"the frames are of several sensors, {kinds}; name those of one")
         return BurstSubject(self, frames, note)
 
     def failures(self, job: Job) -> tuple[str, ...]:
@@ -287,9 +250,7 @@ class BurstSubject(Subject):
             for frame, judged in zip(self._used, merged.frames, strict=True):
                 frame.judged, frame.reason = judged, judged.reason
                 if judged.copy_of is not None:
-                    original = self._used[judged.copy_of].name
-                    same = "its samples are the same, and tell nothing new"
-                    frame.reason = f"it is a copy of {original}: {same}"
+                    frame.reason = f"is a copy of {self._used[judged.copy_of].name}"
         for frame in self._used:
             if frame.reason:
                 self._note(f"{frame.name}: is left out: {frame.reason}")

@@ -179,7 +179,7 @@ FILES = {
     "simulate -o out": {"gone.npy": "gone.npy: there is no such file"},
     "preview shot.dng -o out": {"--scale 4": "4 x 4 sensor pixels: a pattern of period 6 has 1, 2"},
     "burst -o out": {
-        "texts": "panchroma: texts/a-1.dng: none of the 2 frames can be used",
+        "texts": "; none of the 2 frames can be used",
         "frames --max-memory 1M": "frames/builtin-24x18-1.dng: 3 frames of ",
     },
     "burst numbered/1.dng numbered/2.dng -o numbered": {
