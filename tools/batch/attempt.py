@@ -233,9 +233,9 @@ class _Attempt:
 
     def _report_current(self, state: State, **facts: bool) -> Outcome:
         """Return the outcome of a picture that is up to date."""
-        output, failures = self.job.output, self.order.failures(self.job)
+        output = self.job.output
         record: dict[str, Any] = {"output": str(output), "current": True, **facts}
-        return Outcome(record, (f"{output}: is up to date",), failures, state)
+        return Outcome(record, (f"{output}: is up to date",), state=state)
 
     def _is_unchanged(self) -> bool:
         """True if the picture is up to date by sizes and times alone: reading all files of an

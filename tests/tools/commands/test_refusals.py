@@ -70,11 +70,10 @@ USAGE = {
         "--shifts '0,0 2,0'": "--shifts has 2 places for 3 shots, expected one for each",
         "--shifts '0,0 nan,0 1,1'": "`shifts` are ((0.0, 0.0), (nan, 0.0)",
         "--shifts '0,0 -2,-1e9 1,1'": "expected 1000 pixels at most",
-        "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the 3 shots of",
+        "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the shots",
     },
     "burst -o out": {
         "shot.dng": "shot.dng: is one frame, expected two or more of one scene; panchroma render",
-        "missing.dng": "missing.dng: there is no such file",
         "two": "rose-1.dng; name the files of one",
     },
     "capture builtin:64x48@9 -o out": {
