@@ -125,11 +125,6 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
     outcome = run("render", shot, "-o", out, "--json")
     (record,) = outcome.records
     assert record.pop("seconds") >= 0
-    solvers = record.pop("solvers")
-    assert list(solvers) == ["luminance", "medians", "affinity"]
-    for solver in solvers.values():
-        assert 0 < solver["iterations"] <= 100
-        assert 0 <= solver["residual"] < 1e-2
     files = {"source": str(shot), "ok": True, "output": str(out / f"{STEM}.tif")}
     colours = {"neutral": [1.0, 1.0, 1.0], "neutral_estimated": False, "learned": "rggb-k6"}
     assert record == {**files, "width": 48, "height": 36, **colours}
