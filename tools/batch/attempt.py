@@ -132,16 +132,9 @@ class _Attempt:
         source, mosaic, order = self.job.source, subject.mosaic, self.order
         calibration, note = mosaic.calibration, self.listener.note
         if calibration.noise is None:
-            taken = "estimated from the shot" if order.settings.noise.estimate else "taken as zero"
-            note(
-                f"{source}: the noise level is unknown and {taken}; calibrate the camera for "
-                "better colour"
-            )
+            note(f"{source}: the noise level is unknown; calibrate the camera for better colour")
         if not calibration.knows_white and order.kind.has_white_balance:
-            note(
-                f'{source}: the white balance is unknown and taken as even; `wb="auto"` '
-                'estimates it, `wb="R,G,B"` sets it'
-            )
+            note(f'{source}: the white balance is unknown; `wb="auto"` estimates it')
         for remark in calibration.remarks(mosaic.metadata.focal_length):
             note(f"{source}: {remark}")
 
