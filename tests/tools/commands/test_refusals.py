@@ -143,7 +143,7 @@ for (command, option), (texts, expected) in VALUES.items():
 NO_FOLDER = {
     "missing/below": "panchroma: missing/below: the folder missing does not exist; create it",
     "text.json": "panchroma: text.json: is not a folder; name the folder for the results",
-    "text.json/below": "panchroma: text.json/below: text.json is not a folder; choose another",
+    "text.json/below": "panchroma: text.json/below: text.json is not a folder",
     "''": "panchroma: the name of the output folder is empty; give ",
 }
 INTO = [command for command in USAGE if re.fullmatch(r"\w+ \S+ -o out", command)]
