@@ -40,10 +40,6 @@ class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was f
         Its traceback there.
     """
 
-    def __init__(self, message: str, trace: str) -> None:
-        super().__init__(message, trace)  # pickled with both
-        self.trace = trace
-
     def __str__(self) -> str:
         """Return the message alone."""
         return str(self.args[0])
@@ -60,12 +56,11 @@ class Console:
     quiet : bool, optional
         Standard error is for errors alone.
     verbose : bool, optional
-        An error that nobody foresaw is followed by its traceback, each once.
+        An error that nobody foresaw is followed by its traceback.
     """
 
     def __init__(self, *, json: bool = False, quiet: bool = False, verbose: bool = False) -> None:
         self._json, self._quiet, self._verbose = json, quiet, verbose
-        self._traced: set[str] = set()  # tracebacks that have been shown, without what they say
         self._display: RichProgress | None = None
 
     def say(self, *lines: str) -> None:
@@ -114,13 +109,8 @@ class Console:
             return
         from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
 
-        if isinstance(cause, PanchromaError):
-            return
-        lines = traceback_of(cause).splitlines()
-        place = "\n".join(line for line in lines if line.startswith(" "))
-        if place not in self._traced:
-            self._traced.add(place)
-            for line in lines:
+        if not isinstance(cause, PanchromaError):
+            for line in traceback_of(cause).splitlines():
                 to_stderr(line)
 
     def record(self, **facts: Any) -> None:
@@ -183,7 +173,7 @@ def fault(error: BaseException) -> str:
 def traceback_of(error: BaseException) -> str:
     """The traceback of an exception; of a fault in a worker process the one there."""
     if isinstance(error, WorkerFault):
-        return error.trace
+        return str(error.args[1])
     return "".join(traceback.format_exception(error))
 
 
