@@ -4,7 +4,6 @@ import json as json_format
 import re
 import sys
 import traceback
-import unicodedata
 import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -216,15 +215,7 @@ def one_line(text: str) -> str:
     obeys.
 
     Line breaks and tabs become a blank. Other control characters, those that reorder or hide text,
-    and bytes of names that are no text are spelled out (\x1b, \u202e, \udcff).
+    unusual blanks and bytes of names that are no text are spelled out (\x1b, \u202e, \xa0, \udcff).
     """
     line = re.sub(r"[\t-\r\x85\u2028\u2029]+", " ", text)
-    return "".join(letter if _shows(letter) else ascii(letter)[1:-1] for letter in line)
-
-
-# needed to write Persian, and some languages of India; they only join letters or part them
-_JOINERS = "\u200c\u200d"
-
-
-def _shows(character: str) -> bool:
-    return unicodedata.category(character) not in ("Cc", "Cf", "Cs") or character in _JOINERS
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)
