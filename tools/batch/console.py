@@ -152,15 +152,9 @@ def fault(error: BaseException) -> str:
     """
     if isinstance(error, WorkerFault):
         return str(error)
-    if (
-        isinstance(error, ModuleNotFoundError)
-        and error.name
-        and error.name.partition(".")[0] != _PACKAGE
-    ):
-        return (
-            f"the package {error.name} is not installed; install Panchroma with all that "
-            "belongs to it: pip install -e '.[all]'"
-        )
+    if isinstance(error, ModuleNotFoundError):
+        remedy = "install Panchroma with all that belongs to it: pip install -e '.[all]'"
+        return f"the package {error.name} is not installed; {remedy}"
     frames = traceback.extract_tb(error.__traceback__)
     root = Path(__file__).parents[2]
     ours = [frame for frame in frames if Path(frame.filename).is_relative_to(root)]
