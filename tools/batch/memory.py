@@ -11,7 +11,6 @@ from ...shared.control_groups import control_groups, number_in
 
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
-_UNKNOWN = 4 * 2**30
 # Limit of a process -> what /proc/self/status calls the memory that counts.
 _LIMITS = {resource.RLIMIT_AS: "VmSize", resource.RLIMIT_DATA: "VmData"}
 
@@ -81,10 +80,7 @@ def _granted_by_slurm() -> Iterator[int]:
 def _machine() -> int:
     if free := system_figure("/proc/meminfo", "MemAvailable"):
         return free
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    except (AttributeError, ValueError, OSError):
-        return _UNKNOWN
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
 
 
 def system_figure(file: str | Path, name: str) -> int:
