@@ -9,12 +9,9 @@ import pytest
 
 from panchroma import offline
 from panchroma.offline import BEST, PAPER, PRESETS
-from panchroma.offline.numerics.arrays import Floats1
-from panchroma.offline.numerics.compile import ParallelKernel, Pieces
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.tools.batch import checks
 from panchroma.tools.batch import compilation as product
-from panchroma.tools.batch.compilation import announced_compilation
 from panchroma.tools.batch.memory import format_bytes, parse_bytes
 from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.formats import FORMATS
@@ -95,23 +92,6 @@ def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, nam
 
 
 # --- compiling -----------------------------------------------------------------------------------
-
-
-def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    def nowhere() -> Path:
-        raise RuntimeError("no locator available")
-
-    def fresh(_: Pieces, numbers: Floats1, /) -> None:
-        numbers[0] = 2
-
-    kernel = ParallelKernel(fresh, len)
-    monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
-    notes: list[str] = []
-    with announced_compilation(StageProgress(note=notes.append)):
-        kernel(np.ones(1, np.float32))
-        kernel(np.ones(1, np.float32))
-    (line,) = notes
-    assert "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR" in line
 
 
 def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(
