@@ -43,7 +43,7 @@ def available_memory() -> int:
     """Bytes of memory that are free, or can be freed at once: of the machine, and within every
     limit of this process.
     """
-    return max(0, min((_machine(), *_left_in_groups(), *_left_to_process(), *_granted_by_slurm())))
+    return max(0, min((_machine(), *_left_in_groups(), *_left_to_process())))
 
 
 def _left_in_groups() -> Iterator[int]:
@@ -61,20 +61,6 @@ def _left_to_process() -> Iterator[int]:
     for limit, counted in _LIMITS.items():
         if (most := resource.getrlimit(limit)[0]) != resource.RLIM_INFINITY:
             yield most - system_figure("/proc/self/status", counted)
-
-
-def _granted_by_slurm() -> Iterator[int]:
-    """Yield the bytes that a Slurm job asked for on this node, which Slurm need not state as a
-    limit elsewhere; 0 is all.
-
-    Source: Slurm, srun(1), output environment variables: megabytes.
-    """
-    names = ("SLURM_MEM_PER_NODE", "SLURM_MEM_PER_CPU", "SLURM_CPUS_ON_NODE")
-    node, processor, count = (os.environ.get(name, "") for name in names)
-    if node.isdecimal() and int(node):
-        yield int(node) << 20
-    elif processor.isdecimal() and int(processor) and count.isdecimal():
-        yield int(processor) * int(count) << 20
 
 
 def _machine() -> int:
