@@ -103,7 +103,7 @@ def test_a_fault_outside_of_any_file_is_one_line_too(monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("before", [True, False])
 @pytest.mark.parametrize("option", ["-v", "--verbose"])
-def test_verbose_shows_the_traceback_of_a_fault_once(
+def test_verbose_shows_the_traceback_of_a_fault(
     option: str, before: bool, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(source: str, max_pixels: int) -> None:
@@ -121,7 +121,7 @@ def test_verbose_shows_the_traceback_of_a_fault_once(
     assert "(-v shows the traceback): odd" in shown[0]
     assert shown[1] == "Traceback (most recent call last):"
     assert any(line.startswith('  File "') and line.endswith(", in fail") for line in shown)
-    assert shown[-3] == f"RuntimeError: odd\\x1b {shots / SHOT}"
+    assert f"RuntimeError: odd\\x1b {shots / SHOT}" in shown
     words.remove(option)
     assert "Traceback" not in run(*words, code=1).err
 

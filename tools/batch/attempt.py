@@ -6,14 +6,15 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...shared import CfaPattern
 from ...shared.arrays import ByteArray, FloatArray
 from ...shared.errors import InputError, OutputError
+from ...shared.processors import threads
 from ..io.backup import keep_old
 from ..io.development import Development, write_picture
 from .checks import check_memory
@@ -22,9 +23,6 @@ from .jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from .journal import Entry, Journal, digest, key, output_lock
 from .order import Order, Subject
 from .progress import StageProgress
-
-if TYPE_CHECKING:
-    from ...offline import SolverLog
 
 
 def attempt(
@@ -81,10 +79,7 @@ class _Attempt:
         """Find out what is to be done, and do it."""
         order, output = self.order, self.job.output
         if not (order.dry_run or order.folder.is_dir()):
-            raise OutputError(
-                f"{order.folder}: the output folder is not there; every machine at work has to "
-                "see it under this name"
-            )
+            raise OutputError(f"{order.folder}: is not there; every machine has to see this folder")
         if not any(map(file_status, self.job.files)):
             self._open()  # says what is wrong with it, before a folder is made for its picture
         try:
@@ -127,8 +122,8 @@ class _Attempt:
             self._note_what_is_assumed(subject)
             subject.prepare(self.listener)
             development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
-            log = self._write(subject, development, existing, source_digest, stamp)
-        return self._report_made(subject, development, pattern, log, time.monotonic() - start)
+            self._write(subject, development, existing, source_digest, stamp)
+        return self._report_made(subject, development, pattern, time.monotonic() - start)
 
     def _open(self) -> Subject:
         return self.order.open(self.job, self.memory, self.listener.note)
@@ -137,16 +132,9 @@ class _Attempt:
         source, mosaic, order = self.job.source, subject.mosaic, self.order
         calibration, note = mosaic.calibration, self.listener.note
         if calibration.noise is None:
-            taken = "estimated from the shot" if order.settings.noise.estimate else "taken as zero"
-            note(
-                f"{source}: the noise level is unknown and {taken}; calibrate the camera for "
-                "better colour"
-            )
+            note(f"{source}: the noise level is unknown; calibrate the camera for better colour")
         if not calibration.knows_white and order.kind.has_white_balance:
-            note(
-                f'{source}: the white balance is unknown and taken as even; `wb="auto"` '
-                'estimates it, `wb="R,G,B"` sets it'
-            )
+            note(f'{source}: the white balance is unknown; `wb="auto"` estimates it')
         for remark in calibration.remarks(mosaic.metadata.focal_length):
             note(f"{source}: {remark}")
 
@@ -157,11 +145,9 @@ class _Attempt:
         existing: _Existing,
         source_digest: str,
         stamp: str,
-    ) -> "SolverLog":
-        """Render, and write the picture. Returns what the solvers did."""
-        from ...offline import SolverLog, threads
-
-        log, path = SolverLog(self.listener), self.job.output
+    ) -> None:
+        """Render, and write the picture."""
+        path = self.job.output
         if existing.changed:
             self.listener.note(
                 f"{path}: has changed since it was made; it is kept as {keep_old(path).name}"
@@ -175,9 +161,8 @@ class _Attempt:
                 return pool.submit(self._note_in_journal, part, source_digest, stamp).result
 
             write = partial(write_picture, overwrite=existing.replace, on_complete=note_in_journal)
-            bands = self._whiten(subject.bands(log), subject.lost, development)
+            bands = self._whiten(subject.bands(self.listener), subject.lost, development)
             write(path, bands, development, threads=threads())
-        return log
 
     def _whiten(
         self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development
@@ -207,7 +192,6 @@ class _Attempt:
         subject: Subject,
         development: Development,
         pattern: CfaPattern,
-        log: "SolverLog",
         seconds: float,
     ) -> Outcome:
         """Return the outcome of a picture that was made."""
@@ -224,7 +208,6 @@ class _Attempt:
             "width": columns,
             "height": rows,
             "seconds": round(seconds, 3),
-            "solvers": {name: asdict(solver) for name, solver in log.solvers.items()},
             "neutral": calibration.neutral,
             "neutral_estimated": calibration.neutral_estimated,
             "learned": network_name(pattern) if self.order.settings.learned.used else None,
@@ -233,9 +216,9 @@ class _Attempt:
 
     def _report_current(self, state: State, **facts: bool) -> Outcome:
         """Return the outcome of a picture that is up to date."""
-        output, failures = self.job.output, self.order.failures(self.job)
+        output = self.job.output
         record: dict[str, Any] = {"output": str(output), "current": True, **facts}
-        return Outcome(record, (f"{output}: is up to date",), failures, state)
+        return Outcome(record, (f"{output}: is up to date",), state=state)
 
     def _is_unchanged(self) -> bool:
         """True if the picture is up to date by sizes and times alone: reading all files of an

@@ -2,7 +2,6 @@
 rendered from.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import degrees
@@ -16,7 +15,7 @@ from ...shared.progress import Progress
 from ...shared.series import frame_number
 from .checks import check_memory
 from .folders import Source
-from .jobs import Job, identity
+from .jobs import Job
 from .order import Order, Subject
 from .progress import Note
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from ...offline.burst import Judged, MergedBurst, Motion
 
 _FARTHEST_SHIFT = 1000.0  # pixels that a sensor moves
-_NAMED = 4  # series that an error names, before it counts the others
+_NAMED = 4  # series that an error names
 Shift = tuple[float, ...]
 
 
@@ -52,10 +51,6 @@ class BurstFile:
     failed: bool = False
     judged: "Judged | None" = None
 
-    def refuse(self, reason: str) -> None:
-        """Leave it out."""
-        self.mosaic, self.reason = None, reason
-
     @property
     def line(self) -> str:
         """Why it is left out, after its name."""
@@ -72,38 +67,6 @@ class BurstFile:
         return facts | {name: float(getattr(judged, name)) for name in figures}
 
 
-def refuse_misfits(frames: Sequence[BurstFile], reference: int | None) -> None:
-    """Refuse the frames that are not like the reference, or, where there is none, like most of the
-    others.
-    """
-    mosaics = [frame.mosaic for frame in frames if frame.mosaic is not None]
-    model = frames[reference].mosaic if reference is not None else None
-    if model is None and mosaics:
-        most = Counter(map(_kind, mosaics)).most_common(1)[0][0]
-        model = next(mosaic for mosaic in mosaics if _kind(mosaic) == most)
-    for frame in frames:
-        if frame.mosaic is not None and model is not None and _kind(frame.mosaic) != _kind(model):
-            frame.refuse(_difference(frame.mosaic, model))
-
-
-def _kind(mosaic: Mosaic) -> tuple[object, ...]:
-    """Common properties of the frames of a burst."""
-    calibration = mosaic.calibration
-    return mosaic.shape, mosaic.pattern, calibration.gamma, calibration.sensor, calibration.camera
-
-
-def _difference(mosaic: Mosaic, model: Mosaic) -> str:
-    """Differences of two frames."""
-    if mosaic.shape != model.shape:
-        return "it has {1} x {0} pixels, the others {3} x {2}".format(*mosaic.shape, *model.shape)
-    if mosaic.pattern != model.pattern:
-        return "its filters are arranged otherwise than those of the others"
-    return (
-        "it was taken with another camera than the others, or with another calibration; "
-        "`camera` replaces it in all of them"
-    )
-
-
 def series(sources: Sequence[Source]) -> list[str]:
     """The names of the shots of one burst, in its order.
 
@@ -117,8 +80,7 @@ def series(sources: Sequence[Source]) -> list[str]:
     Raises
     ------
     InputError
-        That names the odd ones, for shots in a folder that belong to several bursts or to none, and
-        for a file that is given twice, under whatever names.
+        That names the first ones, for shots in a folder that belong to several bursts or to none.
 
     Examples
     --------
@@ -127,36 +89,17 @@ def series(sources: Sequence[Source]) -> list[str]:
     ['shots/rose-1.dng', 'shots/rose-2.dng']
     """
     names = [source.name for source in sources if not source.from_folder]
-    numbered: dict[Path, list[tuple[int, str]]] = {}
-    singles: list[str] = []
+    bursts: dict[Path, list[tuple[int, str]]] = {}
     for path in [Path(source.name) for source in sources if source.from_folder]:
-        if frame := frame_number(path.stem):
-            numbered.setdefault(path.with_name(frame[0]), []).append((frame[1], str(path)))
-        else:
-            singles.append(str(path))
-    bursts = [[name for _, name in sorted(frames)] for frames in numbered.values()]
-    if len(bursts) > 1 or singles:
-        groups = [_counted(frames[0], len(frames), 1, "more") for frames in bursts] + singles
-        listed = _counted(", ".join(groups[:_NAMED]), len(groups), _NAMED, "others")
+        stem, number = frame_number(path.stem) or (path.name, 0)
+        bursts.setdefault(path.with_name(stem), []).append((number, str(path)))
+    if len(bursts) > 1:
+        firsts = ", ".join(min(frames)[1] for frames in list(bursts.values())[:_NAMED])
         raise InputError(
-            f"expected the frames of one burst, STEM-1.dng, STEM-2.dng ..., found {listed}; name "
-            "the files of one"
+            "expected the frames of one burst, STEM-1.dng, STEM-2.dng ..., found those of "
+            f"{len(bursts)}: {firsts}; name the files of one"
         )
-    names += [name for frames in bursts for name in frames]
-    first_names: dict[object, str] = {}
-    for name in names:
-        # other spellings of a name, and links, lead to the same file
-        place = identity(name) or name
-        if (first := first_names.get(place)) is not None:
-            same = f": it is the same file as {first}" if first != name else ""
-            raise InputError(f"{name}: is given twice{same}")
-        first_names[place] = name
-    return names
-
-
-def _counted(text: str, count: int, shown: int, others: str) -> str:
-    """The text, and how many things there are besides the `shown` ones."""
-    return f"{text} and {count - shown} {others}" if count > shown else text
+    return names + [name for frames in bursts.values() for _, name in sorted(frames)]
 
 
 def series_stem(names: Sequence[str]) -> str:
@@ -220,23 +163,18 @@ class BurstOrder(Order):
             if frame.mosaic and not any(earlier.mosaic for earlier in frames):
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))
             frames.append(frame)
-        refuse_misfits(frames, self.reference)
         for frame in frames:
             if frame.reason and not frame.failed:
                 note(f"{frame.name}: is left out: {frame.reason}")
         if self.reference is not None and frames[self.reference].reason:
             raise InputError(f"{frames[self.reference].line}; name another `reference`")
-        if not any(frame.mosaic for frame in frames):
-            for frame in frames:
-                if frame.failed:
-                    note(frame.line)
-            raise InputError(f"none of the {len(frames)} frames can be used")
+        channels = {frame.mosaic.calibration.channels for frame in frames if frame.mosaic}
+        if not channels:
+            raise InputError(f"{frames[0].line}; none of the {len(frames)} frames can be used")
+        if len(channels) > 1:
+            kinds = ", ".join(sorted(channels))
+            raise InputError(f"the frames are of several sensors, {kinds}; name those of one")
         return BurstSubject(self, frames, note)
-
-    def failures(self, job: Job) -> tuple[str, ...]:
-        """A line for each frame that cannot be read. Frames are read one by one, and not kept."""
-        frames = (self._frame(name, from_folder=job.from_folder) for name in job.files)
-        return tuple(frame.line for frame in frames if frame.failed)
 
     def _frame(self, name: str, *, from_folder: bool) -> BurstFile:
         mosaic = None
@@ -287,18 +225,13 @@ class BurstSubject(Subject):
             for frame, judged in zip(self._used, merged.frames, strict=True):
                 frame.judged, frame.reason = judged, judged.reason
                 if judged.copy_of is not None:
-                    original = self._used[judged.copy_of].name
-                    same = "its samples are the same, and tell nothing new"
-                    frame.reason = f"it is a copy of {original}: {same}"
+                    frame.reason = f"is a copy of {self._used[judged.copy_of].name}"
         for frame in self._used:
             if frame.reason:
                 self._note(f"{frame.name}: is left out: {frame.reason}")
         self.mosaic = cast(Mosaic, self._reference.mosaic)
-        name = self._reference.name
-        if self._left == 1:
-            alone = "is the only frame that is left; the picture is that of one shot"
-            self._note(f"{name}: {alone}")
-        self.words = f"{self._left} of {len(self.frames)} frames, reference {Path(name).name}, "
+        name = Path(self._reference.name).name
+        self.words = f"{self._left} of {len(self.frames)} frames, reference {name}, "
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""
@@ -308,10 +241,6 @@ class BurstSubject(Subject):
             return super().bands(progress)
         self.lost = self._merged.lost
         return render_burst_bands(self._merged, self.settings, progress)
-
-    def _given_up(self) -> Mosaic:
-        """The reference, which stays."""
-        return self.mosaic
 
     def facts(self) -> dict[str, Any]:
         """Verdict on each frame, for machines."""

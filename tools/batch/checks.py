@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 _PROGRAM = 290 * 2**20
 _THREAD = 20 * 2**20  # of each thread: its own heap
 _MOSAIC = 2.0  # per pixel: sensor codes
-_LIGHTEST_FORMAT = "tif"  # the format that needs least
 
 
 def needed_memory(
@@ -53,16 +52,11 @@ def check_memory(
     if need <= limit:
         return
     rows, columns = mosaic.shape
-    least = needed_memory(mosaic, PictureKind.of(_LIGHTEST_FORMAT), settings, frames)
-    remedy = ""
-    if kind.format != _LIGHTEST_FORMAT and least <= limit:
-        remedy = f"use -f {_LIGHTEST_FORMAT}, which needs {format_bytes(least)}, or "
     burst = f"{frames} frames of " if frames > 1 else ""
     enough = format_bytes(need).replace(" ", "").removesuffix("B")
     raise InputError(
         f"{burst}{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, "
-        f"{format_bytes(limit)} are allowed; {remedy}set `max_memory={enough}` if the machine "
-        "has as much"
+        f"{format_bytes(limit)} are allowed; set `max_memory={enough}` if the machine has as much"
     )
 
 

@@ -87,19 +87,12 @@ def _compile(name: str, listener: StageProgress) -> None:
 
 def _teller(progress: StageProgress) -> Callable[[str], None]:
     """A function that says once that the renderer is being compiled, and shows how far it is."""
-    from ...offline import kernel_cache
-
     note_once = cache(progress.note)
 
     def tell(how_far: str) -> None:
-        try:
-            kernel_cache()
-        except RuntimeError:
-            often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
-        else:
-            often = "once"
         note_once(
-            f"compiling the renderer for this processor; it takes about half a minute, {often}"
+            "compiling the renderer for this processor; it takes about half a minute, once "
+            "(if it comes again: panchroma doctor)"
         )
         progress.remark(how_far)
 

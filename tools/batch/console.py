@@ -4,7 +4,6 @@ import json as json_format
 import re
 import sys
 import traceback
-import unicodedata
 import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -40,10 +39,6 @@ class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was f
         Its traceback there.
     """
 
-    def __init__(self, message: str, trace: str) -> None:
-        super().__init__(message, trace)  # pickled with both
-        self.trace = trace
-
     def __str__(self) -> str:
         """Return the message alone."""
         return str(self.args[0])
@@ -60,12 +55,11 @@ class Console:
     quiet : bool, optional
         Standard error is for errors alone.
     verbose : bool, optional
-        An error that nobody foresaw is followed by its traceback, each once.
+        An error that nobody foresaw is followed by its traceback.
     """
 
     def __init__(self, *, json: bool = False, quiet: bool = False, verbose: bool = False) -> None:
         self._json, self._quiet, self._verbose = json, quiet, verbose
-        self._traced: set[str] = set()  # tracebacks that have been shown, without what they say
         self._display: RichProgress | None = None
 
     def say(self, *lines: str) -> None:
@@ -114,13 +108,8 @@ class Console:
             return
         from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
 
-        if isinstance(cause, PanchromaError):
-            return
-        lines = traceback_of(cause).splitlines()
-        place = "\n".join(line for line in lines if line.startswith(" "))
-        if place not in self._traced:
-            self._traced.add(place)
-            for line in lines:
+        if not isinstance(cause, PanchromaError):
+            for line in traceback_of(cause).splitlines():
                 to_stderr(line)
 
     def record(self, **facts: Any) -> None:
@@ -163,15 +152,9 @@ def fault(error: BaseException) -> str:
     """
     if isinstance(error, WorkerFault):
         return str(error)
-    if (
-        isinstance(error, ModuleNotFoundError)
-        and error.name
-        and error.name.partition(".")[0] != _PACKAGE
-    ):
-        return (
-            f"the package {error.name} is not installed; install Panchroma with all that "
-            "belongs to it: pip install -e '.[all]'"
-        )
+    if isinstance(error, ModuleNotFoundError):
+        remedy = "install Panchroma with all that belongs to it: pip install -e '.[all]'"
+        return f"the package {error.name} is not installed; {remedy}"
     frames = traceback.extract_tb(error.__traceback__)
     root = Path(__file__).parents[2]
     ours = [frame for frame in frames if Path(frame.filename).is_relative_to(root)]
@@ -183,7 +166,7 @@ def fault(error: BaseException) -> str:
 def traceback_of(error: BaseException) -> str:
     """The traceback of an exception; of a fault in a worker process the one there."""
     if isinstance(error, WorkerFault):
-        return error.trace
+        return str(error.args[1])
     return "".join(traceback.format_exception(error))
 
 
@@ -226,15 +209,7 @@ def one_line(text: str) -> str:
     obeys.
 
     Line breaks and tabs become a blank. Other control characters, those that reorder or hide text,
-    and bytes of names that are no text are spelled out (\x1b, \u202e, \udcff).
+    unusual blanks and bytes of names that are no text are spelled out (\x1b, \u202e, \xa0, \udcff).
     """
     line = re.sub(r"[\t-\r\x85\u2028\u2029]+", " ", text)
-    return "".join(letter if _shows(letter) else ascii(letter)[1:-1] for letter in line)
-
-
-# needed to write Persian, and some languages of India; they only join letters or part them
-_JOINERS = "\u200c\u200d"
-
-
-def _shows(character: str) -> bool:
-    return unicodedata.category(character) not in ("Cc", "Cf", "Cs") or character in _JOINERS
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)

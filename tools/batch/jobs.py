@@ -3,7 +3,6 @@ user is told of each.
 """
 
 import os
-import shlex
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
 from contextlib import suppress
@@ -12,7 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
-from ...shared.writing import dangling_link, sweep
+from ...shared.writing import reason as why_not_written
+from ...shared.writing import sweep
 from .console import Console, fault
 from .parallel import Function, Results, one_by_one
 from .progress import StageProgress
@@ -62,12 +62,9 @@ class Job:
         for folder in {output.parent for output in self.outputs}:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
-            except FileExistsError:
-                reason = "is not a folder; remove it, or use another output folder"
-                raise OutputError(f"{folder}: {reason}") from None
             except OSError as error:
-                reason = f"the folder cannot be created ({error.strerror or error}); choose another"
-                raise OutputError(f"{folder}: {reason}") from None
+                why = f"cannot be created ({error.strerror or error}); use another output folder"
+                raise OutputError(f"{folder}: {why}") from None
 
 
 State = Literal["made", "planned", "current", "foreign", "failed"]
@@ -123,34 +120,17 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     """
     path = Path(folder)
     if not folder:
-        raise OutputError(
-            "the name of the output folder is empty; give `output` or `report` a folder"
-        )
+        raise OutputError("the name of the output folder is empty; give the folder a name")
+    if dry_run and (path.is_dir() or (path.parent.is_dir() and not os.path.lexists(path))):
+        return path
     try:
-        would_be_made = dry_run and path.parent.is_dir() and not os.path.lexists(path)
-        if not (path.is_dir() or would_be_made):
-            path.mkdir()
+        if not path.is_dir():
+            path.mkdir(exist_ok=True)
             _created.append(path)
     except FileExistsError:
-        if not path.is_dir():
-            wrong = "is not a folder; name the folder for the results"
-            if not path.exists():
-                wrong = f"{dangling_link(path)}, or name another folder"
-            raise OutputError(f"{folder}: {wrong}") from None
-    except FileNotFoundError:
-        advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
-        raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}") from None
-    except NotADirectoryError:
-        raise OutputError(
-            f"{folder}: {path.parent} is not a folder; choose another place for the results"
-        ) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or error
-        raise OutputError(
-            f"{folder}: the folder cannot be created ({reason}); choose another"
-        ) from None
-    if dry_run:
-        return path
+        raise OutputError(f"{folder}: is not a folder; name the folder for the results") from None
+    except OSError as error:
+        raise OutputError(f"{folder}: {why_not_written(error, path)}") from None
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: no permission to write in this folder; choose another")
     sweep(path)
@@ -303,14 +283,9 @@ def refuse_loss(
     for output in outputs:
         # On many disks names that differ only in case are one file.
         name = os.path.normcase(output).casefold()
-        owner = planned.get(name)
-        if owner == source:
-            raise InputError(f"{source}: is given twice")
-        if owner is not None:
-            raise InputError(
-                f"{source}: the result would have the same name as that of {owner}; use another "
-                "output folder"
-            )
+        if (owner := planned.get(name)) is not None:
+            same = f"the result would have the same name as that of {owner}"
+            raise InputError(f"{source}: {same}; use another output folder")
         planned[name] = source
         if identity(output) in inputs:
             raise OutputError(f"{output}: is an input; use another output folder")
@@ -321,12 +296,8 @@ def refuse_loss(
 def refuse_existing(outputs: Iterable[Path]) -> None:
     """Raise OutputError when one of the outputs exists."""
     for output in outputs:
-        if identity(output) is not None:
+        if os.path.lexists(output):
             raise OutputError(f"{output}: exists already; use `overwrite=True` to replace it")
-        if os.path.islink(output):  # noqa: PTH114
-            raise OutputError(
-                f"{output}: {dangling_link(output)}, or use `overwrite=True` to replace it"
-            )
 
 
 def identity(path: str | Path | int) -> tuple[int, int] | None:

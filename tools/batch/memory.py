@@ -11,7 +11,6 @@ from ...shared.control_groups import control_groups, number_in
 
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
-_UNKNOWN = 4 * 2**30
 # Limit of a process -> what /proc/self/status calls the memory that counts.
 _LIMITS = {resource.RLIMIT_AS: "VmSize", resource.RLIMIT_DATA: "VmData"}
 
@@ -44,7 +43,7 @@ def available_memory() -> int:
     """Bytes of memory that are free, or can be freed at once: of the machine, and within every
     limit of this process.
     """
-    return max(0, min((_machine(), *_left_in_groups(), *_left_to_process(), *_granted_by_slurm())))
+    return max(0, min((_machine(), *_left_in_groups(), *_left_to_process())))
 
 
 def _left_in_groups() -> Iterator[int]:
@@ -64,27 +63,10 @@ def _left_to_process() -> Iterator[int]:
             yield most - system_figure("/proc/self/status", counted)
 
 
-def _granted_by_slurm() -> Iterator[int]:
-    """Yield the bytes that a Slurm job asked for on this node, which Slurm need not state as a
-    limit elsewhere; 0 is all.
-
-    Source: Slurm, srun(1), output environment variables: megabytes.
-    """
-    names = ("SLURM_MEM_PER_NODE", "SLURM_MEM_PER_CPU", "SLURM_CPUS_ON_NODE")
-    node, processor, count = (os.environ.get(name, "") for name in names)
-    if node.isdecimal() and int(node):
-        yield int(node) << 20
-    elif processor.isdecimal() and int(processor) and count.isdecimal():
-        yield int(processor) * int(count) << 20
-
-
 def _machine() -> int:
     if free := system_figure("/proc/meminfo", "MemAvailable"):
         return free
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    except (AttributeError, ValueError, OSError):
-        return _UNKNOWN
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
 
 
 def system_figure(file: str | Path, name: str) -> int:

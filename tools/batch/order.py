@@ -153,12 +153,6 @@ class Order:
             mosaic if self.settings.asks_for_codes else mosaic.in_scene_units(), self.settings
         )
 
-    def failures(self, job: Job) -> tuple[str, ...]:
-        """A line for each file that fails although the picture can be made without it, see
-        `Outcome.errors`.
-        """
-        return ()
-
     def read(self, source: str) -> Mosaic:
         """Return the shot, calibrated. Raises InputError for one that cannot become a picture."""
         return self.prepared(self.decode(source))

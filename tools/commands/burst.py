@@ -10,15 +10,15 @@ STEM-2.dng ..., otherwise as the first file.
 """
 
 import argparse
+from pathlib import Path
 
-from ...shared import read_dng
 from ...shared.errors import InputError
 from ..batch.burst import BurstOrder, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
-from ..batch.jobs import FAILED, Job, identity, possible_jobs
+from ..batch.jobs import FAILED, Job, possible_jobs
 from ..batch.run import render_all
-from .options import add, numbers, pixel_limit
+from .options import add, numbers
 from .picture_options import add_picture, add_run, order_fields
 
 USAGE = "SHOT ... -o DIR"
@@ -56,7 +56,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     names = series(files.sources)
     if len(names) < 2:
-        read_dng(names[0], max_pixels=pixel_limit())  # says what is wrong with it
         expected = "expected two or more of one scene; panchroma render renders a shot"
         raise InputError(f"{names[0]}: is one frame, {expected}")
     shifts = arguments.shifts
@@ -65,12 +64,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--shifts has {len(shifts)} places for {len(names)} shots, {expected}")
     reference = None
     if arguments.reference is not None:
-        identities = [identity(name) or name for name in names]
-        chosen = identity(arguments.reference) or arguments.reference
-        if chosen not in identities:
-            shots = f"the {len(names)} shots of the burst"
-            raise InputError(f"--reference {arguments.reference}: is none of {shots}")
-        reference = identities.index(chosen)
+        chosen = Path(arguments.reference).resolve()
+        places = [Path(name).resolve() for name in names]
+        if chosen not in places:
+            raise InputError(f"--reference {arguments.reference}: is none of the shots")
+        reference = places.index(chosen)
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
     output = folder / f"{series_stem(names)}{suffix}"
     from_folder = all(source.from_folder for source in files.sources)

@@ -56,17 +56,6 @@ def test_a_limit_of_the_process_counts(kind: str) -> None:
     assert 2**30 < int(run_python(script)) < 3 * 2**30
 
 
-def test_what_a_slurm_job_was_granted_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SLURM_MEM_PER_CPU", "30")
-    monkeypatch.setenv("SLURM_CPUS_ON_NODE", "2")
-    assert available_memory() == 60 * 2**20
-    monkeypatch.setenv("SLURM_MEM_PER_NODE", "100")
-    assert available_memory() == 100 * 2**20
-    monkeypatch.delenv("SLURM_MEM_PER_CPU")
-    monkeypatch.setenv("SLURM_MEM_PER_NODE", "0")  # --mem=0: all of the node
-    assert available_memory() > 100 * 2**20
-
-
 @pytest.mark.parametrize(
     ("quota", "expected"), [("150000 100000", 2), ("50000 100000", 1), ("max 100000", 8)]
 )

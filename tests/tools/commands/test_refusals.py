@@ -70,11 +70,10 @@ USAGE = {
         "--shifts '0,0 2,0'": "--shifts has 2 places for 3 shots, expected one for each",
         "--shifts '0,0 nan,0 1,1'": "`shifts` are ((0.0, 0.0), (nan, 0.0)",
         "--shifts '0,0 -2,-1e9 1,1'": "expected 1000 pixels at most",
-        "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the 3 shots of",
+        "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the shots",
     },
     "burst -o out": {
         "shot.dng": "shot.dng: is one frame, expected two or more of one scene; panchroma render",
-        "missing.dng": "missing.dng: there is no such file",
         "two": "rose-1.dng; name the files of one",
     },
     "capture builtin:64x48@9 -o out": {
@@ -144,7 +143,7 @@ for (command, option), (texts, expected) in VALUES.items():
 NO_FOLDER = {
     "missing/below": "panchroma: missing/below: the folder missing does not exist; create it",
     "text.json": "panchroma: text.json: is not a folder; name the folder for the results",
-    "text.json/below": "panchroma: text.json/below: text.json is not a folder; choose another",
+    "text.json/below": "panchroma: text.json/below: text.json is not a folder",
     "''": "panchroma: the name of the output folder is empty; give ",
 }
 INTO = [command for command in USAGE if re.fullmatch(r"\w+ \S+ -o out", command)]
@@ -179,7 +178,7 @@ FILES = {
     "simulate -o out": {"gone.npy": "gone.npy: there is no such file"},
     "preview shot.dng -o out": {"--scale 4": "4 x 4 sensor pixels: a pattern of period 6 has 1, 2"},
     "burst -o out": {
-        "texts": "panchroma: texts/a-1.dng: none of the 2 frames can be used",
+        "texts": "; none of the 2 frames can be used",
         "frames --max-memory 1M": "frames/builtin-24x18-1.dng: 3 frames of ",
     },
     "burst numbered/1.dng numbered/2.dng -o numbered": {

@@ -125,11 +125,6 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
     outcome = run("render", shot, "-o", out, "--json")
     (record,) = outcome.records
     assert record.pop("seconds") >= 0
-    solvers = record.pop("solvers")
-    assert list(solvers) == ["luminance", "medians", "affinity"]
-    for solver in solvers.values():
-        assert 0 < solver["iterations"] <= 100
-        assert 0 <= solver["residual"] < 1e-2
     files = {"source": str(shot), "ok": True, "output": str(out / f"{STEM}.tif")}
     colours = {"neutral": [1.0, 1.0, 1.0], "neutral_estimated": False, "learned": "rggb-k6"}
     assert record == {**files, "width": 48, "height": 36, **colours}
@@ -147,10 +142,8 @@ def test_the_network_can_be_left_out(out: Path, shot: Path) -> None:
 
 
 def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
-    words, unknown = "the noise level is unknown and ", save(tmp_path / "shot.dng")
-    assert f"{words}estimated from the shot" in run("render", unknown, "-o", out).err
-    paper = run("render", unknown, "-o", out, "--preset paper --overwrite")
-    assert f"{words}taken as zero" in paper.err
+    words, unknown = "the noise level is unknown; calibrate", save(tmp_path / "shot.dng")
+    assert words in run("render", unknown, "-o", out).err
     assert words not in run("render", shot, "-o", out, "--overwrite").err
 
 
