@@ -10,7 +10,6 @@ from ...shared import Mosaic
 from ...shared.arrays import ByteArray, FloatArray
 from ...shared.errors import InputError
 from ...shared.processors import processors
-from ...shared.spelling import meant
 from ..io.kind import PictureKind
 from ..io.samples import joined
 from .checks import check_light, needed_memory
@@ -41,11 +40,8 @@ def settings_named(preset: object) -> "RenderSettings":
     if isinstance(preset, RenderSettings):
         return preset
     if preset not in PRESETS:
-        guess = meant(preset, PRESETS) if isinstance(preset, str) else ""
-        raise InputError(
-            f"`preset` is {preset!r}, expected one of {', '.join(PRESETS)}, or "
-            f"offline.RenderSettings{guess}"
-        )
+        expected = f"one of {', '.join(PRESETS)}, or offline.RenderSettings"
+        raise InputError(f"`preset` is {preset!r}, expected {expected}")
     return PRESETS[str(preset)]
 
 
@@ -74,9 +70,8 @@ def render_array(
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
         raise InputError(
-            f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and "
-            f"{format_bytes(free)} are free; close other programs, or use the command `panchroma "
-            "render`, which needs less: it writes while it renders"
+            f"{columns} x {rows} pixels need {format_bytes(need)} of memory, {format_bytes(free)} "
+            "are free; close other programs, or use the command panchroma render: it needs less"
         )
     with announced_compilation(progress := StageProgress(note=to_stderr)):
         measured = measure(mosaic, settings, progress)

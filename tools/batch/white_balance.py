@@ -49,14 +49,12 @@ class WhiteBalance:
             )
         except (ValueError, TypeError):
             multipliers = ()
-        if len(multipliers) < 2:
+        fitting = all(1 / _LARGEST <= multiplier <= _LARGEST for multiplier in multipliers)
+        if len(multipliers) < 2 or not fitting:
             raise InputError(
                 f"`wb` is {requested!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as "
-                "2.1,1,1.6"
+                f"2.1,1,1.6, between {1 / _LARGEST:g} and {_LARGEST:g}"
             )
-        if not all(1 / _LARGEST <= multiplier <= _LARGEST for multiplier in multipliers):
-            limits = f"multipliers between {1 / _LARGEST:g} and {_LARGEST:g}"
-            raise InputError(f"`wb` is {requested!r}, expected {limits}")
         return cls("", tuple(multiplier / min(multipliers) for multiplier in multipliers))
 
     def check(self, kind: PictureKind) -> None:

@@ -59,7 +59,7 @@ USAGE = {
         "--wb auto --space camera": '`wb` is no choice here: `space="camera"` is the scene as '
         "measured",
         "--wb daylight": "`wb` is 'daylight', expected camera, auto or multipliers R,G,B",
-        "--wb 2,0,1": "expected multipliers between 0.001 and 1000",
+        "--wb 2,0,1": "such as 2.1,1,1.6, between 0.001 and 1000",
         "--exposure 1 --space camera": '`exposure` is 1 stops, but `space="camera"` is the scene '
         "as measured; choose another space",
         "--exposure 1 -f dng": "`exposure` is 1 stops, but a dng is the scene as measured;",
