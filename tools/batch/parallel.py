@@ -43,7 +43,6 @@ _ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _AHEAD = 1000  # calls submitted at a time: there may be a million items
 _POLL = 1.0  # seconds without a result after which the executor is looked at
 _STARTS = 3  # of a pool whose processes die before they have an item
-_STEPS = 10  # of a progress bar per unit of length
 
 
 def one_by_one(
@@ -264,11 +263,7 @@ def _result_or_error(
 
 
 def follow(
-    results: "Results[P, R]",
-    items: Sequence[P],
-    progress: "StageProgress",
-    name: str = "",
-    length: Callable[[P], float] = lambda _: 1.0,
+    results: "Results[P, R]", items: Sequence[P], progress: "StageProgress", name: str = ""
 ) -> "Results[P, R]":
     """Yield the results, and show how far the whole is and how long the rest will take.
 
@@ -280,17 +275,14 @@ def follow(
         Shows it.
     name
         Name of the stage; "" = no name.
-    length
-        Length of the work on an item, in any unit.
     """
-    whole, done, start = sum(map(length, items)), 0.0, time.monotonic()
-    progress.stage(name, round(_STEPS * whole))
+    whole, start = len(items), time.monotonic()
+    progress.stage(name, whole)
     for number, (item, result) in enumerate(results, 1):
-        done += length(item)
-        progress.advance(round(_STEPS * length(item)))
-        remark = f"{number} of {len(items)} done"
-        if number < len(items) and done:
-            left = (time.monotonic() - start) * max(whole - done, 0) / done
+        progress.advance()
+        remark = f"{number} of {whole} done"
+        if number < whole:
+            left = (time.monotonic() - start) * (whole - number) / number
             remark += f", about {duration(left)} left"
         progress.remark(remark)
         yield item, result
