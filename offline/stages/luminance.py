@@ -41,6 +41,7 @@ from ..numerics.arrays import (
     Floats2,
     Floats3,
     Floats4,
+    Ints1,
     Ints2,
     Pair,
     Scalar,
@@ -426,13 +427,15 @@ def fill_blocks(
     changes : Floats1
         (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
-    (rows, columns), holes, (inner, chunks, _) = blocks.extent, blocks.holes, blocks.response.shape
+    (rows, columns), holes, response = blocks.extent, blocks.holes, blocks.response
+    inner, chunks, _ = response.shape
     tall, wide = rows + 2 * REACH, columns + 2 * REACH
     for row in range(pieces[0], pieces[1]):
         window, squares = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
         known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
         values, before = zeros(chunks * CHUNK, WIDTH), zeros(chunks * CHUNK, WIDTH)
-        largest = zeros(1, WIDTH)
+        outermost, largest = zeros(1, WIDTH), zeros(1, WIDTH)
+        flat, inside = squares.reshape(-1, WIDTH), _inside(squares)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
         changes[row] = _ZERO
         for group in range(0, blocks.across, WIDTH):
@@ -447,16 +450,20 @@ def fill_blocks(
                 i, j = holes[hole, 0] + REACH, holes[hole, 1] + REACH
                 for lane in range(WIDTH):
                     values[hole, lane], window[i, j, lane] = window[i, j, lane], _ZERO
-            _decompose_blocks(window, blocks.filters, squares, known)
+            _decompose_blocks(window, blocks.filters, squares, known, outermost)
             all_removed = True  # while the threshold is large
             for threshold in thresholds:
                 for hole in range(len(values)):
                     store(before, (hole, 0), load(values, (hole, 0)))
-                _respond(values, known, blocks.response, removed, squares)
-                all_removed = all_removed and _removes_all(squares, threshold, largest)
+                most = _respond(values, known, response, removed, flat, inside, outermost)
+                if all_removed:  # no norm of nine coefficients reaches the threshold
+                    store(largest, (0, 0), most)
+                    for lane in range(1, WIDTH):
+                        largest[0, 0] = max(largest[0, 0], largest[0, lane])
+                    all_removed = largest[0, 0] * _NINE < threshold * threshold
                 if not all_removed:
                     _shrink_blocks(squares, threshold, removed)
-                _remove(removed, blocks.response, values)
+                _remove(removed, response, values)
             for hole in range(len(holes)):
                 i, j = top + holes[hole, 0], holes[hole, 1]
                 for lane in range(WIDTH):
@@ -465,12 +472,14 @@ def fill_blocks(
 
 
 @kernel
-def _decompose_blocks(window: Floats3, filters: Floats3, squares: Floats4, known: Floats2) -> None:
+def _decompose_blocks(
+    window: Floats3, filters: Floats3, squares: Floats4, known: Floats2, outermost: Floats2
+) -> None:
     """Compute the high-pass coefficients without the holes: those that holes add to, all but the
-    outermost, and all squares.
+    outermost, all squares, and the largest one of the outermost.
     """
     _, rows, columns, _ = squares.shape
-    place = 0
+    place, most = 0, load(window, (0, 0, 0)) * _ZERO
     for band in range(3):
         for row in range(rows):
             for column in range(columns):
@@ -482,40 +491,50 @@ def _decompose_blocks(window: Floats3, filters: Floats3, squares: Floats4, known
                 if 0 < row < rows - 1 and 0 < column < columns - 1:
                     store(known, (place, 0), coefficient)
                     place += 1
+                else:
+                    most = greater(most, coefficient * coefficient)
+    store(outermost, (0, 0), most)
+
+
+@kernel
+def _inside(squares: Floats4) -> Ints1:
+    """Where in three bands, one after the other, all coefficients but the outermost are."""
+    bands, rows, columns, _ = squares.shape
+    places, place = np.empty(bands * (rows - 2) * (columns - 2), np.intp), 0
+    for band in range(bands):
+        for row in range(1, rows - 1):
+            for column in range(1, columns - 1):
+                places[place] = (band * rows + row) * columns + column
+                place += 1
+    return places
 
 
 @kernel
 def _respond(
-    values: Floats2, known: Floats2, response: Floats3, coefficients: Floats2, squares: Floats4
-) -> None:
-    """Add the holes' part to the known coefficients."""
-    _, rows, columns, _ = squares.shape
+    values: Floats2,
+    known: Floats2,
+    response: Floats3,
+    coefficients: Floats2,
+    squares: Floats2,
+    inside: Ints1,
+    outermost: Floats2,
+) -> Lanes:
+    """Add the holes' part to the known coefficients. Returns the largest of all squares.
+
+    squares, inside: (coefficients, WIDTH), and where in them those are that holes add to.
+    """
+    most = load(outermost, (0, 0))
     for chunk in range(response.shape[1]):
         h0, h1, h2, h3 = _chunk(values, chunk)
-        place = 0
-        for band in range(3):
-            for row in range(1, rows - 1):
-                for column in range(1, columns - 1):
-                    c = response[place, chunk]
-                    others = load(coefficients, (place, 0)) if chunk else load(known, (place, 0))
-                    total = others + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3
-                    store(coefficients, (place, 0), total)
-                    store(squares, (band, row, column, 0), total * total)
-                    place += 1
-
-
-@kernel
-def _removes_all(squares: Floats4, threshold: Scalar, largest: Floats2) -> bool:
-    """Return whether Eq. 5 removes all: no norm of nine coefficients reaches the threshold.
-    largest: (1, WIDTH), for the largest squares.
-    """
-    most = load(squares, (0, 0, 0, 0))
-    for band in range(3):
-        for row in range(squares.shape[1]):
-            for column in range(squares.shape[2]):
-                most = greater(most, load(squares, (band, row, column, 0)))
-    store(largest, (0, 0), most)
-    return largest.max() * _NINE < threshold * threshold
+        others, most = coefficients if chunk else known, load(outermost, (0, 0))
+        for place in range(len(known)):
+            c = response[place, chunk]
+            total = load(others, (place, 0)) + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3
+            square = total * total
+            store(coefficients, (place, 0), total)
+            store(squares, (inside[place], 0), square)
+            most = greater(most, square)
+    return most
 
 
 @kernel
