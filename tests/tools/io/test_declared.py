@@ -230,27 +230,17 @@ def test_fields_of_tiff(
 # --- DNG and EXR ---------------------------------------------------------------------------------
 
 
-def opcodes(*numbers: int) -> tuple[int, Any]:
-    """An opcode list of opcodes that hold 12 bytes."""
-    held = (struct.pack(">4I", number, 0, 0, 12) + bytes(12) for number in numbers)
-    return 7, struct.pack(">I", len(numbers)) + b"".join(held)
-
-
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize("below", [False, True])
 def test_corrections_that_a_dng_asks_for_are_said_in_one_note(
     tmp_path: Path, linear: bool, below: bool
 ) -> None:
     samples = RNG.integers(200, 4000, (60, 80, 3) if linear else (60, 80)).astype(np.uint16)
-    lists = {51008: opcodes(5, 4), 51009: opcodes(9, 9, 9, 9), 51022: opcodes(1, 3, 99)}
+    lists = {51009: (7, b"\xff\xff\xff\xff\0\0"), 51022: (7, bytes(4))}
     kind = {"kind": LINEAR_RAW} if linear else {}
     options: Any = {**kind, "above": {} if below else None}
     plain = load_scene(write_dng(tmp_path / "plain.dng", samples, **options))
     asking = load_scene(write_dng(tmp_path / "asking.dng", samples, fields=lists, **options))
     (note,) = set(asking.notes) - set(plain.notes)
-    names = "FixBadPixelsList, FixBadPixelsConstant, GainMap, WarpRectilinear, FixVignetteRadial"
-    assert f"({names}, opcode 99)" in note
+    assert "(OpcodeList2, OpcodeList3)" in note
     assert np.array_equal(plain.rgb, asking.rgb)
-    damaged = {51009: (7, b"\xff\xff\xff\xff\0\0")}
-    path = write_dng(tmp_path / "damaged.dng", samples, fields=damaged, **options)
-    assert load_scene(path).notes == plain.notes
