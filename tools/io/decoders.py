@@ -200,7 +200,7 @@ _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
 
 
 _LARGEST = 1 << 30  # bytes, read whole
-_PROFILE, _SEVERAL = b"ICC_PROFILE\0", b"MPF\0"  # ICC.1:2022, B.4; CIPA DC-007
+_PROFILE = b"ICC_PROFILE\0"  # ICC.1:2022, B.4
 _GAIN_MAPS = (
     b"http://ns.adobe.com/hdr-gain-map/",
     b"urn:iso:std:iso:ts:21496:-1",
@@ -229,8 +229,6 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     if any(mark in jpeg for mark in _GAIN_MAPS):
         plain = "this is the plain picture, whose highlights end at white"
         remark_on_unused([f"a gain map for HDR ({plain})"], notes)
-    elif header.held(_SEVERAL):
-        remark_on_unused(["further pictures in the file"], notes)
     return Decoded(pixels, 255, encoding, read_metadata(BytesIO(header.exif)), notes)
 
 
