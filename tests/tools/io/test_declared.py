@@ -189,7 +189,6 @@ def test_a_gain_map_is_said_in_one_note(tmp_path: Path, content: bytes) -> None:
 
 PRIMARIES, WHITE = (319, 5, 6, rationals(ADOBE), True), (318, 5, 2, rationals(D65), True)
 NO_PRIMARIES = (319, 5, 6, rationals([(0.3, 0.3)] * 3), True)
-UNUSED = [(532, 5, 6, rationals([1, 6] * 3), True), (291, 3, 4, (0, 1, 2, 3), True)]
 
 
 def transfer(bits: int, tables: int) -> Any:
@@ -208,7 +207,6 @@ def transfer(bits: int, tables: int) -> Any:
         (SRGB_16, [transfer(16, 1), PRIMARIES, WHITE], SRGB_PROFILE, 0),
         (codes(LIGHT), [NO_PRIMARIES], LINEAR_PROFILE, 0),
         (codes(LIGHT), [NO_PRIMARIES], None, 2),
-        (codes(LIGHT), UNUSED, None, 2),
     ],
 )
 def test_fields_of_tiff(
