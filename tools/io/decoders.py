@@ -19,7 +19,6 @@ from ...shared.errors import InputError
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from .decoded import (
-    MOST_PAGES,
     Decoded,
     PictureFormat,
     channels_of,
@@ -246,26 +245,21 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
             f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save "
             "it as half or float"
         )
-    stated, unused, notes = facts["chromaticities"], [*map(str, facts["unused"])], list[str]()
-    matrix = space_of(stated) if stated else None
-    if stated and not matrix:
-        unused.append("its chromaticities, which are those of no colours")
-    remark_on_unused(unused, notes)
+    matrix = space_of(facts["chromaticities"])
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
-    return Decoded(pixels, None, encoding, notes=notes, channels=str(facts["channels"]))
+    return Decoded(pixels, None, encoding, channels=str(facts["channels"]))
 
 
 def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any], Facts]:
-    """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file
-    has them, and what it has besides.
+    """Return the pixels (H, W, C), their letters, and x, y of red, green, blue and white if the
+    file has them.
 
     Call it by `run_limited`.
     """
     with guarded(path):
         import OpenEXR
 
-        first = OpenEXR.File(path, header_only=True)
-        header, parts = first.header(), len(first.parts)
+        header = OpenEXR.File(path, header_only=True).header()
         corners = [np.asarray(corner, np.int64) for corner in header["dataWindow"]]
         width, height = (corners[1] - corners[0] + 1).tolist()
         names = {channel.name for channel in header["channels"]}
@@ -279,11 +273,9 @@ def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any]
         check_size(width, height, 4 * len(names), data_bytes(path), max_pixels)
         channels = OpenEXR.File(path, separate_channels=True).channels()
         pixels = np.stack([channels[name].pixels for name in letters], axis=-1)
-        unused = [f"channel {name[:40]}" for name in sorted(names - set(letters))[:MOST_PAGES]]
-        unused += [f"{parts - 1} more parts"] if parts > 1 else []
         primaries = np.ravel(np.asarray(header.get("chromaticities", ()), np.float64)).tolist()
         channel_names = RGB if letters == "Y" else letters
-        return pixels, {"channels": channel_names, "chromaticities": primaries, "unused": unused}
+        return pixels, {"channels": channel_names, "chromaticities": primaries}
 
 
 _EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)
