@@ -7,7 +7,7 @@ of the mean of the greens, and both are interpolated at the middle of the quad. 
 edge has a coloured fringe that no scene has.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime
@@ -144,15 +144,14 @@ def unpack_quads(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
             # LibRaw has a table of cameras
             "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),
             "flip": int(raw.sizes.flip),
+            "lens": str(raw.lens.model or ""),
+            "artist": str(raw.other.artist or ""),
+            "taken": raw.other.timestamp.isoformat() if raw.other.timestamp else "",
+            "f_number": float(raw.other.aperture),
+            "iso": float(raw.other.iso_speed),
+            "focal_length": float(raw.other.focal_length),
+            "exposure_time": float(raw.other.shutter_speed),
         }
-        if (lens := getattr(raw, "lens", None)) is not None:
-            facts["lens"] = str(lens.model or "")
-        if (other := getattr(raw, "other", None)) is not None:
-            numbers = other.aperture, other.iso_speed, other.focal_length, other.shutter_speed
-            names = "f_number", "iso", "focal_length", "exposure_time"
-            facts |= dict(zip(names, map(float, numbers), strict=True))
-            facts["artist"] = str(other.artist or "")
-            facts["taken"] = other.timestamp.isoformat() if other.timestamp else ""
         return np.array(raw.raw_image_visible), facts
 
 
@@ -404,27 +403,18 @@ def raw_directories(path: Path) -> StoredDirectories:
 
 
 def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
-    """Return the capture data: those in the file, or else what LibRaw has read and this rawpy
-    passes on.
-    """
+    """Return the capture data: those in the file, or else what LibRaw has read."""
     metadata = metadata_from(directories)
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns
     # odd fields into odd numbers.
-    if not directories.main and "taken" in facts:
+    values: dict[str, Any] = {"lens": metadata.lens or printable(facts["lens"])}
+    if not directories.main:
         taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
-        values = {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
+        values |= {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
         values |= {"artist": printable(facts["artist"]), "iso": round(facts["iso"])}
         values["taken"] = taken if taken and taken.year > 1970 else None
-        metadata = _with(metadata, values)
-    if "lens" in facts and not metadata.lens:
-        metadata = _with(metadata, {"lens": printable(facts["lens"])})
-    return replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))
-
-
-def _with(metadata: CaptureMetadata, values: Mapping[str, Any]) -> CaptureMetadata:
-    """Return the metadata with those of the values that say something valid."""
     for name, value in values.items():
         if value:
             with suppress(InputError, TypeError):
                 metadata = replace(metadata, **{name: value})
-    return metadata
+    return replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))
