@@ -50,8 +50,6 @@ class PictureKind:
             lossy = ", ".join(name for name, written in FORMATS.items() if written.has_quality)
             plain = f"{self.format} is not compressed with loss"
             raise InputError(f"the quality is {self.quality}, but {plain}; use {lossy}")
-        if kept_as.missing:
-            raise InputError(kept_as.missing)
         if self.space not in kept_as.spaces:
             raise _refusal(kept_as, f"the space {self.space!r}")
         if self.bits not in kept_as.spaces[self.space]:

@@ -64,11 +64,6 @@ class Format(ABC):
         """The end of its files' names, with the dot."""
         return f".{self.name}"
 
-    @property
-    def missing(self) -> str:
-        """Why this installation cannot write it; "" = it can."""
-        return ""
-
     def check(self, development: Development) -> None:
         """Raise InputError if such a picture cannot be in this format."""
         height, width = development.shape
