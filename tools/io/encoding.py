@@ -53,8 +53,6 @@ class Encoding:
         (3, 3), linear RGB to XYZ (D50 white).
     name : str
         For the user.
-    note : str
-        A remark for the user; "" = none.
     profile : bytes
         An ICC profile of tables, in place of the curves; b"" = none.
     """
@@ -62,7 +60,6 @@ class Encoding:
     curves: tuple[Curve, ...]
     to_xyz: Matrix
     name: str
-    note: str = ""
     profile: bytes = b""
 
     @property
@@ -115,16 +112,11 @@ def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Enc
     curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
     if curve is None or corners is None:
         return None
-    note = ""
-    if transfer == 16:
-        note = f"PQ: {_PQ_WHITE:g} cd/m2 are taken for white (1.0)"
-    elif transfer == 18:
-        note = f"HLG: {100 * _HLG_WHITE:g} % of the signal are taken for white (1.0)"
     if narrow:
         full = curve
         curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
     name = f"primaries {primaries} and transfer {transfer} of H.273"
-    return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name, note)
+    return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name)
 
 
 def _bt709(encoded: DoubleArray) -> DoubleArray:

@@ -100,7 +100,6 @@ def _encoding(picture: Decoded, linear: bool, notes: list[str]) -> Encoding:
         return replace(LINEAR, curves=LINEAR.curves[:1] * len(picture.channels))
     assumed = LINEAR if linear or floating or (picture.peak or 0) > 255 else SRGB
     if declared and declared.curves and not (linear or floating):
-        notes += [declared.note] if declared.note else []
         return declared
     if linear or floating:
         if declared and not declared.linear:

@@ -76,9 +76,9 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
     ("samples", "chunks", "notes"),
     [
         (codes(srgb(in_space(P3_PRIMARIES))), {"cICP": b"\x0c\x0d\0\1"}, 0),
-        (codes(pq(in_space(BT2020))), {"cICP": b"\x09\x10\0\1"}, 1),
-        (codes(pq(10 * LIGHT)), {"cICP": b"\x01\x10\0\1"}, 1),
-        (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 1),
+        (codes(pq(in_space(BT2020))), {"cICP": b"\x09\x10\0\1"}, 0),
+        (codes(pq(10 * LIGHT)), {"cICP": b"\x01\x10\0\1"}, 0),
+        (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 0),
         (codes(bt709(LIGHT)), {"cICP": b"\x01\x01\0\1"}, 0),
         (codes(in_space(BT2020)), {"cICP": b"\x09\x08\0\1"}, 0),
         (codes((16 + 219 * srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
