@@ -132,16 +132,11 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
         raise InputError(
             f"the linear DNG is compressed by {kind}, which is lossy or rare; {advice}"
         )
-    kind, bits = page.dtype, page.bitspersample
-    if kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
+    kind, planes = page.dtype, " in separate planes" if page.planarconfig != 1 else ""
+    if planes or kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
         raise InputError(
-            f"the samples of the linear DNG are {bits} bits {kind}; expected integers up to 16 "
-            "bits or floating point"
-        )
-    if page.planarconfig != 1:
-        raise InputError(
-            "the linear DNG has its colours in separate planes; DNG wants them interleaved: "
-            "export it again"
+            f"the samples of the linear DNG are {page.bitspersample} bits {kind}{planes}; expected "
+            "interleaved integers up to 16 bits or floating point"
         )
     check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
     check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
