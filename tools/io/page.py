@@ -26,13 +26,8 @@ _PLOTS: dict[Any, Any] = {
     "svg.fonttype": "none",  # texts stay texts
     "svg.hashsalt": "panchroma",  # the same figures make the same bytes
     "font.family": "sans-serif",
-    "font.size": 9.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.grid": True,
-    "grid.color": "#deded8",
     "axes.axisbelow": True,
-    "legend.frameon": False,
 }
 
 
