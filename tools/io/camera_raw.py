@@ -241,17 +241,14 @@ def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
     try:
         pattern = raw.raw_pattern
     except NotImplementedError:
-        pattern = np.zeros((0, 0))
+        pattern = None
     if pattern is None or raw.num_colors < 3:
-        raise InputError(f"the RAW is monochrome: {no_quads}")
+        raise InputError(f"the RAW is monochrome, or its filters are irregular: {no_quads}")
     letters = raw.color_desc.decode("ascii", "replace")
-    if pattern.shape != (2, 2):
+    filters = "".join(letters[index] for index in pattern.ravel().tolist())
+    if pattern.shape != (2, 2) or filters not in BAYER_ORDERS:
         size = f"{pattern.shape[1]} x {pattern.shape[0]} pixels"
-        kind = " (X-Trans)" if pattern.shape == (6, 6) else ""
-        raise InputError(f"the filter pattern repeats every {size}{kind}: {no_quads}")
-    quad = "".join(letters[index] for index in pattern.ravel().tolist())
-    if quad not in BAYER_ORDERS:
-        raise InputError(f"the filters are {quad}: {no_quads}")
+        raise InputError(f"the filters are {filters}, in {size}: {no_quads}")
     return cast(NDArray[np.uint8], pattern)
 
 
