@@ -10,11 +10,13 @@ it. Capture data are written to every format that has fields for them.
 from dataclasses import dataclass
 
 from ...shared.errors import InputError
-from ...shared.spelling import meant
 from .development import CAMERA
 from .display import check_exposure
 from .formats import FORMATS, Format
 from .formats.jpg import check_quality
+
+AS_MEASURED = "this is the scene as measured; choose another format or space, such as tif and srgb"
+"""Why a measurement cannot be changed, and the remedy, for messages."""
 
 
 @dataclass(frozen=True)
@@ -91,28 +93,17 @@ class PictureKind:
         """
         return self.space != CAMERA or self.format == "dng"
 
-    @property
-    def as_measured(self) -> str:
-        """Reason why this is a kind of the space "camera", and the remedy, for messages."""
-        if set(self.kept_as.spaces) == {CAMERA}:
-            return f"a {self.format} is the scene as measured; choose another format, such as tif"
-        return (
-            '`space="camera"` is the scene as measured; choose another space, such as linear-srgb'
-        )
-
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
             check_exposure(exposure)
         elif exposure != 0:
-            raise InputError(f"`exposure` is {exposure:g} stops, but {self.as_measured}")
+            raise InputError(f"`exposure` is {exposure:g} stops, but {AS_MEASURED}")
 
 
 def _known(name: str) -> Format:
     if name not in FORMATS:
-        raise InputError(
-            f"unknown picture format {name!r}; there are {', '.join(FORMATS)}{meant(name, FORMATS)}"
-        )
+        raise InputError(f"unknown picture format {name!r}; there are {', '.join(FORMATS)}")
     return FORMATS[name]
 
 
