@@ -52,10 +52,13 @@ class PictureKind:
             lossy = ", ".join(name for name, written in FORMATS.items() if written.has_quality)
             plain = f"{self.format} is not compressed with loss"
             raise InputError(f"the quality is {self.quality}, but {plain}; use {lossy}")
-        if self.space not in kept_as.spaces:
-            raise _refusal(kept_as, f"the space {self.space!r}")
-        if self.bits not in kept_as.spaces[self.space]:
-            raise _refusal(kept_as, f"{self.space} with {self.bits} bits")
+        if self.bits not in kept_as.spaces.get(self.space, ()):
+            requested = f"{self.space} with {self.bits or 'any'} bits"
+            listed = ", ".join(
+                f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
+                for space, bits in kept_as.spaces.items()
+            )
+            raise InputError(f"{self.format} does not hold {requested}; it holds {listed}")
 
     @classmethod
     def of(
@@ -72,9 +75,7 @@ class PictureKind:
         for candidate, possible in kept_as.spaces.items():
             if space in (None, candidate) and bits in (None, *possible):
                 return cls(name, bits or possible[0], candidate, quality)
-        if space is None:
-            raise _refusal(kept_as, f"{bits} bits")
-        return cls(name, bits or 0, space, None)  # raises InputError with the reason
+        return cls(name, bits or 0, space or "any space", quality)  # raises InputError
 
     @property
     def kept_as(self) -> Format:
@@ -105,12 +106,3 @@ def _known(name: str) -> Format:
     if name not in FORMATS:
         raise InputError(f"unknown picture format {name!r}; there are {', '.join(FORMATS)}")
     return FORMATS[name]
-
-
-def _refusal(kept_as: Format, requested: str) -> InputError:
-    """The error for what a format does not hold, with what it does."""
-    listed = ", ".join(
-        f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
-        for space, bits in kept_as.spaces.items()
-    )
-    return InputError(f"{kept_as.name} does not hold {requested}; it holds {listed}")

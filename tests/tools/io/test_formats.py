@@ -208,8 +208,8 @@ def test_what_is_left_open_is_the_first_that_fits(
     ("chosen", "message"),
     [
         (("gif",), f"unknown picture format 'gif'; there are {', '.join(FORMATS)}"),
-        (("jpg", 16), "jpg does not hold 16 bits; it holds srgb with 8 bits"),
-        (("jpg", None, "camera"), "jpg does not hold the space 'camera'; it holds srgb with 8"),
+        (("jpg", 16), "jpg does not hold any space with 16 bits; it holds srgb with 8"),
+        (("jpg", None, "camera"), "jpg does not hold camera with any bits; it holds srgb with 8"),
         (("png", 32, "srgb"), "png does not hold srgb with 32 bits; it holds srgb with 8 or 16"),
     ],
 )
