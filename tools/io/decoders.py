@@ -164,18 +164,15 @@ def _encoding(beside: dict[bytes, bytes], notes: list[str]) -> Encoding | None:
             profile = zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE)
         if encoding := profile_encoding(profile or compressed or b"none", notes):
             return encoding
-    return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside, notes)
+    return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside)
 
 
-def _gamma_and_primaries(beside: dict[bytes, bytes], notes: list[str]) -> Encoding | None:
+def _gamma_and_primaries(beside: dict[bytes, bytes]) -> Encoding | None:
     """The encoding that gAMA and cHRM declare; the curve alone is not declared without gAMA."""
     gamma = int.from_bytes(beside.get(b"gAMA", b""), "big") / 100000
     corners = np.frombuffer(beside.get(b"cHRM", b"").ljust(32, b"\0")[:32], ">u4") / 100000
     to_xyz = space_of([*corners[2:], *corners[:2]])  # white is the first
     usable = 0.1 < gamma < 10
-    used = {b"gAMA": usable, b"cHRM": to_xyz is not None}
-    unused = (name.decode() for name in used if name in beside and not used[name])
-    remark_on_unused(unused, notes)
     if not (usable or to_xyz):
         return None
     is_srgb = to_xyz is None or bool(np.allclose(to_xyz, SRGB.to_xyz, atol=0.002))

@@ -112,16 +112,12 @@ def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
 
 def _declared(page: Any, notes: list[str]) -> Encoding | None:
     """Return the encoding in the fields of the TIFF itself: TransferFunction, PrimaryChromaticities
-    and WhitePoint.
+    and WhitePoint, as far as they are those of colours.
 
     notes: gets a remark for the user.
     """
-    unused: list[str] = []
     white = tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY
     to_xyz = space_of((*tag_numbers(page, _PRIMARIES), *white))
-    if to_xyz is None:
-        names = {_PRIMARIES: "PrimaryChromaticities", _WHITE_POINT: "WhitePoint"}
-        unused += [name for tag, name in names.items() if tag in page.tags]
     curves: tuple[Curve, ...] = ()
     if field := page.tags.get(_TRANSFER):
         values = 1 << page.bitspersample
@@ -129,8 +125,7 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
             tables = np.asarray(field.value, np.float64).reshape(-1, values) / 65535
             curves = tuple(table_curve(table) for table in np.broadcast_to(tables, (3, values)))
         else:
-            unused.append("TransferFunction")
-    remark_on_unused(unused, notes)
+            remark_on_unused(["TransferFunction"], notes)
     if not (curves or to_xyz):
         return None
     return Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF")
