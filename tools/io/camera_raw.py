@@ -35,10 +35,6 @@ from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import Scene, check_size
 
-NEEDED = ("rawpy",)
-"""Packages that unpacking a RAW imports: they are loaded before its time is counted, which is less
-than they take.
-"""
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
 _COLOR_MATRICES = [(TAG[f"ColorMatrix{n}"], TAG[f"CalibrationIlluminant{n}"]) for n in (1, 2)]
@@ -111,7 +107,8 @@ def _unpack(
     function: Callable[[str, int], tuple[CodeArray, Facts]], path: Path, max_pixels: int
 ) -> tuple[CodeArray, Facts]:
     """Call the function in a limited process, and check that it returns uint16 (H, W)."""
-    samples, facts = run_limited(path, NEEDED, function, str(path), max_pixels)
+    # rawpy is loaded before the time is counted: that takes longer than a RAW does
+    samples, facts = run_limited(path, ("rawpy",), function, str(path), max_pixels)
     if samples.ndim != 2 or samples.dtype != np.uint16:
         kind = f"{samples.dtype} of shape {samples.shape}"
         raise InputError(f"its samples are {kind}: the file is damaged; copy it again")
@@ -288,12 +285,11 @@ def camera_scene(
         Capture data.
     """
     neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
-    if neutral is None:
-        reason = "the scene is too dark or too bright to estimate one"
-        notes.append(f"the file has no white balance, and {reason}")
-    elif not as_shot:
-        figures = ", ".join(f"{value:.3f}" for value in neutral)
-        estimate = f"neutral {figures} is estimated from the scene"
+    if not as_shot:
+        estimate = "the scene is too dark or too bright to estimate one"
+        if neutral:
+            figures = ", ".join(f"{value:.3f}" for value in neutral)
+            estimate = f"neutral {figures} is estimated from the scene"
         notes.append(f"the file has no white balance: {estimate}")
     matrix = colour_matrix(fields, neutral, fallback)
     if matrix is None:
