@@ -2,7 +2,6 @@
 have no quads.
 """
 
-from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -76,8 +75,11 @@ def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(
 ) -> None:
     for matrix in (MATRIX, np.eye(3)):
         colours = {50721: (SRATIONAL, rationals(matrix)), 50728: (RATIONAL, rationals(NEUTRAL))}
-        scene = loaded(tmp_path, noise(60, 80), fields={**colours, 50778: (SHORT, [21])})
+        scene = loaded(
+            tmp_path, noise(60, 80), fields={**colours, 50778: (SHORT, [21]), 274: (SHORT, [6])}
+        )
         assert scene.neutral == pytest.approx(NEUTRAL, abs=1e-6)
+        assert scene.metadata.orientation == 6
         if matrix is MATRIX:
             expected = camera_to_xyz(MATRIX, NEUTRAL)
             np.testing.assert_allclose(scene.camera_to_xyz, expected, atol=1e-6)
@@ -114,19 +116,6 @@ def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None
     black = loaded(tmp_path, np.zeros((60, 80), np.uint16))
     assert black.neutral is None
     assert any("too dark" in note for note in black.notes)
-
-
-def test_capture_data(tmp_path: Path) -> None:
-    texts = {271: "Maker", 272: "Model 1", 306: "2024:05:06 07:08:09", 315: "Somebody"}
-    odd = {33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
-    fields = {tag: (files.ASCII, text) for tag, text in texts.items()} | odd
-    fields |= {33434: (RATIONAL, (1, 50)), 274: (SHORT, [6])}
-    metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
-    assert (metadata.make, metadata.model, metadata.artist) == ("Maker", "Model 1", "Somebody")
-    assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone
-    assert metadata.exposure_time == pytest.approx(0.02)
-    assert metadata.orientation == 6
-    assert (metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 3
 
 
 @pytest.mark.parametrize("order", "<>")
