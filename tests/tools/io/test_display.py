@@ -11,7 +11,7 @@ from panchroma.shared.calibration import SensorCalibration
 from panchroma.shared.colorimetry import as_rows
 from panchroma.shared.errors import InputError
 from panchroma.tools.io.colour import decode_srgb, encode_srgb
-from panchroma.tools.io.display import MAX_EXPOSURE, SPACES, ColourTransform
+from panchroma.tools.io.display import SPACES, ColourTransform
 from tests.tools.io.examples import FOUR
 
 ROUNDING = 1e-6
@@ -81,13 +81,6 @@ def test_a_perfect_matrix_gives_back_the_colours_of_the_scene(name: str) -> None
     result = ColourTransform.to_space(sensor, name).apply(measured)
     # the curve is 12.92 times as steep near black
     np.testing.assert_allclose(result, expected, atol=1e-5)
-
-
-def test_exposure_is_in_stops() -> None:
-    transform = ColourTransform.to_space(CAMERA, "linear-srgb")
-    rgb = np.random.default_rng(0).random((4, 4, 3), np.float32)
-    np.testing.assert_allclose(transform.apply(rgb, 1.5), 2**1.5 * transform.apply(rgb), rtol=1e-5)
-    assert ColourTransform.to_space(CAMERA).apply(rgb, MAX_EXPOSURE).max() <= 1.0
 
 
 @pytest.mark.parametrize("restored", [True, False])
