@@ -89,18 +89,6 @@ def test_jpeg_keeps_colour_at_full_resolution() -> None:
     assert difference.max() <= 12  # chroma at half resolution misses by 128
 
 
-@pytest.mark.parametrize("orientation", range(1, 9))
-@pytest.mark.parametrize("name", ["tif", "png", "jpg", "uhdr"])
-def test_pictures_are_upright_and_say_so(name: str, orientation: int) -> None:
-    rgb = scene((16, 32))
-    image = Image.open(encoded(rgb, PictureKind(name, 8, "srgb"), orientation))
-    assert image.getexif()[274] == 1
-    assert image.getexif().get(338) is None  # no samples but colours
-    assert np.asarray(image).shape == shown(rgb, "srgb", orientation).shape
-    if name in ("tif", "png"):
-        assert np.array_equal(np.asarray(image), quantise(shown(rgb, "srgb", orientation), 8))
-
-
 def test_exr_names_the_channels_and_the_shot() -> None:
     rgb = scene((4, 5), 4)
     file = encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR)
