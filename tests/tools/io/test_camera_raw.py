@@ -240,11 +240,6 @@ def test_a_phone_s_lossy_picture_is_a_scene(tmp_path: Path, dtype: Any) -> None:
     assert any("+1.5 stops brighter (BaselineExposure)" in note for note in scene.notes)
 
 
-def test_a_crop_outside_the_picture_is_ignored(tmp_path: Path) -> None:
-    fields: Fields = {50719: (SHORT, (8, 6)), 50720: (SHORT, (50, 40))}
-    assert load_scene(save(tmp_path / "x.dng", codes(), fields)).rgb.shape == SHAPE
-
-
 @pytest.mark.parametrize("boxes", [False, True])
 def test_a_jpeg_xl_that_declares_more_than_its_tile_is_not_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, boxes: bool
@@ -268,6 +263,8 @@ def test_levels_and_active_area(tmp_path: Path) -> None:
         50715: (SRATIONAL, rationals(np.arange(48) / 4)),
         50717: (files.LONG, (60000, 50000, 40000)),
         50829: (files.LONG, (2, 3, 38, 51)),
+        50719: (SHORT, (8, 6)),
+        50720: (SHORT, (50, 40)),  # a crop that reaches beyond the area is ignored
     }
     path = save(tmp_path / "x.dng", samples, fields)
     levels = np.tile(black, (36, 24, 1)) + np.arange(48)[None, :, None] / 4
