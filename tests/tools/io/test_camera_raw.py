@@ -136,7 +136,6 @@ def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_hold
     [
         (b"RGBE", [[0, 1], [3, 2]], "the filters are RGEB"),
         (b"CMYG", [[0, 1], [2, 3]], "the filters are CMYG"),
-        (b"RGBG", [[0, 2], [1, 3]], "the filters are RBGG"),
         (b"RGBG", [[0, 1, 0, 1], [3, 2, 3, 2]], "in 4 x 2 pixels"),
     ],
 )

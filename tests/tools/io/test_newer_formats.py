@@ -2,7 +2,6 @@
 the highlights.
 """
 
-import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import imagecodecs
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
 
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.io.display import SPACES, ColourTransform
@@ -56,7 +54,6 @@ def test_the_picture_is_that_of_a_jpeg_and_segments(shape: tuple[int, int], spac
     quantisation = plain.index(b"\xff\xdb")
     assert ultra[:quantisation] == plain[:quantisation]
     assert ultra[ultra.index(b"\xff\xdb") :].startswith(plain[quantisation:])
-    assert Image.open(io.BytesIO(ultra)).format == "JPEG"
 
 
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])
