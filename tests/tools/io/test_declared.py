@@ -168,11 +168,7 @@ def test_a_profile_in_parts_is_joined(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content",
-    [
-        b"urn:iso:std:iso:ts:21496:-1\0\0\0",
-        b'<x xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/"/>',
-    ],
+    "content", [b"urn:iso:std:iso:ts:21496:-1\0\0\0", b"http://ns.adobe.com/hdr-gain-map/1.0/"]
 )
 def test_a_gain_map_is_said_in_one_note(tmp_path: Path, content: bytes) -> None:
     scene = load_scene(str(jpeg(tmp_path / "a.jpg", SRGB_CODES, (0xE2, content))))

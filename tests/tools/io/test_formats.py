@@ -178,7 +178,6 @@ def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
     [
         (("tif",), ("tif", 16, "srgb")),
         (("tif", 32), ("tif", 32, "linear-srgb")),
-        (("tif", None, "camera"), ("tif", 32, "camera")),
         (("exr", None, "camera"), ("exr", 32, "camera")),
     ],
     ids=str,
@@ -207,7 +206,6 @@ def test_what_cannot_be_is_refused_with_what_can(chosen: tuple[Any, ...], messag
     ("name", "calibration", "shape", "exposure", "message"),
     [
         ("tif", SensorCalibration(channels="VGBE"), (4, 4), 0.0, "no colour matrix"),
-        ("dng", SensorCalibration(channels="CMY"), (4, 4), 0.0, "no colour matrix"),
         ("dng", FOUR, (4, 4), 0.0, "dng holds pictures of 3 channels, the sensor has RGBE"),
         ("jpg", CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a jpg"),
         ("dng", CALIBRATION, (65501, 4), 0.0, "4 x 65501 pixels: a side of a dng"),
