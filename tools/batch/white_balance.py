@@ -8,7 +8,7 @@ import numpy as np
 from ...shared import Mosaic
 from ...shared.errors import InputError
 from ...shared.white_balance import balanced, estimate_neutral
-from ..io.kind import PictureKind
+from ..io.kind import AS_MEASURED, PictureKind
 
 _CAMERA, _AUTO = "camera", "auto"
 _LARGEST = 1000.0  # multiplier; its inverse is the smallest
@@ -60,7 +60,7 @@ class WhiteBalance:
     def check(self, kind: PictureKind) -> None:
         """Raise InputError if this kind of picture has no white balance."""
         if self.kind != _CAMERA and not kind.has_white_balance:
-            raise InputError(f"`wb` is no choice here: {kind.as_measured}")
+            raise InputError(f"`wb` is no choice here: {AS_MEASURED}")
 
     def of(self, mosaic: Mosaic) -> Mosaic:
         """The mosaic with this white balance in its calibration.

@@ -25,7 +25,7 @@ from ..batch.console import Console
 from ..batch.jobs import FAILED
 from ..batch.memory import available_memory
 from ..batch.parallel import follow
-from ..io.font_folder import temporary_font_folder
+from ..io.page import temporary_font_folder
 from ..io.versions import package_version, program_version
 from .options import add
 

@@ -7,7 +7,7 @@ of the mean of the greens, and both are interpolated at the middle of the quad. 
 edge has a coloured fringe that no scene has.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime
@@ -35,10 +35,6 @@ from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import Scene, check_size
 
-NEEDED = ("rawpy",)
-"""Packages that unpacking a RAW imports: they are loaded before its time is counted, which is less
-than they take.
-"""
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
 _COLOR_MATRICES = [(TAG[f"ColorMatrix{n}"], TAG[f"CalibrationIlluminant{n}"]) for n in (1, 2)]
@@ -111,7 +107,8 @@ def _unpack(
     function: Callable[[str, int], tuple[CodeArray, Facts]], path: Path, max_pixels: int
 ) -> tuple[CodeArray, Facts]:
     """Call the function in a limited process, and check that it returns uint16 (H, W)."""
-    samples, facts = run_limited(path, NEEDED, function, str(path), max_pixels)
+    # rawpy is loaded before the time is counted: that takes longer than a RAW does
+    samples, facts = run_limited(path, ("rawpy",), function, str(path), max_pixels)
     if samples.ndim != 2 or samples.dtype != np.uint16:
         kind = f"{samples.dtype} of shape {samples.shape}"
         raise InputError(f"its samples are {kind}: the file is damaged; copy it again")
@@ -144,15 +141,14 @@ def unpack_quads(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
             # LibRaw has a table of cameras
             "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),
             "flip": int(raw.sizes.flip),
+            "lens": str(raw.lens.model or ""),
+            "artist": str(raw.other.artist or ""),
+            "taken": raw.other.timestamp.isoformat() if raw.other.timestamp else "",
+            "f_number": float(raw.other.aperture),
+            "iso": float(raw.other.iso_speed),
+            "focal_length": float(raw.other.focal_length),
+            "exposure_time": float(raw.other.shutter_speed),
         }
-        if (lens := getattr(raw, "lens", None)) is not None:
-            facts["lens"] = str(lens.model or "")
-        if (other := getattr(raw, "other", None)) is not None:
-            numbers = other.aperture, other.iso_speed, other.focal_length, other.shutter_speed
-            names = "f_number", "iso", "focal_length", "exposure_time"
-            facts |= dict(zip(names, map(float, numbers), strict=True))
-            facts["artist"] = str(other.artist or "")
-            facts["taken"] = other.timestamp.isoformat() if other.timestamp else ""
         return np.array(raw.raw_image_visible), facts
 
 
@@ -242,17 +238,14 @@ def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
     try:
         pattern = raw.raw_pattern
     except NotImplementedError:
-        pattern = np.zeros((0, 0))
+        pattern = None
     if pattern is None or raw.num_colors < 3:
-        raise InputError(f"the RAW is monochrome: {no_quads}")
+        raise InputError(f"the RAW is monochrome, or its filters are irregular: {no_quads}")
     letters = raw.color_desc.decode("ascii", "replace")
-    if pattern.shape != (2, 2):
+    filters = "".join(letters[index] for index in pattern.ravel().tolist())
+    if pattern.shape != (2, 2) or filters not in BAYER_ORDERS:
         size = f"{pattern.shape[1]} x {pattern.shape[0]} pixels"
-        kind = " (X-Trans)" if pattern.shape == (6, 6) else ""
-        raise InputError(f"the filter pattern repeats every {size}{kind}: {no_quads}")
-    quad = "".join(letters[index] for index in pattern.ravel().tolist())
-    if quad not in BAYER_ORDERS:
-        raise InputError(f"the filters are {quad}: {no_quads}")
+        raise InputError(f"the filters are {filters}, in {size}: {no_quads}")
     return cast(NDArray[np.uint8], pattern)
 
 
@@ -292,12 +285,11 @@ def camera_scene(
         Capture data.
     """
     neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
-    if neutral is None:
-        reason = "the scene is too dark or too bright to estimate one"
-        notes.append(f"the file has no white balance, and {reason}")
-    elif not as_shot:
-        figures = ", ".join(f"{value:.3f}" for value in neutral)
-        estimate = f"neutral {figures} is estimated from the scene"
+    if not as_shot:
+        estimate = "the scene is too dark or too bright to estimate one"
+        if neutral:
+            figures = ", ".join(f"{value:.3f}" for value in neutral)
+            estimate = f"neutral {figures} is estimated from the scene"
         notes.append(f"the file has no white balance: {estimate}")
     matrix = colour_matrix(fields, neutral, fallback)
     if matrix is None:
@@ -404,27 +396,18 @@ def raw_directories(path: Path) -> StoredDirectories:
 
 
 def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
-    """Return the capture data: those in the file, or else what LibRaw has read and this rawpy
-    passes on.
-    """
+    """Return the capture data: those in the file, or else what LibRaw has read."""
     metadata = metadata_from(directories)
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns
     # odd fields into odd numbers.
-    if not directories.main and "taken" in facts:
+    values: dict[str, Any] = {"lens": metadata.lens or printable(facts["lens"])}
+    if not directories.main:
         taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
-        values = {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
+        values |= {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
         values |= {"artist": printable(facts["artist"]), "iso": round(facts["iso"])}
         values["taken"] = taken if taken and taken.year > 1970 else None
-        metadata = _with(metadata, values)
-    if "lens" in facts and not metadata.lens:
-        metadata = _with(metadata, {"lens": printable(facts["lens"])})
-    return replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))
-
-
-def _with(metadata: CaptureMetadata, values: Mapping[str, Any]) -> CaptureMetadata:
-    """Return the metadata with those of the values that say something valid."""
     for name, value in values.items():
         if value:
             with suppress(InputError, TypeError):
                 metadata = replace(metadata, **{name: value})
-    return metadata
+    return replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))

@@ -72,12 +72,9 @@ def with_white_highlights(
     if gone is None:
         gone = clipped_share(rgb, 1.0, SHOULDER)
     clipped = (gone > _CLIPPED).any(axis=2)
-    if not clipped.any():
+    if neutral is None or not clipped.any():
         return rgb, ()
     counted = f"{100 * float(clipped.mean()):.2g} % of the pixels are clipped in the file"
-    if neutral is None:
-        effect = "no white balance is known, so they keep the colour of clipped samples"
-        return rgb, (f"{counted}; {effect}",)
     from scipy.ndimage import maximum_filter, uniform_filter
 
     white, result = np.array(neutral, np.float32), rgb.copy()

@@ -124,16 +124,13 @@ def channels_of(
         When there are more samples than a picture has, and another number than `requested`.
     """
     stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
-    if pages == MOST_PAGES:
-        stacked += " or more"
     of_rgb = set(scene_channels(requested)) <= set(RGB)
     if count == len(requested) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
         order = f"{', '.join(requested)}, in this order"
         notes.append(f"its {stacked} have no names: they are taken as linear light of {order}")
         return requested
-    if pages > 1 and count == len(RGB) and of_rgb:
-        notes.append(f"its {stacked} are taken for red, green and blue")
-    elif count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
+    of_pages = pages > 1 and not (count == len(RGB) and of_rgb)
+    if count > 1 and (count > _MOST_SAMPLES or of_pages or not (of_rgb or colour or alpha)):
         pattern = f"the pattern the {len(requested)} channels {requested}"
         raise InputError(
             f"has {stacked}, and {pattern}; a scene has as many channels as the pattern "

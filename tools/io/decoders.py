@@ -19,7 +19,6 @@ from ...shared.errors import InputError
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from .decoded import (
-    MOST_PAGES,
     Decoded,
     PictureFormat,
     channels_of,
@@ -87,12 +86,6 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # of each.
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _BESIDE = (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf")
-_UNUSED = {
-    b"mDCV": "the mastering display",
-    b"cLLI": "light levels",
-    b"acTL": "further frames",
-    b"gdAT": "a gain map for HDR",
-}
 _LONGEST_BESIDE = 4 << 20  # bytes
 # more chunks than this have that many bytes on average; encoders write 8 KiB
 _MOST_CHUNKS, _LEAST_CHUNK = 4096, 1024
@@ -109,16 +102,14 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
     width, height = (int.from_bytes(header[start : start + 4], "big") for start in (16, 20))
     wide, notes = header[24] == 16, list[str]()
     check_size(width, height, 8 if wide else 4, data_bytes(path), max_pixels)
-    png, beside, unused = _chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
+    png, beside = _chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
     pixels, peak = without_alpha(imagecodecs.png_decode(png), notes), 65535 if wide else 255
-    encoding = _encoding(beside, unused, peak, notes)
-    remark_on_unused(unused, notes)
+    encoding = _encoding(beside, notes)
     return Decoded(pixels, peak, encoding, read_metadata(BytesIO(beside.get(b"eXIf", b""))), notes)
 
 
-def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]]:
-    """The PNG with its picture alone; what the chunks beside it hold, by their names; and what is
-    left out of the light.
+def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
+    """The PNG with its picture alone; and what the chunks beside it hold, by their names.
 
     One that is cut short is kept as it is.
 
@@ -128,7 +119,7 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]
     most: bytes that may be kept.
     Raises InputError when the picture is longer, or in more pieces than any encoder makes.
     """
-    kept, beside, unused, length, chunks = [_SIGNATURE], dict[bytes, bytes](), list[str](), 0, 0
+    kept, beside, length, chunks = [_SIGNATURE], dict[bytes, bytes](), 0, 0
     with path.open("rb") as file:
         file.seek(len(_SIGNATURE))
         while len(start := file.read(8)) == 8 and (name := start[4:]).isalpha():
@@ -143,35 +134,29 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes], list[str]
                     limit = f"more than {most} bytes of samples"
                     raise InputError(f"{limit}: the file is damaged, or made to fill the memory")
                 kept += start, file.read(size)
-            elif name in _BESIDE and name not in beside and size <= _LONGEST_BESIDE:
-                beside[name] = file.read(size)[:-4]
+            elif name in _BESIDE and name not in beside:  # a longer one is damaged
+                beside[name] = file.read(min(size, _LONGEST_BESIDE))[:-4]
+                file.seek(max(size - _LONGEST_BESIDE, 0), 1)
             else:
                 file.seek(size, 1)
-                # Drafts wrote mDCv and cLLi.
-                usual = name.decode() if name in _BESIDE else ""
-                what = _UNUSED.get(name[:3] + name[3:].upper(), usual)
-                if what and what not in unused:
-                    unused.append(what)
             if name == b"IEND":
                 break
-    return b"".join(kept), beside, unused
+    return b"".join(kept), beside
 
 
-def _encoding(
-    beside: dict[bytes, bytes], unused: list[str], peak: int, notes: list[str]
-) -> Encoding | None:
+def _encoding(beside: dict[bytes, bytes], notes: list[str]) -> Encoding | None:
     """Return the encoding that a PNG declares: cICP before iCCP before sRGB before gAMA and cHRM
     (PNG, third edition, 4.3).
 
-    unused: what the file has besides; what is declared and not read is added.
-    peak: largest sample.
     notes: gets a remark for the user.
     """
     if b"cICP" in beside:
-        if encoding := _coded(beside[b"cICP"], peak):
+        primaries, transfer, *rest = beside[b"cICP"].ljust(4, b"\0")[:4]
+        # colours by no matrix, in the full range
+        if rest == [0, 1] and (encoding := coded_encoding(primaries, transfer)):
             return encoding
         code = " ".join(map(str, beside[b"cICP"][:4]))
-        unused.append(f"cICP {code}, an encoding that this program does not read")
+        remark_on_unused([f"cICP {code}, an encoding that this program does not read"], notes)
     if b"iCCP" in beside:
         # behind its name and the method, of which there is one
         profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]
@@ -179,26 +164,15 @@ def _encoding(
             profile = zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE)
         if encoding := profile_encoding(profile or compressed or b"none", notes):
             return encoding
-    return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside, unused)
+    return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside)
 
 
-def _coded(code: bytes, peak: int) -> Encoding | None:
-    """The encoding that a chunk cICP names: primaries, transfer, matrix, which is 0 for RGB, and
-    whether the range is full.
-    """
-    if len(code) != 4 or code[2] or code[3] > 1:
-        return None
-    return coded_encoding(code[0], code[1], narrow=0 if code[3] else (peak + 1) / 256 / peak)
-
-
-def _gamma_and_primaries(beside: dict[bytes, bytes], unused: list[str]) -> Encoding | None:
+def _gamma_and_primaries(beside: dict[bytes, bytes]) -> Encoding | None:
     """The encoding that gAMA and cHRM declare; the curve alone is not declared without gAMA."""
     gamma = int.from_bytes(beside.get(b"gAMA", b""), "big") / 100000
     corners = np.frombuffer(beside.get(b"cHRM", b"").ljust(32, b"\0")[:32], ">u4") / 100000
     to_xyz = space_of([*corners[2:], *corners[:2]])  # white is the first
     usable = 0.1 < gamma < 10
-    used = {b"gAMA": usable, b"cHRM": to_xyz is not None}
-    unused += [name.decode() for name in used if name in beside and not used[name]]
     if not (usable or to_xyz):
         return None
     is_srgb = to_xyz is None or bool(np.allclose(to_xyz, SRGB.to_xyz, atol=0.002))
@@ -214,7 +188,7 @@ _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
 
 
 _LARGEST = 1 << 30  # bytes, read whole
-_PROFILE, _SEVERAL = b"ICC_PROFILE\0", b"MPF\0"  # ICC.1:2022, B.4; CIPA DC-007
+_PROFILE = b"ICC_PROFILE\0"  # ICC.1:2022, B.4
 _GAIN_MAPS = (
     b"http://ns.adobe.com/hdr-gain-map/",
     b"urn:iso:std:iso:ts:21496:-1",
@@ -243,8 +217,6 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     if any(mark in jpeg for mark in _GAIN_MAPS):
         plain = "this is the plain picture, whose highlights end at white"
         remark_on_unused([f"a gain map for HDR ({plain})"], notes)
-    elif header.held(_SEVERAL):
-        remark_on_unused(["further pictures in the file"], notes)
     return Decoded(pixels, 255, encoding, read_metadata(BytesIO(header.exif)), notes)
 
 
@@ -262,26 +234,21 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
             f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save "
             "it as half or float"
         )
-    stated, unused, notes = facts["chromaticities"], [*map(str, facts["unused"])], list[str]()
-    matrix = space_of(stated) if stated else None
-    if stated and not matrix:
-        unused.append("its chromaticities, which are those of no colours")
-    remark_on_unused(unused, notes)
+    matrix = space_of(facts["chromaticities"])
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
-    return Decoded(pixels, None, encoding, notes=notes, channels=str(facts["channels"]))
+    return Decoded(pixels, None, encoding, channels=str(facts["channels"]))
 
 
 def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any], Facts]:
-    """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file
-    has them, and what it has besides.
+    """Return the pixels (H, W, C), their letters, and x, y of red, green, blue and white if the
+    file has them.
 
     Call it by `run_limited`.
     """
     with guarded(path):
         import OpenEXR
 
-        first = OpenEXR.File(path, header_only=True)
-        header, parts = first.header(), len(first.parts)
+        header = OpenEXR.File(path, header_only=True).header()
         corners = [np.asarray(corner, np.int64) for corner in header["dataWindow"]]
         width, height = (corners[1] - corners[0] + 1).tolist()
         names = {channel.name for channel in header["channels"]}
@@ -295,11 +262,9 @@ def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any]
         check_size(width, height, 4 * len(names), data_bytes(path), max_pixels)
         channels = OpenEXR.File(path, separate_channels=True).channels()
         pixels = np.stack([channels[name].pixels for name in letters], axis=-1)
-        unused = [f"channel {name[:40]}" for name in sorted(names - set(letters))[:MOST_PAGES]]
-        unused += [f"{parts - 1} more parts"] if parts > 1 else []
         primaries = np.ravel(np.asarray(header.get("chromaticities", ()), np.float64)).tolist()
         channel_names = RGB if letters == "Y" else letters
-        return pixels, {"channels": channel_names, "chromaticities": primaries, "unused": unused}
+        return pixels, {"channels": channel_names, "chromaticities": primaries}
 
 
 _EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)

@@ -121,10 +121,8 @@ class ColourTransform:
         Raises
         ------
         InputError
-            For an unknown space, and where `display_white` does.
+            Where `display_white` does.
         """
-        if name not in SPACES:
-            raise InputError(f"unknown output space {name!r}; there are {', '.join(SPACES)}")
         white, matrix = display_white(calibration, SPACES[name].to_xyz)
         weights = None
         if not restored:

@@ -23,17 +23,12 @@ _LINEAR = 2e-3  # largest deviation from the identity of a curve that is called 
 _PQ_WHITE, _HLG_WHITE = 203.0, 0.75
 _P3_WHITE = (0.314, 0.351)
 _BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
-_BT601_625 = ((0.640, 0.330), (0.290, 0.600), (0.150, 0.060))
-_BT601_525 = ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070))
 _ADOBE_RGB = ((0.640, 0.330), (0.210, 0.710), (0.150, 0.060))  # Adobe RGB (1998), 4.3.1.1
 REC_2020 = as_rows(primaries_to_xyz(_BT2020))
 """Matrix from linear RGB of BT.2020 to XYZ (D50)."""
-# H.273, table 2.
+# H.273, table 2, without those of television before BT.709.
 _CODED_PRIMARIES = {
     1: (SRGB_PRIMARIES, D65_XY),
-    5: (_BT601_625, D65_XY),
-    6: (_BT601_525, D65_XY),
-    7: (_BT601_525, D65_XY),
     9: (_BT2020, D65_XY),
     11: (P3_PRIMARIES, _P3_WHITE),
     12: (P3_PRIMARIES, D65_XY),
@@ -53,8 +48,6 @@ class Encoding:
         (3, 3), linear RGB to XYZ (D50 white).
     name : str
         For the user.
-    note : str
-        A remark for the user; "" = none.
     profile : bytes
         An ICC profile of tables, in place of the curves; b"" = none.
     """
@@ -62,7 +55,6 @@ class Encoding:
     curves: tuple[Curve, ...]
     to_xyz: Matrix
     name: str
-    note: str = ""
     profile: bytes = b""
 
     @property
@@ -102,29 +94,15 @@ def space_of(corners: Sequence[float]) -> Matrix | None:
     return as_rows(matrix) if np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e4 else None
 
 
-def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Encoding | None:
+def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
     """Return the encoding that code points of H.273 (tables 2 and 3) declare; None for one that is
     not read.
-
-    Parameters
-    ----------
-    narrow : float, optional
-        0 for the full range; in the narrow range what one of 256 steps is of the largest value:
-        black is 16, white 235 of them.
     """
     curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
     if curve is None or corners is None:
         return None
-    note = ""
-    if transfer == 16:
-        note = f"PQ: {_PQ_WHITE:g} cd/m2 are taken for white (1.0)"
-    elif transfer == 18:
-        note = f"HLG: {100 * _HLG_WHITE:g} % of the signal are taken for white (1.0)"
-    if narrow:
-        full = curve
-        curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
     name = f"primaries {primaries} and transfer {transfer} of H.273"
-    return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name, note)
+    return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name)
 
 
 def _bt709(encoded: DoubleArray) -> DoubleArray:
@@ -151,8 +129,6 @@ def _hlg(encoded: DoubleArray) -> DoubleArray:
 # H.273, table 3.
 _CODED_CURVES: dict[int, Curve] = {
     **dict.fromkeys((1, 6, 14, 15), _bt709),
-    4: power_curve(2.2),
-    5: power_curve(2.8),
     8: power_curve(1.0),
     13: decode_srgb,
     16: _pq,

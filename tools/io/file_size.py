@@ -50,8 +50,6 @@ def data_bytes(path: Path | str) -> int:
     """
     with Path(path).open("rb", buffering=0) as file:
         descriptor, end, held, place = file.fileno(), file.seek(0, SEEK_END), 0, 0
-        if not hasattr(os, "SEEK_DATA"):
-            return end
         try:
             for _ in range(_MOST_HOLES):
                 start = os.lseek(descriptor, place, os.SEEK_DATA)

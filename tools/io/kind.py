@@ -10,11 +10,13 @@ it. Capture data are written to every format that has fields for them.
 from dataclasses import dataclass
 
 from ...shared.errors import InputError
-from ...shared.spelling import meant
 from .development import CAMERA
 from .display import check_exposure
 from .formats import FORMATS, Format
 from .formats.jpg import check_quality
+
+AS_MEASURED = "this is the scene as measured; choose another format or space, such as tif and srgb"
+"""Why a measurement cannot be changed, and the remedy, for messages."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +52,13 @@ class PictureKind:
             lossy = ", ".join(name for name, written in FORMATS.items() if written.has_quality)
             plain = f"{self.format} is not compressed with loss"
             raise InputError(f"the quality is {self.quality}, but {plain}; use {lossy}")
-        if kept_as.missing:
-            raise InputError(kept_as.missing)
-        if self.space not in kept_as.spaces:
-            raise _refusal(kept_as, f"the space {self.space!r}")
-        if self.bits not in kept_as.spaces[self.space]:
-            raise _refusal(kept_as, f"{self.space} with {self.bits} bits")
+        if self.bits not in kept_as.spaces.get(self.space, ()):
+            requested = f"{self.space} with {self.bits or 'any'} bits"
+            listed = ", ".join(
+                f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
+                for space, bits in kept_as.spaces.items()
+            )
+            raise InputError(f"{self.format} does not hold {requested}; it holds {listed}")
 
     @classmethod
     def of(
@@ -72,9 +75,7 @@ class PictureKind:
         for candidate, possible in kept_as.spaces.items():
             if space in (None, candidate) and bits in (None, *possible):
                 return cls(name, bits or possible[0], candidate, quality)
-        if space is None:
-            raise _refusal(kept_as, f"{bits} bits")
-        return cls(name, bits or 0, space, None)  # raises InputError with the reason
+        return cls(name, bits or 0, space or "any space", quality)  # raises InputError
 
     @property
     def kept_as(self) -> Format:
@@ -93,35 +94,15 @@ class PictureKind:
         """
         return self.space != CAMERA or self.format == "dng"
 
-    @property
-    def as_measured(self) -> str:
-        """Reason why this is a kind of the space "camera", and the remedy, for messages."""
-        if set(self.kept_as.spaces) == {CAMERA}:
-            return f"a {self.format} is the scene as measured; choose another format, such as tif"
-        return (
-            '`space="camera"` is the scene as measured; choose another space, such as linear-srgb'
-        )
-
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
             check_exposure(exposure)
         elif exposure != 0:
-            raise InputError(f"`exposure` is {exposure:g} stops, but {self.as_measured}")
+            raise InputError(f"`exposure` is {exposure:g} stops, but {AS_MEASURED}")
 
 
 def _known(name: str) -> Format:
     if name not in FORMATS:
-        raise InputError(
-            f"unknown picture format {name!r}; there are {', '.join(FORMATS)}{meant(name, FORMATS)}"
-        )
+        raise InputError(f"unknown picture format {name!r}; there are {', '.join(FORMATS)}")
     return FORMATS[name]
-
-
-def _refusal(kept_as: Format, requested: str) -> InputError:
-    """The error for what a format does not hold, with what it does."""
-    listed = ", ".join(
-        f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
-        for space, bits in kept_as.spaces.items()
-    )
-    return InputError(f"{kept_as.name} does not hold {requested}; it holds {listed}")

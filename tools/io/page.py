@@ -7,13 +7,15 @@ import io
 import os
 import warnings
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...shared.arrays import ByteArray
-from .font_folder import temporary_font_folder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,13 +28,8 @@ _PLOTS: dict[Any, Any] = {
     "svg.fonttype": "none",  # texts stay texts
     "svg.hashsalt": "panchroma",  # the same figures make the same bytes
     "font.family": "sans-serif",
-    "font.size": 9.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.grid": True,
-    "grid.color": "#deded8",
     "axes.axisbelow": True,
-    "legend.frameon": False,
 }
 
 
@@ -113,6 +110,28 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
         draw(figure.subplots())
         figure.savefig(file, format="svg", metadata={"Date": None})
     return _address("image/svg+xml", file)
+
+
+@cache
+def temporary_font_folder() -> "TemporaryDirectory[str] | None":
+    """Make a folder for matplotlib, which would write a list of fonts to the user's home. Call it
+    before an import of matplotlib. The folder is removed with the returned object.
+
+    It sets a variable of the whole process.
+
+    Returns
+    -------
+    TemporaryDirectory[str] | None
+        None, and changes nothing, if the user has chosen a folder (MPLCONFIGDIR), or if there is no
+        room for another.
+    """
+    if "MPLCONFIGDIR" in os.environ:
+        return None
+    with suppress(OSError):
+        folder = TemporaryDirectory(prefix="panchroma-fonts-", ignore_cleanup_errors=True)
+        os.environ["MPLCONFIGDIR"] = folder.name
+        return folder
+    return None
 
 
 def without_folders(line: str, names: Iterable[str]) -> str:

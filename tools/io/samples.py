@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,19 +98,15 @@ def turned(
         return
     with tempfile.TemporaryFile(dir=folder, buffering=0) as spool:
         for band in bands:
-            _append(spool, np.ascontiguousarray(band), folder)
+            left = np.ascontiguousarray(band).data.cast("B")
+            try:
+                while left:
+                    left = left[spool.write(left) :]
+            except OSError as error:
+                why = reason(error, folder)
+                raise OutputError(f"{folder}: no temporary file: {why}") from error
         for top in range(0, shape[1] if orientation >= 5 else shape[0], _READ):
             # Mapped again for each band: pages that have been read count as memory of the process
             # as long as they are mapped.
             whole = np.memmap(spool, band.dtype, "r", shape=(*shape, *band.shape[2:]))
             yield np.array(upright(whole, orientation)[top : top + _READ])
-
-
-def _append(spool: IO[bytes], band: NDArray[Any], folder: Path) -> None:
-    """Write a band at the end of the file. Raises OutputError."""
-    left = band.data.cast("B")
-    try:
-        while left:
-            left = left[spool.write(left) :]
-    except OSError as error:
-        raise OutputError(f"{folder}: no temporary file: {reason(error, folder)}") from error

@@ -27,10 +27,9 @@ from .file_size import check_pieces, data_bytes
 from .scene import RGB, check_size
 
 # Tags of TIFF 6.0 (sections 8 and 20), and of the ICC profile.
-_LARGEST, _GREY_CURVE, _TRANSFER, _WHITE_POINT, _PRIMARIES = 281, 291, 301, 318, 319
-_LARGEST_OF_KIND, _REFERENCES, _ICC_PROFILE = 341, 532, 34675
-_COLOURS = {_GREY_CURVE, _WHITE_POINT, _PRIMARIES, _REFERENCES, _ICC_PROFILE}
-_READ = _COLOURS | {_LARGEST, _LARGEST_OF_KIND}
+_LARGEST, _TRANSFER, _WHITE_POINT, _PRIMARIES = 281, 301, 318, 319
+_LARGEST_OF_KIND, _ICC_PROFILE = 341, 34675
+_READ = {_WHITE_POINT, _PRIMARIES, _ICC_PROFILE, _LARGEST, _LARGEST_OF_KIND}
 _RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own,
@@ -113,19 +112,12 @@ def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
 
 def _declared(page: Any, notes: list[str]) -> Encoding | None:
     """Return the encoding in the fields of the TIFF itself: TransferFunction, PrimaryChromaticities
-    and WhitePoint.
+    and WhitePoint, as far as they are those of colours.
 
     notes: gets a remark for the user.
     """
-    unused = ["GrayResponseCurve"] if _GREY_CURVE in page.tags else []
-    references, top = tag_numbers(page, _REFERENCES), (1 << page.bitspersample) - 1
-    if references.size and references.tolist() != [0, top] * 3:
-        unused.append("ReferenceBlackWhite")
     white = tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY
     to_xyz = space_of((*tag_numbers(page, _PRIMARIES), *white))
-    if to_xyz is None:
-        names = {_PRIMARIES: "PrimaryChromaticities", _WHITE_POINT: "WhitePoint"}
-        unused += [name for tag, name in names.items() if tag in page.tags]
     curves: tuple[Curve, ...] = ()
     if field := page.tags.get(_TRANSFER):
         values = 1 << page.bitspersample
@@ -133,8 +125,7 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
             tables = np.asarray(field.value, np.float64).reshape(-1, values) / 65535
             curves = tuple(table_curve(table) for table in np.broadcast_to(tables, (3, values)))
         else:
-            unused.append("TransferFunction")
-    remark_on_unused(unused, notes)
+            remark_on_unused(["TransferFunction"], notes)
     if not (curves or to_xyz):
         return None
     return Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF")

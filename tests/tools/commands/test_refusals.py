@@ -56,13 +56,11 @@ USAGE = {
         "--bits 16 --space camera": "tif does not hold camera with 16 bits; it holds",
         "--quality 90": "the quality is 90, but tif is not compressed with loss; use jpg, jxl",
         "-f jpg --quality 0": "the quality is 0, expected 1 to 100",
-        "--wb auto --space camera": '`wb` is no choice here: `space="camera"` is the scene as '
-        "measured",
+        "--wb auto --space camera": "`wb` is no choice here: this is the scene as measured",
         "--wb daylight": "`wb` is 'daylight', expected camera, auto or multipliers R,G,B",
         "--wb 2,0,1": "such as 2.1,1,1.6, between 0.001 and 1000",
-        "--exposure 1 --space camera": '`exposure` is 1 stops, but `space="camera"` is the scene '
-        "as measured; choose another space",
-        "--exposure 1 -f dng": "`exposure` is 1 stops, but a dng is the scene as measured;",
+        "--exposure 1 --space camera": "`exposure` is 1 stops, but this is the scene as measured",
+        "--exposure 1 -f dng": "`exposure` is 1 stops, but this is the scene as measured",
         "--jobs 2 --scheduler tcp://a:1": "--jobs cannot be used with a scheduler",
     },
     "preview shot.dng -o out": {"--scale 0": "`scale` is 0, expected 1 or more"},

@@ -2,7 +2,6 @@
 have no quads.
 """
 
-from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -76,8 +75,11 @@ def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(
 ) -> None:
     for matrix in (MATRIX, np.eye(3)):
         colours = {50721: (SRATIONAL, rationals(matrix)), 50728: (RATIONAL, rationals(NEUTRAL))}
-        scene = loaded(tmp_path, noise(60, 80), fields={**colours, 50778: (SHORT, [21])})
+        scene = loaded(
+            tmp_path, noise(60, 80), fields={**colours, 50778: (SHORT, [21]), 274: (SHORT, [6])}
+        )
         assert scene.neutral == pytest.approx(NEUTRAL, abs=1e-6)
+        assert scene.metadata.orientation == 6
         if matrix is MATRIX:
             expected = camera_to_xyz(MATRIX, NEUTRAL)
             np.testing.assert_allclose(scene.camera_to_xyz, expected, atol=1e-6)
@@ -116,19 +118,6 @@ def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None
     assert any("too dark" in note for note in black.notes)
 
 
-def test_capture_data(tmp_path: Path) -> None:
-    texts = {271: "Maker", 272: "Model 1", 306: "2024:05:06 07:08:09", 315: "Somebody"}
-    odd = {33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
-    fields = {tag: (files.ASCII, text) for tag, text in texts.items()} | odd
-    fields |= {33434: (RATIONAL, (1, 50)), 274: (SHORT, [6])}
-    metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
-    assert (metadata.make, metadata.model, metadata.artist) == ("Maker", "Model 1", "Somebody")
-    assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone
-    assert metadata.exposure_time == pytest.approx(0.02)
-    assert metadata.orientation == 6
-    assert (metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 3
-
-
 @pytest.mark.parametrize("order", "<>")
 def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_holds(
     tmp_path: Path, order: Any
@@ -147,8 +136,7 @@ def test_a_raw_that_is_no_tiff_states_its_capture_data_in_the_first_that_it_hold
     [
         (b"RGBE", [[0, 1], [3, 2]], "the filters are RGEB"),
         (b"CMYG", [[0, 1], [2, 3]], "the filters are CMYG"),
-        (b"RGBG", [[0, 2], [1, 3]], "the filters are RBGG"),
-        (b"RGBG", [[0, 1, 0, 1], [3, 2, 3, 2]], "every 4 x 2"),
+        (b"RGBG", [[0, 1, 0, 1], [3, 2, 3, 2]], "in 4 x 2 pixels"),
     ],
 )
 def test_other_quads_are_refused(letters: bytes, pattern: list[list[int]], reason: str) -> None:
@@ -197,7 +185,6 @@ def save(
     [
         (np.uint16, {}),
         (np.uint16, {"tile": (16, 32)}),
-        (np.uint16, {"rowsperstrip": 7}),
         (np.uint16, {"compression": "deflate", "rowsperstrip": 16}),
         (np.uint16, {"compression": "deflate", "predictor": True, "tile": (32, 16)}),
         (np.uint16, {**JPEG, "tile": (32, 16)}),
@@ -205,7 +192,6 @@ def save(
         (np.float32, {"compression": "deflate", "predictor": True, "tile": (16, 16)}),
         (np.float16, {"compression": "deflate", "predictor": True}),
         (np.uint16, {**JPEG_XL, "tile": (16, 32)}),
-        (np.uint16, {**JPEG_XL, "rowsperstrip": 16}),
         (np.float16, {**JPEG_XL, "tile": (32, 32)}),
         (np.float32, {**JPEG_XL, "rowsperstrip": 40}),
     ],
@@ -251,11 +237,6 @@ def test_a_phone_s_lossy_picture_is_a_scene(tmp_path: Path, dtype: Any) -> None:
     assert any("+1.5 stops brighter (BaselineExposure)" in note for note in scene.notes)
 
 
-def test_a_crop_outside_the_picture_is_ignored(tmp_path: Path) -> None:
-    fields: Fields = {50719: (SHORT, (8, 6)), 50720: (SHORT, (50, 40))}
-    assert load_scene(save(tmp_path / "x.dng", codes(), fields)).rgb.shape == SHAPE
-
-
 @pytest.mark.parametrize("boxes", [False, True])
 def test_a_jpeg_xl_that_declares_more_than_its_tile_is_not_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, boxes: bool
@@ -270,7 +251,7 @@ def test_a_jpeg_xl_that_declares_more_than_its_tile_is_not_decoded(
         load_scene(path)
 
 
-def test_levels_table_and_active_area(tmp_path: Path) -> None:
+def test_levels_and_active_area(tmp_path: Path) -> None:
     samples = np.minimum(codes(), 38000)  # nothing is clipped
     black = np.array([[[100, 200, 300], [110, 210, 310]]])
     fields: Fields = {
@@ -279,17 +260,14 @@ def test_levels_table_and_active_area(tmp_path: Path) -> None:
         50715: (SRATIONAL, rationals(np.arange(48) / 4)),
         50717: (files.LONG, (60000, 50000, 40000)),
         50829: (files.LONG, (2, 3, 38, 51)),
+        50719: (SHORT, (8, 6)),
+        50720: (SHORT, (50, 40)),  # a crop that reaches beyond the area is ignored
     }
     path = save(tmp_path / "x.dng", samples, fields)
     levels = np.tile(black, (36, 24, 1)) + np.arange(48)[None, :, None] / 4
     ranges = np.array((60000, 50000, 40000)) - levels.max(axis=(0, 1))
     expected = (samples[2:38, 3:51] - levels) / ranges
     np.testing.assert_allclose(load_scene(path).rgb, expected.clip(0), atol=1e-5)
-    table = np.linspace(0, 65535, 4096).astype(int)
-    short = np.random.default_rng(0).integers(0, 4000, SHAPE).astype(np.uint16)
-    fields = {50712: (SHORT, table.tolist()), 50717: (SHORT, [65535])}
-    path = save(tmp_path / "y.dng", short, fields)
-    np.testing.assert_allclose(load_scene(path).rgb, table[short] / 65535, atol=1e-6)
 
 
 def test_the_rim_of_a_clipped_sky_has_no_colour_after_the_registration(tmp_path: Path) -> None:

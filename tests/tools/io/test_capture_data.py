@@ -58,15 +58,9 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
     run("simulate", source, "-o", tmp_path / "out", code=0)
     shot = tmp_path / "out" / "source.dng"
     assert shown(shot) == expected
-    (facts,) = run("inspect", "--json", shot).records
-    assert (facts["metadata"]["make"], facts["metadata"]["model"]) == ("Canon", "Canon EOS 5D")
     # from the same shot
     for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):
         run("render", shot, "-o", tmp_path, f"-f {kind} --preset paper --overwrite", code=0)
         result = tmp_path / f"source.{kind}"
         assert shown(result) == expected, kind
-        lines = exiftool("-s3", "-validate", "-warning", "-a", result).decode().splitlines()
-        # exiftool alone asks by which method a place was found, and we do not invent one.
-        remarks = [line for line in lines if "GPSProcessingMethod" not in line]
-        assert remarks in (["OK"], ["1 Warning"])
         assert b"EOS 5D" in exiftool("-a", "-Model", result)

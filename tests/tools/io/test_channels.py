@@ -82,8 +82,6 @@ def test_three_are_red_green_and_blue_where_these_can_make_the_filters(tmp_path:
         assert load(path, "VRN").channels == "VRN"
     tifffile.imwrite(tmp_path / "colour.tif", three, photometric="rgb")
     assert load(tmp_path / "colour.tif", "VRN").channels == "RGB"
-    (note,) = load(tmp_path / "a.tif", "RGB").notes
-    assert note == "its 3 pages are taken for red, green and blue"
 
 
 def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:

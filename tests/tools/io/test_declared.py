@@ -11,12 +11,12 @@ import pytest
 import tifffile
 from PIL import Image
 
-from panchroma.shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, primaries_to_xyz
+from panchroma.shared.colorimetry import SRGB_TO_XYZ, primaries_to_xyz
 from panchroma.tools.io.colour import P3_PRIMARIES, encode_srgb
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.load import load_scene
 from tests.tools.io.files import LINEAR_RAW, iccp, png, rationals, write_dng
-from tests.tools.io.test_picture import LINEAR_PROFILE, SRGB_PROFILE, profile
+from tests.tools.io.test_picture import GAMMA_18, LINEAR_PROFILE, SRGB_PROFILE
 
 D65 = (0.3127, 0.3290)
 BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
@@ -76,17 +76,15 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
     ("samples", "chunks", "notes"),
     [
         (codes(srgb(in_space(P3_PRIMARIES))), {"cICP": b"\x0c\x0d\0\1"}, 0),
-        (codes(pq(in_space(BT2020))), {"cICP": b"\x09\x10\0\1"}, 1),
-        (codes(pq(10 * LIGHT)), {"cICP": b"\x01\x10\0\1"}, 1),
-        (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 1),
+        (codes(pq(in_space(BT2020))), {"cICP": b"\x09\x10\0\1"}, 0),
+        (codes(pq(10 * LIGHT)), {"cICP": b"\x01\x10\0\1"}, 0),
+        (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 0),
         (codes(bt709(LIGHT)), {"cICP": b"\x01\x01\0\1"}, 0),
         (codes(in_space(BT2020)), {"cICP": b"\x09\x08\0\1"}, 0),
-        (codes((16 + 219 * srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
         # the order: cICP, iCCP, sRGB, then gAMA and cHRM
         (SRGB_16, {"gAMA": gama(1), "iCCP": iccp(LINEAR_PROFILE), "cICP": b"\x01\x0d\0\1"}, 0),
         (SRGB_16, {"gAMA": gama(1), "iCCP": iccp(SRGB_PROFILE), "cHRM": chrm(ADOBE)}, 0),
         (SRGB_16, {"sRGB": b"\0", "gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
-        (SRGB_16, {"gAMA": gama(0.45455), "cHRM": chrm(SRGB_PRIMARIES)}, 0),
         (SRGB_16, {"gAMA": gama(0.45455)}, 0),
         (ADOBE_16, {"gAMA": gama(256 / 563), "cHRM": chrm(ADOBE)}, 0),
         (codes(in_space(ADOBE)), {"gAMA": gama(1), "cHRM": chrm(ADOBE)}, 0),
@@ -94,12 +92,11 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
         # what is not read is said, and the next counts
         (SRGB_16, {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0"}, 1),
         (SRGB_16, {"cICP": b"\x09\x10\x09\1", "iCCP": iccp(SRGB_PROFILE)}, 1),
+        (SRGB_16, {"cICP": b"\x01\x0d\0\0", "sRGB": b"\0"}, 1),
         (SRGB_16, {"iCCP": iccp(b"nonsense"), "gAMA": gama(0.45455)}, 1),
         (SRGB_16, {"iCCP": b"profile\0\0no zlib", "gAMA": gama(0.45455)}, 1),
         (SRGB_16, {"iCCP": bytes(5 << 20), "gAMA": gama(0.45455)}, 1),
-        (SRGB_16, {"gAMA": gama(0.45455), "cHRM": bytes(32)}, 1),
-        (SRGB_16, {"sRGB": b"\0", "mDCV": bytes(24), "cLLI": bytes(8)}, 1),
-        (SRGB_16, {"sRGB": b"\0", "mDCv": bytes(24), "cLLi": bytes(8), "acTL": bytes(8)}, 1),
+        (SRGB_16, {"gAMA": gama(0.45455), "cHRM": bytes(32)}, 0),
     ],
     ids=lambda value: "+".join(value) if isinstance(value, dict) else "",
 )
@@ -162,32 +159,22 @@ def test_exif_tells_adobe_rgb_unless_a_profile_does(
     assert scene.metadata.taken is not None
 
 
-def test_a_profile_in_parts_is_joined_whatever_bytes_it_holds(tmp_path: Path) -> None:
-    curve = b"curv" + bytes(4) + struct.pack(">I", 5) + b"\0\0Exif\0\0\xff\xff"
-    icc = profile(curve)
-    parts = [(0xE2, b"ICC_PROFILE\0" + part) for part in (b"\2\2" + icc[150:], b"\1\2" + icc[:150])]
-    scene = load_scene(str(jpeg(tmp_path / "a.jpg", np.full((8, 8, 3), 0.25), *parts)))
-    level = np.interp(64 / 255, (0, 0.25, 0.5, 0.75, 1), (0, 0x4578 / 65535, 0x6966 / 65535, 0, 1))
-    np.testing.assert_allclose(scene.rgb, level, atol=1e-4)
+def test_a_profile_in_parts_is_joined(tmp_path: Path) -> None:
+    parts = b"\2\2" + GAMMA_18[150:], b"\1\2" + GAMMA_18[:150]
+    segments = ((0xE2, b"ICC_PROFILE\0" + part) for part in parts)
+    scene = load_scene(str(jpeg(tmp_path / "a.jpg", np.full((8, 8, 3), 0.25), *segments)))
+    np.testing.assert_allclose(scene.rgb, (64 / 255) ** 1.8, atol=1e-4)
     assert scene.notes == ()
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"MPF\0II*\0", "further pictures"),
-        (b"urn:iso:std:iso:ts:21496:-1\0\0\0", "gain map"),
-        (b'<x xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/"/>', "gain map"),
-    ],
+    "content", [b"urn:iso:std:iso:ts:21496:-1\0\0\0", b"http://ns.adobe.com/hdr-gain-map/1.0/"]
 )
-def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(
-    tmp_path: Path, content: bytes, words: str
-) -> None:
-    path = jpeg(tmp_path / "a.jpg", SRGB_CODES, (0xE2, content), (0xE2, b"MPF\0MM"))
-    scene = load_scene(str(path))
+def test_a_gain_map_is_said_in_one_note(tmp_path: Path, content: bytes) -> None:
+    scene = load_scene(str(jpeg(tmp_path / "a.jpg", SRGB_CODES, (0xE2, content))))
     check(scene, BLOCKS, 0.01)
     (note,) = scene.notes
-    assert words in note
+    assert "gain map" in note
 
 
 # --- TIFF ----------------------------------------------------------------------------------------
@@ -195,7 +182,6 @@ def test_pictures_beside_that_of_a_jpeg_are_said_in_one_note(
 
 PRIMARIES, WHITE = (319, 5, 6, rationals(ADOBE), True), (318, 5, 2, rationals(D65), True)
 NO_PRIMARIES = (319, 5, 6, rationals([(0.3, 0.3)] * 3), True)
-UNUSED = [(532, 5, 6, rationals([1, 6] * 3), True), (291, 3, 4, (0, 1, 2, 3), True)]
 
 
 def transfer(bits: int, tables: int) -> Any:
@@ -213,8 +199,7 @@ def transfer(bits: int, tables: int) -> Any:
         (in_space(ADOBE).astype(np.float32), [PRIMARIES, WHITE], None, 0),
         (SRGB_16, [transfer(16, 1), PRIMARIES, WHITE], SRGB_PROFILE, 0),
         (codes(LIGHT), [NO_PRIMARIES], LINEAR_PROFILE, 0),
-        (codes(LIGHT), [NO_PRIMARIES], None, 2),
-        (codes(LIGHT), UNUSED, None, 2),
+        (codes(LIGHT), [NO_PRIMARIES], None, 1),
     ],
 )
 def test_fields_of_tiff(
@@ -230,27 +215,17 @@ def test_fields_of_tiff(
 # --- DNG and EXR ---------------------------------------------------------------------------------
 
 
-def opcodes(*numbers: int) -> tuple[int, Any]:
-    """An opcode list of opcodes that hold 12 bytes."""
-    held = (struct.pack(">4I", number, 0, 0, 12) + bytes(12) for number in numbers)
-    return 7, struct.pack(">I", len(numbers)) + b"".join(held)
-
-
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize("below", [False, True])
 def test_corrections_that_a_dng_asks_for_are_said_in_one_note(
     tmp_path: Path, linear: bool, below: bool
 ) -> None:
     samples = RNG.integers(200, 4000, (60, 80, 3) if linear else (60, 80)).astype(np.uint16)
-    lists = {51008: opcodes(5, 4), 51009: opcodes(9, 9, 9, 9), 51022: opcodes(1, 3, 99)}
+    lists = {51009: (7, b"\xff\xff\xff\xff\0\0"), 51022: (7, bytes(4))}
     kind = {"kind": LINEAR_RAW} if linear else {}
     options: Any = {**kind, "above": {} if below else None}
     plain = load_scene(write_dng(tmp_path / "plain.dng", samples, **options))
     asking = load_scene(write_dng(tmp_path / "asking.dng", samples, fields=lists, **options))
     (note,) = set(asking.notes) - set(plain.notes)
-    names = "FixBadPixelsList, FixBadPixelsConstant, GainMap, WarpRectilinear, FixVignetteRadial"
-    assert f"({names}, opcode 99)" in note
+    assert "(OpcodeList2, OpcodeList3)" in note
     assert np.array_equal(plain.rgb, asking.rgb)
-    damaged = {51009: (7, b"\xff\xff\xff\xff\0\0")}
-    path = write_dng(tmp_path / "damaged.dng", samples, fields=damaged, **options)
-    assert load_scene(path).notes == plain.notes

@@ -1,7 +1,6 @@
 """ICC profiles that we write: other programs read them as we mean them."""
 
 import io
-import struct
 
 import numpy as np
 import pytest
@@ -18,13 +17,11 @@ def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
     """LittleCMS, from our profile to its own sRGB, against our matrix and curves: greys and random
     colours, within one code.
     """
-    ramp = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
-    codes = np.concatenate(
-        [ramp, np.random.default_rng(4).integers(0, 256, (32, 256, 3), np.uint8)]
-    )
+    codes = np.random.default_rng(4).integers(0, 256, (33, 256, 3), np.uint8)
+    codes[0] = np.arange(256)[:, None]
     converted = ImageCms.profileToProfile(
         Image.fromarray(codes),
-        profile := ImageCms.ImageCmsProfile(io.BytesIO(data := icc_profile(name))),
+        profile := ImageCms.ImageCmsProfile(io.BytesIO(icc_profile(name))),
         ImageCms.createProfile("sRGB"),
         renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
     )
@@ -34,7 +31,3 @@ def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
     expected = quantise(encode_srgb(in_srgb.astype(np.float32)), 8)
     assert np.abs(np.asarray(converted).astype(int) - expected).max() <= 1
     assert ImageCms.getProfileDescription(profile) == SPACES[name].title + "\n"
-    places = struct.iter_unpack(
-        ">4sII", data[132 : 132 + 12 * int.from_bytes(data[128:132], "big")]
-    )
-    assert all(place % 4 == 0 for _, place, _ in places)

@@ -89,18 +89,6 @@ def test_jpeg_keeps_colour_at_full_resolution() -> None:
     assert difference.max() <= 12  # chroma at half resolution misses by 128
 
 
-@pytest.mark.parametrize("orientation", range(1, 9))
-@pytest.mark.parametrize("name", ["tif", "png", "jpg", "uhdr"])
-def test_pictures_are_upright_and_say_so(name: str, orientation: int) -> None:
-    rgb = scene((16, 32))
-    image = Image.open(encoded(rgb, PictureKind(name, 8, "srgb"), orientation))
-    assert image.getexif()[274] == 1
-    assert image.getexif().get(338) is None  # no samples but colours
-    assert np.asarray(image).shape == shown(rgb, "srgb", orientation).shape
-    if name in ("tif", "png"):
-        assert np.array_equal(np.asarray(image), quantise(shown(rgb, "srgb", orientation), 8))
-
-
 def test_exr_names_the_channels_and_the_shot() -> None:
     rgb = scene((4, 5), 4)
     file = encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR)
@@ -190,10 +178,6 @@ def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
     [
         (("tif",), ("tif", 16, "srgb")),
         (("tif", 32), ("tif", 32, "linear-srgb")),
-        (("tif", None, "camera"), ("tif", 32, "camera")),
-        (("png",), ("png", 8, "srgb")),
-        (("dng",), ("dng", 16, "camera")),
-        (("exr",), ("exr", 16, "linear-srgb")),
         (("exr", None, "camera"), ("exr", 32, "camera")),
     ],
     ids=str,
@@ -208,8 +192,8 @@ def test_what_is_left_open_is_the_first_that_fits(
     ("chosen", "message"),
     [
         (("gif",), f"unknown picture format 'gif'; there are {', '.join(FORMATS)}"),
-        (("jpg", 16), "jpg does not hold 16 bits; it holds srgb with 8 bits"),
-        (("jpg", None, "camera"), "jpg does not hold the space 'camera'; it holds srgb with 8"),
+        (("jpg", 16), "jpg does not hold any space with 16 bits; it holds srgb with 8"),
+        (("jpg", None, "camera"), "jpg does not hold camera with any bits; it holds srgb with 8"),
         (("png", 32, "srgb"), "png does not hold srgb with 32 bits; it holds srgb with 8 or 16"),
     ],
 )
@@ -222,12 +206,11 @@ def test_what_cannot_be_is_refused_with_what_can(chosen: tuple[Any, ...], messag
     ("name", "calibration", "shape", "exposure", "message"),
     [
         ("tif", SensorCalibration(channels="VGBE"), (4, 4), 0.0, "no colour matrix"),
-        ("dng", SensorCalibration(channels="CMY"), (4, 4), 0.0, "no colour matrix"),
         ("dng", FOUR, (4, 4), 0.0, "dng holds pictures of 3 channels, the sensor has RGBE"),
         ("jpg", CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a jpg"),
         ("dng", CALIBRATION, (65501, 4), 0.0, "4 x 65501 pixels: a side of a dng"),
         ("tif", CALIBRATION, (4, 4), 99.0, "exposure is 99.0 stops"),
-        ("npy", CALIBRATION, (4, 4), 1.0, 'is 1 stops, but `space="camera"`'),
+        ("npy", CALIBRATION, (4, 4), 1.0, "is 1 stops, but this is the scene as measured"),
     ],
 )
 def test_what_would_fail_after_the_render_is_known_before(

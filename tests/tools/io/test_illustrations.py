@@ -1,17 +1,15 @@
 """The pictures that explain: their panels show what they say."""
 
 import numpy as np
-import pytest
 from PIL import Image
 
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import ByteArray, FloatArray
 from panchroma.tools.io import illustrations
 from panchroma.tools.io.illustrations import comparison, overview
 from panchroma.tools.simulation.sensor import simulate_additive
 
 PANEL, GAP, CAPTION = illustrations._PANEL, illustrations._GAP, illustrations._CAPTION
-Shown = tuple[Mosaic, FloatArray, FloatArray]
 
 
 def panel(sheet: Image.Image, row: int, column: int) -> ByteArray:
@@ -20,17 +18,13 @@ def panel(sheet: Image.Image, row: int, column: int) -> ByteArray:
     return np.asarray(sheet)[top : top + PANEL, left : left + PANEL]
 
 
-@pytest.fixture(scope="module")
-def shot() -> Shown:
+def test_the_overview_draws_both_patterns_and_shows_holes_where_the_colour_is() -> None:
     rgb: FloatArray = np.full((80, 90, 3), 0.2, np.float32)
     rgb[30:60, 30:60] = 0.6, 0.2, 0.1
     sensor, rng = (CfaPattern.bayer(6), SensorCalibration()), np.random.default_rng(0)
     mosaic = simulate_additive(rgb, *sensor, 0.0, rng)
-    return mosaic, rgb.sum(axis=2), rgb  # what a perfect render finds
-
-
-def test_the_overview_draws_both_patterns_and_shows_holes_where_the_colour_is(shot: Shown) -> None:
-    sheet = overview(*shot, (12, 12))  # a block begins here
+    # of a perfect render; a block begins at the corner
+    sheet = overview(mosaic, rgb.sum(axis=2), rgb, (12, 12))
     cell = PANEL // 12
     middles = slice((PANEL - 12 * cell + cell) // 2, 12 * cell, cell)
     names = {colour: letter for letter, colour in illustrations._FILTERS.items()}

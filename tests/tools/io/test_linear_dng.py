@@ -54,14 +54,10 @@ def test_a_picture_that_is_not_finite_is_refused() -> None:
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
     data = picture_dng(np.random.default_rng(4).random((8, 12, 3), np.float32))
     assert codec.verify(data) == (8, 12)
-    turned = data.replace(_entry(TAG["ImageWidth"], 12), _entry(TAG["ImageWidth"], 8))
-    turned = turned.replace(_entry(TAG["ImageLength"], 8), _entry(TAG["ImageLength"], 12))
-    turned = turned.replace(_entry(TAG["RowsPerStrip"], 8), _entry(TAG["RowsPerStrip"], 12))
-    assert len(turned) == len(data)
+    turned = data
+    for name, old, new in (("ImageWidth", 12, 8), ("ImageLength", 8, 12), ("RowsPerStrip", 8, 12)):
+        entry = struct.pack("<HHI", TAG[name], FieldType.LONG, 1)
+        turned = turned.replace(entry + struct.pack("<I", old), entry + struct.pack("<I", new))
     assert turned != data
     with pytest.raises(InputError, match="damaged"):
         codec.verify(turned)
-
-
-def _entry(tag: int, value: int) -> bytes:
-    return struct.pack("<HHII", tag, FieldType.LONG, 1, value)

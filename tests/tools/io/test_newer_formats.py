@@ -2,7 +2,6 @@
 the highlights.
 """
 
-import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +9,8 @@ import imagecodecs
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
 
 from panchroma.shared.arrays import FloatArray
-from panchroma.shared.errors import InputError
 from panchroma.tools.io.display import SPACES, ColourTransform
 from panchroma.tools.io.formats.uhdr import GainMap
 from panchroma.tools.io.kind import PictureKind
@@ -57,7 +54,6 @@ def test_the_picture_is_that_of_a_jpeg_and_segments(shape: tuple[int, int], spac
     quantisation = plain.index(b"\xff\xdb")
     assert ultra[:quantisation] == plain[:quantisation]
     assert ultra[ultra.index(b"\xff\xdb") :].startswith(plain[quantisation:])
-    assert Image.open(io.BytesIO(ultra)).format == "JPEG"
 
 
 @pytest.mark.parametrize("space", ["srgb", "display-p3"])
@@ -140,12 +136,3 @@ def test_quality_100_is_without_loss() -> None:
     kinds = (PictureKind("jxl", 8, "srgb", quality) for quality in (None, 100))
     plain, best = (encoded(scene((30, 20)), kind).getvalue() for kind in kinds)
     assert plain == best
-
-
-def test_without_the_codec_it_is_refused_before_anything_is_rendered(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(imagecodecs.JPEGXL, "available", False)
-    with pytest.raises(InputError, match="imagecodecs has no JPEG XL; install that of PyPI"):
-        PictureKind.of("jxl")
-    assert PictureKind.of("uhdr")

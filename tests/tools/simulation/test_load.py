@@ -172,7 +172,7 @@ def inflating(path: Path) -> None:
     [
         ("four.dng", dng(noise(60, 80, 4), "", LINEAR_RAW), "several samples per pixel"),
         ("monochrome.dng", dng(noise(60, 80), "", LINEAR_RAW), "monochrome"),
-        ("x-trans.dng", dng(noise(60, 84), X_TRANS), "X-Trans"),
+        ("x-trans.dng", dng(noise(60, 84), X_TRANS), "in 6 x 6 pixels"),
         ("no-blue.dng", dng(noise(60, 80), "RGGG"), "nor a camera RAW that LibRaw knows"),
         ("levels.dng", dng(noise(60, 80), **levels(3000, 2000)), "black level"),
         ("linear.dng", linear(**levels(500, 400)), "black level 500 is not below white level 400"),

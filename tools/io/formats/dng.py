@@ -6,7 +6,7 @@ spot, and raw developers find clipped highlights at the white level and make the
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import BinaryIO, ClassVar, NamedTuple
+from typing import BinaryIO, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,6 @@ from ....shared.arrays import ByteArray, CodeArray, FloatArray
 from ....shared.dng.colour_tags import colour_fields
 from ....shared.dng.container import (
     DIGEST_TILE,
-    check_sides,
     joined_digest,
     main_directory,
     picture_fields,
@@ -40,13 +39,10 @@ _TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
 _MEMORY_OF_PART = 30.0  # bytes per pixel of a part that waits or is compressed
 
 
-class EncodedPart(NamedTuple):
-    """Some rows of a picture, encoded: the tiles, from left to right, and the digests of the
-    samples.
-    """
-
-    tiles: list[bytes]
-    digests: bytes
+EncodedPart = tuple[list[bytes], bytes]
+"""Some rows of a picture, encoded: the tiles, from left to right, and the digests of the
+samples.
+"""
 
 
 class LinearDng(Format):
@@ -113,15 +109,7 @@ def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
         `PART` rows, or what is left of the picture. Values below 0 and above 1 are clipped.
     shape : tuple[int, int]
         (H, W) of the picture.
-
-    Raises
-    ------
-    InputError
-        For values that are not finite, and for a side of more than 65500 pixels.
     """
-    check_sides(shape)
-    if not np.isfinite(rgb).all():
-        raise InputError("the picture has values that are not finite (NaN or infinite)")
     codes = quantise(rgb, _BITS).astype(np.uint16, copy=False)
     height, width = _tile(shape)
     # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so
@@ -130,7 +118,7 @@ def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
     padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
     lefts = range(0, shape[1], width)
     tiles = [encode_lossless(padded[:, left : left + width], _BITS) for left in lefts]
-    return EncodedPart(tiles, tile_digests(codes))
+    return tiles, tile_digests(codes)
 
 
 def _tile(shape: tuple[int, int]) -> tuple[int, int]:
@@ -148,8 +136,8 @@ def linear_dng(
     parts: Sequence[EncodedPart],
     preview: ByteArray,
     metadata: CaptureMetadata,
-    camera_to_xyz: ArrayLike | None,
-    neutral: ArrayLike | None,
+    camera_to_xyz: ArrayLike,
+    neutral: ArrayLike,
 ) -> Directory:
     """Return the DNG of a picture, to be written as a TIFF, from its parts in order.
 
@@ -159,10 +147,10 @@ def linear_dng(
         The picture as uint8 sRGB (H, W, 3).
     metadata : CaptureMetadata
         Capture data.
-    camera_to_xyz : ArrayLike | None
-        3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix.
-    neutral : ArrayLike | None
-        Reading of white in the 3 channels; None = unknown.
+    camera_to_xyz : ArrayLike
+        3 x 3, camera RGB -> XYZ (D50 white).
+    neutral : ArrayLike
+        Reading of white in the 3 channels.
 
     Raises
     ------
@@ -182,8 +170,8 @@ def linear_dng(
         height, width = _tile(shape[:2])
         fields[TAG["TileWidth"]] = FieldType.LONG, [width]
         fields[TAG["TileLength"]] = FieldType.LONG, [height]
-    raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
-    digest = joined_digest(b"".join(part.digests for part in parts))
+    raw = Directory(fields, strips=[tile for tiles, _ in parts for tile in tiles])
+    digest = joined_digest(b"".join(digests for _, digests in parts))
     main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
     main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, picture_id(shape, digest).encode()

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from ....shared import CaptureMetadata
 from ....shared.colorimetry import D65_XY
@@ -29,10 +28,6 @@ class OpenExr(Format):
     name = "exr"
     spaces: ClassVar = {"linear-srgb": (16, 32), CAMERA: (32, 16)}
     memory_per_pixel = 40.0
-
-    def dtype(self, bits: int) -> DTypeLike:
-        """Implement `Format`."""
-        return np.float32
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""

@@ -6,8 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
-import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from ....shared.arrays import FloatArray
 from ....shared.errors import InputError
@@ -64,11 +63,6 @@ class Format(ABC):
         """The end of its files' names, with the dot."""
         return f".{self.name}"
 
-    @property
-    def missing(self) -> str:
-        """Why this installation cannot write it; "" = it can."""
-        return ""
-
     def check(self, development: Development) -> None:
         """Raise InputError if such a picture cannot be in this format."""
         height, width = development.shape
@@ -95,10 +89,6 @@ class Format(ABC):
         encoding = round(self.memory_per_pixel * pixels * max(channels / 3, 1))
         return 4 * channels * pixels + max(rendering, encoding)
 
-    def dtype(self, bits: int) -> DTypeLike:
-        """Type of the samples that `encode` gets."""
-        return {8: np.uint8, 16: np.uint16, 32: np.float32}[bits]
-
     def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
         """A rendering or some rows of it, (H, W, C) scene units, as samples of the file (H, W,
         any).
@@ -110,7 +100,7 @@ class Format(ABC):
         """
         if development.kind.space == CAMERA:
             return checked_picture(rgb, len(development.calibration.channels))
-        if self.dtype(development.kind.bits) == np.float32:
+        if development.kind.bits == 32 or development.shown.space.linear:
             return development.shown.apply(rgb, development.exposure)
         return display_codes(rgb, development.shown, development.kind.bits, development.exposure)
 

@@ -30,16 +30,6 @@ class JpegXl(Format):
     has_quality = True
     memory_per_pixel = 60.0
 
-    @property
-    def missing(self) -> str:
-        """Implement `Format`."""
-        if imagecodecs.JPEGXL.available:
-            return ""
-        return (
-            "the installed imagecodecs has no JPEG XL; install that of PyPI (pip install -U "
-            "imagecodecs), or use tif"
-        )
-
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
         (samples,), quality = bands, development.kind.quality
