@@ -177,7 +177,7 @@ def test_more_memory_than_is_free_is_refused(
     shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("panchroma.tools.batch.in_memory.allowed_memory", lambda _: 1 << 20)
-    message = r"96 x 72 pixels needs .* and 1 MB are free"
+    message = r"96 x 72 pixels need .*, 1 MB are free"
     with pytest.raises(panchroma.PanchromaError, match=message):
         panchroma.render(shot)
 
