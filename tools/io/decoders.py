@@ -104,7 +104,7 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
     check_size(width, height, 8 if wide else 4, data_bytes(path), max_pixels)
     png, beside = _chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
     pixels, peak = without_alpha(imagecodecs.png_decode(png), notes), 65535 if wide else 255
-    encoding = _encoding(beside, notes)
+    encoding = _encoding(beside, peak, notes)
     return Decoded(pixels, peak, encoding, read_metadata(BytesIO(beside.get(b"eXIf", b""))), notes)
 
 
@@ -144,16 +144,15 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
     return b"".join(kept), beside
 
 
-def _encoding(beside: dict[bytes, bytes], notes: list[str]) -> Encoding | None:
+def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encoding | None:
     """Return the encoding that a PNG declares: cICP before iCCP before sRGB before gAMA and cHRM
     (PNG, third edition, 4.3).
 
+    peak: largest sample.
     notes: gets a remark for the user.
     """
     if b"cICP" in beside:
-        primaries, transfer, *rest = beside[b"cICP"].ljust(4, b"\0")[:4]
-        # colours by no matrix, in the full range
-        if rest == [0, 1] and (encoding := coded_encoding(primaries, transfer)):
+        if encoding := _coded(beside[b"cICP"], peak):
             return encoding
         code = " ".join(map(str, beside[b"cICP"][:4]))
         remark_on_unused([f"cICP {code}, an encoding that this program does not read"], notes)
@@ -165,6 +164,15 @@ def _encoding(beside: dict[bytes, bytes], notes: list[str]) -> Encoding | None:
         if encoding := profile_encoding(profile or compressed or b"none", notes):
             return encoding
     return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside)
+
+
+def _coded(code: bytes, peak: int) -> Encoding | None:
+    """The encoding that a chunk cICP names: primaries, transfer, matrix, which is 0 for RGB, and
+    whether the range is full.
+    """
+    if len(code) != 4 or code[2] or code[3] > 1:
+        return None
+    return coded_encoding(code[0], code[1], narrow=0 if code[3] else (peak + 1) / 256 / peak)
 
 
 def _gamma_and_primaries(beside: dict[bytes, bytes]) -> Encoding | None:

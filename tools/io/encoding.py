@@ -94,13 +94,22 @@ def space_of(corners: Sequence[float]) -> Matrix | None:
     return as_rows(matrix) if np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e4 else None
 
 
-def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
+def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Encoding | None:
     """Return the encoding that code points of H.273 (tables 2 and 3) declare; None for one that is
     not read.
+
+    Parameters
+    ----------
+    narrow : float, optional
+        0 for the full range; in the narrow range what one of 256 steps is of the largest value:
+        black is 16, white 235 of them.
     """
     curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
     if curve is None or corners is None:
         return None
+    if narrow:
+        full = curve
+        curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
     name = f"primaries {primaries} and transfer {transfer} of H.273"
     return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name)
 

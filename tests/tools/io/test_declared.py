@@ -81,6 +81,7 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
         (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 0),
         (codes(bt709(LIGHT)), {"cICP": b"\x01\x01\0\1"}, 0),
         (codes(in_space(BT2020)), {"cICP": b"\x09\x08\0\1"}, 0),
+        (codes((16 + 219 * srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
         # the order: cICP, iCCP, sRGB, then gAMA and cHRM
         (SRGB_16, {"gAMA": gama(1), "iCCP": iccp(LINEAR_PROFILE), "cICP": b"\x01\x0d\0\1"}, 0),
         (SRGB_16, {"gAMA": gama(1), "iCCP": iccp(SRGB_PROFILE), "cHRM": chrm(ADOBE)}, 0),
@@ -92,7 +93,6 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
         # what is not read is said, and the next counts
         (SRGB_16, {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0"}, 1),
         (SRGB_16, {"cICP": b"\x09\x10\x09\1", "iCCP": iccp(SRGB_PROFILE)}, 1),
-        (SRGB_16, {"cICP": b"\x01\x0d\0\0", "sRGB": b"\0"}, 1),
         (SRGB_16, {"iCCP": iccp(b"nonsense"), "gAMA": gama(0.45455)}, 1),
         (SRGB_16, {"iCCP": b"profile\0\0no zlib", "gAMA": gama(0.45455)}, 1),
         (SRGB_16, {"iCCP": bytes(5 << 20), "gAMA": gama(0.45455)}, 1),
