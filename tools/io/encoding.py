@@ -23,12 +23,17 @@ _LINEAR = 2e-3  # largest deviation from the identity of a curve that is called 
 _PQ_WHITE, _HLG_WHITE = 203.0, 0.75
 _P3_WHITE = (0.314, 0.351)
 _BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
+_BT601_625 = ((0.640, 0.330), (0.290, 0.600), (0.150, 0.060))
+_BT601_525 = ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070))
 _ADOBE_RGB = ((0.640, 0.330), (0.210, 0.710), (0.150, 0.060))  # Adobe RGB (1998), 4.3.1.1
 REC_2020 = as_rows(primaries_to_xyz(_BT2020))
 """Matrix from linear RGB of BT.2020 to XYZ (D50)."""
-# H.273, table 2, without those of television before BT.709.
+# H.273, table 2.
 _CODED_PRIMARIES = {
     1: (SRGB_PRIMARIES, D65_XY),
+    5: (_BT601_625, D65_XY),
+    6: (_BT601_525, D65_XY),
+    7: (_BT601_525, D65_XY),
     9: (_BT2020, D65_XY),
     11: (P3_PRIMARIES, _P3_WHITE),
     12: (P3_PRIMARIES, D65_XY),
@@ -138,6 +143,8 @@ def _hlg(encoded: DoubleArray) -> DoubleArray:
 # H.273, table 3.
 _CODED_CURVES: dict[int, Curve] = {
     **dict.fromkeys((1, 6, 14, 15), _bt709),
+    4: power_curve(2.2),
+    5: power_curve(2.8),
     8: power_curve(1.0),
     13: decode_srgb,
     16: _pq,
