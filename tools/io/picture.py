@@ -23,6 +23,7 @@ from .scene import RGB, Scene
 # quad of the Bayer sensor. Name of files, black level, camera.
 _GEHLERS = ((r"IMG_\d{4}", 129, "Canon 5D"), (r"8D5U\d{4}", 0, "Canon 1D"))
 _GEHLERS_WHITE = 4095  # 12 bits
+_USUAL_BITS = (8, 10, 12, 14, 16)  # of samples that are stored in wider words
 
 
 def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene:
@@ -37,7 +38,8 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
       4. 8 bits: sRGB (IEC 61966-2-1).
       5. More bits: linear light, as cameras and raw developers write it for measurements; a note
          says so.
-    Integers are divided by their peak.
+    Integers are divided by their peak; a note says so if they may have fewer bits than the words
+    that hold them.
     Raises InputError for integers wider than 32 bits, and for whatever `Scene` refuses.
     """
     pixels, notes = picture.pixels, [*picture.notes]
@@ -54,6 +56,7 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
             rgb = through_tables(pixels, picture.peak, encoding.profile)
         else:
             rgb = _linearised(picture, picture.peak, encoding)
+        _remark_on_bits(int(pixels.max(initial=0)), picture.peak, notes)
     else:
         raise InputError(
             f"the samples are {pixels.dtype}; expected unsigned integers of 8 to 32 bits or "
@@ -127,3 +130,19 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
         else:
             linear[..., channel] = curve(plane / peak)
     return linear
+
+
+def _remark_on_bits(highest: int, peak: int, notes: list[str]) -> None:
+    """Add a remark to the notes if samples of a usual number of bits lie at the lower end of wider
+    words.
+
+    highest: of the samples.
+    peak: the integer that stands for 1.0.
+    """
+    bits = next((bits for bits in _USUAL_BITS if highest < 1 << bits), 64)
+    times = (peak + 1) >> bits
+    if highest and times >= 4:
+        notes.append(
+            f"no sample is above {highest}, of {peak}: if the samples have {bits} bits, the scene "
+            f"is {times} times too dark; multiply them by {times}, and save the picture again"
+        )
