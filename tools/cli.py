@@ -150,7 +150,7 @@ def build_parser(verb: str) -> argparse.ArgumentParser:
         if name == verb:
             module = _module(name)
             child.description = module.__doc__
-            child.usage = f"panchroma {name} {module.USAGE} [options]"
+            child.usage = " ".join(f"panchroma {name} {module.USAGE} [options]".split())
             child.epilog = f"example:\n  {module.EXAMPLE}"
             module.add_arguments(child)
             _add_common(child, quiet=argparse.SUPPRESS, verbose=argparse.SUPPRESS)

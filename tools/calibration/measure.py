@@ -287,13 +287,14 @@ class Session:
             self.measured.base = None  # what refused frames state is not the camera's
             return
         self.measured.dark = dark
-        self._known["black_level"] = tuple(dark.black.tolist())
         self._console.say(dark.words)
         path, first = frames[0]
         stated = first.calibration
-        if np.abs(dark.black - stated.black_level).max() > _FAR * stated.white_level:
+        far = np.abs(dark.black - stated.black_level).max() > _FAR * stated.white_level
+        if far and "black_level" not in self._known:  # else frames have that of the camera file
             fault = "states another black level than the dark frames show"
             self._console.note(f"{path} {fault}: {figures(stated.black_level)} codes")
+        self._known["black_level"] = tuple(dark.black.tolist())
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
@@ -431,7 +432,7 @@ class Session:
     def _skip(self, paths: Sequence[str], error: Exception) -> None:
         """Say and record why these frames are skipped."""
         path, why = " ".join(paths), reason(error)
-        line = why if path in why else f"{path}: {why}"
+        line = why if why.startswith(path) else f"{path}: {why}"
         self.measured.skipped.append(without_folders(line, paths))
         self._console.error(f"skipped {line}", cause=error)
         self._console.record(source=path, ok=False, error=" ".join(why.split()))

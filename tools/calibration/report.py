@@ -98,6 +98,7 @@ def _plot_transfer(noise: NoiseResult, planes: str, axes: "Axes") -> None:
     axes.set(xlabel="mean, part of full scale", ylabel="variance", xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")  # a narrow range would show formulas as they are written
     axes.legend()
 
 

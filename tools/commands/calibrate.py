@@ -112,6 +112,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         chart_colours = read_reference(Path(arguments.chart))
     old = read_known(output) if arguments.update and output.exists() else None
     measurements = measure_frames(console, files, chart_colours, corners, arguments.sensor, old)
+    if old is not None and measurements.base is not None:
+        check_same(output, old, measurements.base)
     if measurements.base is None or measurements.empty:
         console.note(*measurements.remarks)
         console.error("no frame could be used, and no camera file was written")
@@ -123,8 +125,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             "what is said above, or leave these shots out to keep only what the other frames show"
         )
         return _refuse(output, error, console)
-    if old is not None:
-        check_same(output, old, measurements.base)
     today, program = datetime.now(UTC).date().isoformat(), f"panchroma {program_version()}"
     provenance = {"date": today, "program": program}
     result = conclude(measurements, provenance)

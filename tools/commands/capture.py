@@ -2,20 +2,17 @@
 or one burst of frames.
 
 SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames,
-genicam:ID, a GigE Vision or USB3
-Vision camera (genicam: lists them), or builtin:WIDTHxHEIGHT@FPS, a simulated sensor that looks at a
-moving scene. For example:
+genicam:ID, a GigE Vision or USB3 Vision camera (genicam: lists them), or builtin:WIDTHxHEIGHT@FPS,
+a simulated sensor that looks at a moving scene. For example:
 rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o shots --size 4056x3040
---pixel-format SRGGB12_CSI2P
---stride 6112. The first frames are compared with these options.
+--pixel-format SRGGB12_CSI2P --stride 6112. The first frames are compared with these options.
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a
 folder or a recording wait.
 --burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng,
--2.dng ..., and ends; if fewer come,
-or one cannot be written, none is saved. A stream that loses bytes on its way ends the command with
-exit code 1. SIGINT and SIGTERM
-end it after the current file (exit codes 130 and 0).
+-2.dng ..., and ends; if fewer come, or one cannot be written, none is saved. A stream that loses
+bytes on its way ends the command with exit code 1. SIGINT and SIGTERM end it after the current file
+(exit codes 130 and 0).
 """
 
 import argparse

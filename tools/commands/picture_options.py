@@ -19,7 +19,8 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     default.
     """
     kinds = FORMATS.values()
-    words = [f"{alias} is {name}" for alias, name in OTHER_NAMES.items()]
+    words = [", ".join(FORMATS)]
+    words += [f"{alias} is {name}" for alias, name in OTHER_NAMES.items()]
     words += [f"{kind.name}: {kind.about}" for kind in kinds if kind.about]
     group = parser.add_argument_group("the picture")
     chosen: dict[str, Any] = {"choices": tuple(FORMATS), "default": "tif", "type": _format}

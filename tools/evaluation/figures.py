@@ -58,18 +58,18 @@ class Criterion(NamedTuple):
 
 
 RGB = Criterion("RGB, dB", "rgb_q50")
-TENTH = Criterion("RGB, 10\u00a0%", "rgb_q10")
+TENTH = Criterion("RGB, 10 %", "rgb_q10")
 WHOLE = Criterion("whole image", "psnr")
-HUE = Criterion("wrong hue,\u00a0%", "wrong_hue", sign=-1, scale=100.0)
+HUE = Criterion("wrong hue, %", "wrong_hue", sign=-1, scale=100.0)
 CRITERIA = (
     RGB,
     Criterion("luminance", "luminance_q50"),
     Criterion("chrominance", "chrominance_q50"),
     TENTH,
-    Criterion("chrominance, 10\u00a0%", "chrominance_q10"),
+    Criterion("chrominance, 10 %", "chrominance_q10"),
     WHOLE,
     HUE,
-    Criterion("dark colour,\u00a0%", "kept_1", sign=0, digits=0, scale=100.0),
+    Criterion("dark colour, %", "kept_1", sign=0, digits=0, scale=100.0),
 )
 
 

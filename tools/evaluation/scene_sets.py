@@ -117,7 +117,7 @@ def _loaded(source: str, reading: Reading) -> Scene:
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST_SIDE:
         size = f"{scene.shape[1]} x {scene.shape[0]} pixels"
-        least = f"{_LEAST_SIDE} each way at least, for one patch within the border"
+        least = f"{_LEAST_SIDE} each way at least, also of `crop`, for one patch within the border"
         raise InputError(f"{size} are too few: {least}")
     return replace(scene, rgb=rgb)
 

@@ -108,6 +108,7 @@ def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) ->
     for words, why in (
         ([grey, tmp_path / "absent.dng"], said),
         ([grey, *repeated("--dark", (dark, copy))], "copy.dng: it is the same shot as .*dark0.dng"),
+        ([dark, "--dark", dark], f"skipped {dark}: it is the same shot as {dark}"),
     ):
         assert re.search(why, run("calibrate", *words, "-o", output, code=1).err)
         assert not output.exists()

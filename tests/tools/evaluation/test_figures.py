@@ -159,6 +159,9 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     # Two scenes and their pool, two levels, a rival and ours with three patterns.
     assert len(objects) == len(rows) == 3 * 2 * 4
     assert document["failed"] == ["a.txt: no picture"]
+    # a terminal has no use for blanks that it spells out
+    assert "  RGB, 10 %  " in plain_text(figures)
+    assert "\\x" not in plain_text(figures)
     assert document["protocol"]["levels"] == [0.0, 0.03]
     names, place = ("scene", "method", "level", "period"), ("scene0", "paper", 0.03, 4)
     (own,) = (item for item in objects if tuple(item[name] for name in names) == place)

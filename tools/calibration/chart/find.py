@@ -76,9 +76,10 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
                 return refined
             why = f"; the likeliest place was refused: {fault}"
     raise InputError(
-        f"no ColorChecker was found whole inside the frame{why}. Its white must read about three "
-        f"quarters, its patches be at least {least_pitch(period)} pixels apart at period {period}; "
-        "if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
+        f"no ColorChecker was found whole inside the frame{why}. Its colours must be those of the "
+        "`chart` file, if one is given, its white must read about three quarters, its patches be "
+        f"at least {least_pitch(period)} pixels apart at period {period}; if the chart is there, "
+        "give its corners: `corners` x,y x,y x,y x,y"
     )
 
 
