@@ -26,6 +26,9 @@ from .noise import SIGMAS, NoiseResult, noise_of_flats
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
+# of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be
+# stated in codes
+_LEVER = 0.2
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
 
@@ -225,7 +228,17 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
 
 
 def _wrong_black(fit: GammaFit) -> str:
-    """Return that shots contradict the black level, and what to do."""
+    """Return that shots contradict the black level, by how much, and what to do."""
+    offset, error = fit.offset
+    span = fit.calibration.white_level - fit.calibration.black_level[-1]
+    # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does
+    # not show.
+    lever, estimate = 1 - float(fit.gamma.sum()), ""
+    if abs(lever) > _LEVER:
+        codes, codes_error = (value * span / lever for value in (offset, error))
+        direction = "higher" if codes > 0 else "lower"
+        size = f"{abs(codes):.1f} ± {abs(codes_error):.1g}"
+        estimate = f": it seems to be {size} codes {direction}"
     which = "that is assumed"
     remedy = "take dark frames (`dark`), and give them together with these shots"
     if fit.assumed.black_measured:
@@ -234,7 +247,7 @@ def _wrong_black(fit: GammaFit) -> str:
         remedy = f"take dark frames anew, {settings}, and the chart without reflections"
     return (
         f"the shots contradict the black level {which} by {abs(fit.black_deviation):.0f} "
-        f"standard errors; {remedy}"
+        f"standard errors{estimate}; {remedy}"
     )
 
 

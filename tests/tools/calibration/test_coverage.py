@@ -46,7 +46,7 @@ def test_intervals_hold_whatever_was_not_measured() -> None:
             assert off.max() < 1.8, kind
 
 
-def test_a_chart_contradicts_a_black_level_that_is_off() -> None:
+def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
         outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
@@ -54,7 +54,8 @@ def test_a_chart_contradicts_a_black_level_that_is_off() -> None:
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
-        assert re.search(r"the black level that is assumed by .* take dark frames \(`dark`\)", said)
+        assert "contradict the black level that is assumed" in said
+        assert re.search(r"it seems to be 1.* codes higher; take dark frames \(`dark`\)", said)
         assert outcome.camera is not None  # gamma is honest, and dark frames may be added
 
 
