@@ -299,7 +299,7 @@ class CfaPattern:
             (np.arange(size) + start - origin) % self.period
             for size, start, origin in zip(shape, first, self.origin, strict=True)
         )
-        return self._tile_planes[np.ix_(rows, columns)]
+        return self._tile_planes[:, columns][rows]
 
     @cached_property
     def lattices(self) -> tuple[tuple[int, slice, slice], ...]:

@@ -95,7 +95,7 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
         outliers = find_outliers(frame, settings, bad)
         if np.count_nonzero(outliers) <= _MOST_OUTLIERS * bad.size:
             bad |= outliers
-    places = np.nonzero(bad)
+    places = np.divmod(np.flatnonzero(bad), bad.shape[1])
     panchromatic = _panchromatic(frame, *places)
     if panchromatic.any():
         signal = copy_array(frame.signal)
