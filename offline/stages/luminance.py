@@ -247,10 +247,13 @@ def _fill_isolated(
     for edge, (filled, _) in zip(edges, margins, strict=True):
         start[edge] = filled
     places, extent = np.array([site[:2] for site in pattern.sites]), pattern.block_shape
-    changes, response = np.empty(len(rows), np.float32), _response(extent, places)
+    inner = np.ones((3, down + 3, across + 3))
+    inside = np.flatnonzero(np.pad(inner, ((0, 0), (1, 1), (1, 1))))
+    changes = np.empty(len(rows), np.float32)
+    kind = extent, places, _FILTERS, _response(extent, places), inside
     for first in range(0, len(rows), _PIECE):
         corner = int(rows[first]), int(columns[0])
-        blocks = Blocks(corner, len(columns), pattern.period, extent, places, _FILTERS, response)
+        blocks = Blocks(corner, len(columns), pattern.period, *kind)
         fill_blocks(start, blocks, thresholds, changes[first : first + _PIECE])
         progress.advance()
     return start, max(float(changes.max()), *(change for _, change in margins))
@@ -401,6 +404,8 @@ class Blocks(NamedTuple):
     response : Floats3
         (3 (rows + 3) (columns + 3), chunks of holes, CHUNK), what a sample of 1 in each hole adds
         to the coefficients that see any.
+    inside : Ints1
+        Where those are among all coefficients of the three bands, one after the other.
     """
 
     first: Pair
@@ -410,6 +415,7 @@ class Blocks(NamedTuple):
     holes: Ints2
     filters: Floats3
     response: Floats3
+    inside: Ints1
 
 
 @parallel_kernel()
@@ -427,7 +433,8 @@ def fill_blocks(
     changes : Floats1
         (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
-    (rows, columns), holes, response = blocks.extent, blocks.holes, blocks.response
+    (rows, columns), holes = blocks.extent, blocks.holes
+    response, inside = blocks.response, blocks.inside
     inner, chunks, _ = response.shape
     tall, wide = rows + 2 * REACH, columns + 2 * REACH
     for row in range(pieces[0], pieces[1]):
@@ -435,7 +442,7 @@ def fill_blocks(
         known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
         values, before = zeros(chunks * CHUNK, WIDTH), zeros(chunks * CHUNK, WIDTH)
         outermost, largest = zeros(1, WIDTH), zeros(1, WIDTH)
-        flat, inside = squares.reshape(-1, WIDTH), _inside(squares)
+        flat = squares.reshape(-1, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
         changes[row] = _ZERO
         for group in range(0, blocks.across, WIDTH):
@@ -497,19 +504,6 @@ def _decompose_blocks(
 
 
 @kernel
-def _inside(squares: Floats4) -> Ints1:
-    """Where in three bands, one after the other, all coefficients but the outermost are."""
-    bands, rows, columns, _ = squares.shape
-    places, place = np.empty(bands * (rows - 2) * (columns - 2), np.intp), 0
-    for band in range(bands):
-        for row in range(1, rows - 1):
-            for column in range(1, columns - 1):
-                places[place] = (band * rows + row) * columns + column
-                place += 1
-    return places
-
-
-@kernel
 def _respond(
     values: Floats2,
     known: Floats2,
@@ -521,7 +515,7 @@ def _respond(
 ) -> Lanes:
     """Add the holes' part to the known coefficients. Returns the largest of all squares.
 
-    squares, inside: (coefficients, WIDTH), and where in them those are that holes add to.
+    squares, inside: (coefficients, WIDTH), and see `Blocks`.
     """
     most = load(outermost, (0, 0))
     for chunk in range(response.shape[1]):
