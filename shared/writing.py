@@ -120,15 +120,10 @@ def _named(path: Path) -> Iterator[None]:
         raise OutputError(f"{path}: {reason(error, path)}") from error
 
 
-def sync_folder(folder: Path) -> bool:
-    """Wait until the names of the files in a folder are on the disk.
+def sync_folder(folder: Path) -> None:
+    """Wait until the names of the files in a folder are on the disk, if its file system can.
 
     Where it can but fails, the files are whole and have their names: that is a DurabilityWarning.
-
-    Returns
-    -------
-    bool
-        False on a file system that cannot do that.
 
     Raises
     ------
@@ -151,8 +146,6 @@ def sync_folder(folder: Path) -> bool:
                 DurabilityWarning,
                 stacklevel=1,
             )
-        return False
-    return True
 
 
 def part_path(path: Path) -> Path:
