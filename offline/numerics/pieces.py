@@ -1,7 +1,7 @@
 """Distribution of work among threads, in pieces that do not depend on each other.
 
-Threads are started for each call, which takes 0.1 ms, and end with it: those that stay would be
-lost in a child made by fork. Several threads may call at a time.
+The calling thread works, too. Others are started for each call, which takes 0.1 to 0.5 ms, and end
+with it: those that stay would be lost in a child made by fork. Several threads may call at a time.
 """
 
 from collections import deque
@@ -34,25 +34,29 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
     """
     # shared by all threads
     ranges = iter([(start, min(start + together, pieces)) for start in range(0, pieces, together)])
-    count = min(threads(), -(-pieces // together))
-    if count <= 1:
+    others = min(threads(), -(-pieces // together)) - 1
+    if others < 1:
         for first, end in ranges:
             work(first, end)
         return
 
-    def drain(_: int) -> None:
-        chosen.count = 1  # what a piece calls shares nothing once more
+    def drain() -> None:
+        before, chosen.count = chosen.count, 1  # what a piece calls shares nothing once more
         try:
             for first, end in ranges:
                 work(first, end)
         finally:
+            chosen.count = before
             deque(ranges, maxlen=0)  # after an error the others begin nothing more
 
-    with ThreadPoolExecutor(count, "panchroma") as executor:
+    with ThreadPoolExecutor(others, "panchroma") as executor:
         try:
-            deque(executor.map(drain, range(count)), maxlen=0)
+            started = [executor.submit(drain) for _ in range(others)]
+            drain()
         finally:
             deque(ranges, maxlen=0)  # after an interrupt
+        for other in started:
+            other.result()
 
 
 def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -> None:
@@ -72,7 +76,12 @@ def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
 
 def copy_together(copies: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> None:
     """Copy arrays side by side; `copies`: (target, source) of each."""
-    in_pieces(lambda index, _: np.copyto(*copies[index]), len(copies))
+    cut = [
+        (target[rows], source[rows])
+        for target, source in copies
+        for rows in strips(len(target), STRIP // 4)
+    ]
+    in_pieces(lambda index, _: np.copyto(*cut[index]), len(cut))
 
 
 def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:
