@@ -10,12 +10,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..shared.arrays import STRIP, FloatArray
+from ..shared.arrays import FloatArray
 from ..shared.errors import InputError
 from ..shared.progress import SILENT, Progress
 from .numerics.pieces import copy_together
 
-_ROWS = STRIP // 4  # of a part between two stages
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No
 photograph changes.
@@ -171,16 +170,9 @@ def run_stages(
     >>> [float(part.luminance.max()) for part in run_stages(parts, [Darker(), Darker()], 2)]
     [0.25, 0.25]
     """
-    for number, stage in enumerate(stages):
-        parts = apply_stage(_short(parts) if number else parts, stage, height, progress)
+    for stage in stages:
+        parts = apply_stage(parts, stage, height, progress)
     return parts
-
-
-def _short(parts: Iterable[Part]) -> Iterator[Part]:
-    """The parts, tall ones in pieces: a stage joins those that it looks at in new memory."""
-    for part in parts:
-        for first in range(part.first, part.end, _ROWS):
-            yield part.rows(first, min(first + _ROWS, part.end))
 
 
 def apply_stage(

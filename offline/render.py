@@ -177,9 +177,10 @@ def render(
     luminance = np.empty(mosaic.shape, np.float32)
     chromaticity = np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
     rgb = np.empty_like(chromaticity)
-    for part, band in _render_rgb(measured, settings, log, stages):
+    for part in render_parts(measured, settings, log, stages):
         rows = slice(part.first, part.end)
-        planes = (luminance, part.luminance), (chromaticity, part.chromaticity), (rgb, band)
+        _apply_luminance(part, rgb[rows])
+        planes = (luminance, part.luminance), (chromaticity, part.chromaticity)
         copy_together([(plane[rows], source) for plane, source in planes])
     return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost)
 
@@ -231,8 +232,8 @@ def colour_bands(
     >>> [band.shape for band in colour_bands(measure(grey))]
     [(30, 40, 3)]
     """
-    for _, band in _render_rgb(measured, settings, progress, stages):
-        yield band
+    for part in render_parts(measured, settings, progress, stages):
+        yield _apply_luminance(part, np.empty_like(part.chromaticity))
 
 
 @cache
@@ -435,15 +436,11 @@ def _grey_parts(measured: Measured, progress: Progress, *, whole: bool) -> Itera
         progress.advance()
 
 
-def _render_rgb(
-    measured: Measured, settings: RenderSettings, progress: Progress, stages: Stages
-) -> Iterator[tuple[Part, FloatArray]]:
-    """The parts of a picture, and of each channels times luminance (Eq. 17)."""
-    for part in render_parts(measured, settings, progress, stages):
-        band = np.empty_like(part.chromaticity)
-        apply_luminance(part.chromaticity, np.ascontiguousarray(part.luminance), band)  # Eq. 17
-        check_finite(band, part.first)
-        yield part, band
+def _apply_luminance(part: Part, rgb: FloatArray) -> FloatArray:
+    """Write each channel of a part times luminance into `rgb` (Eq. 17), and return that."""
+    apply_luminance(part.chromaticity, np.ascontiguousarray(part.luminance), rgb)
+    check_finite(rgb, part.first)
+    return rgb
 
 
 def _make_stages(
