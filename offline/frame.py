@@ -197,6 +197,14 @@ class Sites:
             yield near[y : y + down : period, x : x + across : period]
 
 
+def mean_of_sites(*factors: NDArray[Any]) -> NDArray[Any]:
+    """The mean over the sites of each block, B, of a product of values, each (*B, S). Along an axis
+    as short, NumPy's `mean` takes three times as long.
+    """
+    product = ",".join(["...s"] * len(factors)) + "->..."
+    return np.einsum(product, *factors) / factors[0].dtype.type(factors[0].shape[-1])
+
+
 class Surroundings(NamedTuple):
     """The panchromatic samples around blocks, float64, scene units.
 
@@ -280,7 +288,7 @@ def sum_noise(
     squares = (gamma[sites.channels] / sites.pattern.site_counts[sites.channels]) ** 2
     per_light = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / len(sites.ring)
     fixed = squares @ variance[sites.channels] + variance[-1] / len(sites.ring)
-    return np.sqrt(per_light * np.maximum(light.mean(axis=2), 0) + fixed)
+    return np.sqrt(per_light * np.maximum(mean_of_sites(light), 0) + fixed)
 
 
 def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid) -> FloatArray:

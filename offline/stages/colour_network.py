@@ -37,7 +37,7 @@ import numpy as np
 from ...shared.arrays import FloatArray, IndexArray, mirrored
 from ...shared.networks import Block, load_network, network_for
 from ...shared.pattern import CfaPattern
-from ..frame import Sites
+from ..frame import Sites, mean_of_sites
 from ..measured import BlockSamples
 from ..numerics.arrays import Floats2, Floats3, Floats4, Ints1
 from ..numerics.compile import Pieces, parallel_kernel
@@ -513,7 +513,7 @@ class Residuals:
         rows = samples.within(part)
         error = samples.residual(part, rows)[..., cells.sites]
         noise = samples.scaled_variance(gamma, rows)
-        variance = np.zeros(error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
+        variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
         variance = np.where(samples.unclipped[rows], variance, np.float32(UNKNOWN))
         # In photographs the network also corrects what a colour line explains, in print lines are
         # certain: 8 costs 0.02 dB.

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shared.arrays import DoubleArray, FloatArray
-from ..frame import Cleaned, sum_noise
+from ..frame import Cleaned, mean_of_sites, sum_noise
 from ..numerics.gaussian import smoothed
 from ..stage import Positive, Switch
 
@@ -64,7 +64,7 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
     if not settings.used or frame.mosaic.pattern.derived is not None:
         return None
     around, total = frame.around, frame.sites.means(frame.samples) @ frame.gamma
-    light, clipped = around.light.mean(axis=2), around.highest >= frame.clipping
+    light, clipped = mean_of_sites(around.light), around.highest >= frame.clipping
     # Clipped surroundings read too little: where all of them are clipped the block may exceed them.
     apart = np.where(
         around.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total)
@@ -75,7 +75,9 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
         1
         + (apart / (tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure)) ** _STEEPNESS
     )
-    return np.where(clipped, confidence * brightness_agreement(total, unsure), confidence)
+    if clipped.any():
+        confidence[clipped] *= brightness_agreement(total, unsure)[clipped]
+    return confidence
 
 
 def brightness_agreement(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:

@@ -35,7 +35,7 @@ import numpy as np
 
 from ...shared.arrays import FloatArray
 from ...shared.site_errors import nearness
-from ..frame import Cleaned, Sites, curvature, unclipped_blocks
+from ..frame import Cleaned, Sites, curvature, mean_of_sites, unclipped_blocks
 from ..measured import EVEN, BlockSamples
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.compile import Pieces, kernel, parallel_kernel
@@ -168,8 +168,8 @@ def _block_residuals(
             for plane in (lines.offset, lines.slope)
         )
         apart = offset + slope * light - picture
-        least = np.square(np.float32(EVEN) * light).mean(axis=2)
-        far = np.maximum(np.square(apart).mean(axis=2), np.maximum(least, np.float32(_LEAST_POWER)))
+        least = np.float32(EVEN**2) * mean_of_sites(light, light)
+        far = np.maximum(mean_of_sites(apart, apart), np.maximum(least, np.float32(_LEAST_POWER)))
         share = (lines.share[rows] * (1 - least / far))[..., None]
         picture += share * apart
         weight += share * (slope - weight)
@@ -188,7 +188,7 @@ def signal_power(error: FloatArray, variance: FloatArray | None) -> FloatArray:
     variance : FloatArray | None
         Of the noise, (rows, columns); None = no noise.
     """
-    power = smoothed(np.square(error).mean(axis=2), _WIDTH)
+    power = smoothed(mean_of_sites(error, error), _WIDTH)
     if variance is not None:
         power = np.maximum(power - np.float32(_DEVIATIONS) * variance, 0)
     return power.astype(np.float32, copy=False)
@@ -206,8 +206,8 @@ def estimate_errors(
         e and w, (rows, columns, S).
     """
     sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
-    mean = signal_power(error, None if variance is None else variance.mean(axis=2))  # M
-    share = np.square(weight).mean(axis=2)  # q
+    mean = signal_power(error, None if variance is None else mean_of_sites(variance))  # M
+    share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
     of_light = np.minimum(np.square(measured.fill_error[rows]), most)
     of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean) / np.float32(
@@ -386,9 +386,10 @@ class Correction(RowStage):
             before, after = luminance[place], luminance[place] + light[..., site]
             # what is not a number is to be seen, and refused
             lit = ~((after <= DARK) | (before <= DARK))
+            luminance[place] = np.where(lit, after, before)
             # Colour that luminance gains has the chromaticity that was there; tints leave luminance
             # as it is.
-            tint = tints[:, :, site] / (gamma * np.where(lit, after, 1)[..., None])
-            chromaticity[place] += np.where(lit[..., None], tint, 0)
-            luminance[place] = np.where(lit, after, before)
+            share = lit / np.where(lit, after, np.float32(1))
+            for channel, weight in enumerate(gamma):
+                chromaticity[place][..., channel] += tints[..., site, channel] * (share / weight)
         return replace(part, luminance=luminance, chromaticity=chromaticity).rows(*rows)

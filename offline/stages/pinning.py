@@ -26,6 +26,7 @@ import numpy as np
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.calibration import derived_channel
 from ...shared.progress import SILENT, Progress
+from ..frame import mean_of_sites
 from ..measured import BlockSamples, Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolate
@@ -113,7 +114,7 @@ class Pinning(RowStage):
         if tiles.start >= tiles.stop:
             return part.rows(*rows)
         variance = samples.scaled_variance(gamma, tiles)
-        noise = None if variance is None else variance.mean(axis=2)
+        noise = None if variance is None else mean_of_sites(variance)
         power = signal_power(samples.residual(part, tiles), noise)
         confidence = _confidence(power, noise) * samples.unclipped[tiles]
         places = samples.inside(part, tiles)
