@@ -39,7 +39,7 @@ from ...shared.networks import Block, load_network, network_for
 from ...shared.pattern import CfaPattern
 from ..frame import Sites, mean_of_sites
 from ..measured import BlockSamples
-from ..numerics.arrays import Floats2, Floats3, Floats4, Ints1
+from ..numerics.arrays import Floats1, Floats2, Floats3, Floats4, Ints1
 from ..numerics.compile import Pieces, parallel_kernel
 from ..numerics.pieces import copy_array, in_pieces
 from ..parts import DARK, Halo, Part, RowStage
@@ -80,6 +80,7 @@ _QUIET = 0.005
 # cells of a tile down and, at most, across: wider ones leave the processor's cache
 _TILE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
+_ZERO, _THIRD = np.float32(0), np.float32(1 / 3)
 
 Span = tuple[int, int]
 """First and end of some rows, or columns, of cells; they may lie outside the frame."""
@@ -120,7 +121,7 @@ class ColourNetwork(RowStage):
     gamma: FloatArray
 
     name = "learned"
-    kernels = ("cut_cells",)
+    kernels = ("cut_cells", "add_answer")
 
     @property
     def halo(self) -> Halo:
@@ -134,8 +135,8 @@ class ColourNetwork(RowStage):
 
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows with their chromaticity corrected; they end where tiles do."""
-        cells, network = self._cells, load_network(self.path)
-        residuals, size = Residuals(cells, part, self.samples, self.gamma), _TILE * cells.period
+        cells, network, gamma = self._cells, load_network(self.path), self.gamma
+        residuals, size = Residuals(cells, part, self.samples, gamma), _TILE * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
         # an even number of tiles in a row: two threads end together
         count = 2 * -(-cells.shape[1] // (2 * _WIDEST))
@@ -149,9 +150,8 @@ class ColourNetwork(RowStage):
                 for index, side in zip(tile, sides, strict=True)
             ]
             error, variance, unexplained = residuals.of(*region)
-            contrast = Contrast.of(
-                cells.cut(part, self.gamma, region[0], region[1]), error, variance
-            )
+            pixels = cells.cut(part, gamma, region[0], region[1])
+            contrast = Contrast.of(pixels, error, variance)
             contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
             box = [
@@ -166,7 +166,7 @@ class ColourNetwork(RowStage):
                     cells.span(axis, region[axis], span) for axis, span in enumerate((down, across))
                 ]
                 cells.add(
-                    contrast.around(down, across, 1).change(answer[0]), spans, result, self.gamma
+                    contrast.around(down, across, 1).answered(answer[0]), spans, result, gamma
                 )
 
         tiles = [(down, across) for down in range(first, last + 1) for across in range(count)]
@@ -260,33 +260,41 @@ class Contrast(NamedTuple):
         inputs[-1] = self.bound * scale
         return np.clip(inputs, -RANGE, RANGE, out=inputs)
 
-    def change(self, answer: FloatArray) -> FloatArray:
-        """Return the change of R, G and B, times gamma, in all but the outermost cells, (3, K^2, h
-        - 2, w - 2).
-
-        Parameters
-        ----------
-        answer : FloatArray
-            Of the network, (2 K^2, h - 2, w - 2).
+    def answered(self, answer: FloatArray) -> "Answer":
+        """Return the network's answer, (2 K^2, h - 2, w - 2), and its limits, for all but the
+        outermost cells.
         """
-        safe = np.maximum(
-            np.maximum(self.pixels[0], np.float32(_DIM) * self.own), np.float32(_LEAST_DIM)
-        )
-        chromaticity = self.pixels[1:] / safe
+        chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], self._dim())
         low, high = (
-            _extreme(of, of.reduce(chromaticity, axis=1))[:, None]
-            for of in (np.minimum, np.maximum)
+            _extreme(of, of.reduce(chromaticity, axis=1)) for of in (np.minimum, np.maximum)
         )
-        safe, colour = _inner(safe), _inner(self.pixels[1:])
-        change = answer.reshape(colour.shape) * _inner(self.bound)
-        change = np.maximum(change, np.minimum(low * safe - colour, 0))
-        change = np.minimum(change, np.maximum(high * safe - colour, 0))
-        return np.stack(
-            [
-                sum(weight * plane for weight, plane in zip(row, change, strict=True))
-                for row in BASIS.T
-            ]
-        )
+        bound, dim = (np.ascontiguousarray(_inner(plane)) for plane in (self.bound, self._dim()))
+        return Answer(answer.reshape(2, -1, *bound.shape), bound, dim, low, high)
+
+    def _dim(self) -> FloatArray:
+        return np.maximum(np.float32(_DIM) * self.own, np.float32(_LEAST_DIM))
+
+
+class Answer(NamedTuple):
+    """Answer of the network for h x w cells, and what limits it.
+
+    Attributes
+    ----------
+    change : Floats4
+        Of the two components of colour, in units of the bound, (2, K^2, h, w).
+    bound : Floats2
+        b, scene units, (h, w).
+    dim : Floats2
+        Mean of the channels, scene units, below which a pixel's chromaticity tells little, (h, w).
+    low, high : Floats3
+        Range of p_k / l in 3 x 3 cells, (2, h, w).
+    """
+
+    change: Floats4
+    bound: Floats2
+    dim: Floats2
+    low: Floats3
+    high: Floats3
 
 
 def _inner(planes: FloatArray, cells: int = 1) -> FloatArray:
@@ -390,54 +398,31 @@ class Cells:
         part : Part
             All rows of the frame that the cells show.
         """
-        down = (
-            mirrored(self._pixels(0, rows), self.frame[0]).clip(part.first, part.end - 1)
-            - part.first
+        down, across = (
+            mirrored(self._turned_pixels(axis, span), self.frame[axis])
+            for axis, span in enumerate((rows, columns))
         )
-        across = mirrored(self._pixels(1, columns), self.frame[1])
+        down = down.clip(part.first, part.end - 1) - part.first
         of_channels = np.empty_like(weights)
         of_channels[:, self.channels] = weights * gamma[self.channels]
         picture = np.empty(
             (3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]), np.float32
         )
-        down, across = (
-            np.ascontiguousarray(place[::step])
-            for place, step in zip((down, across), self.steps, strict=True)
-        )
         cut_cells(part.luminance, part.chromaticity, of_channels, down, across, picture)
         return picture
 
-    def add(self, change: FloatArray, spans: list[Span], result: Part, gamma: FloatArray) -> None:
-        """Change R, G and B, times gamma, of some cells, (3, K^2, h, w), in the chromaticity of a
-        part, as far as that has them.
+    def add(self, answer: Answer, spans: list[Span], result: Part, gamma: FloatArray) -> None:
+        """Correct the chromaticity of a part in some cells, as far as it has them.
 
         Parameters
         ----------
         spans : list[Span]
-            Rows and columns of the cells in the frame. No channel gains or loses more than the
-            luminance, which stays.
+            Rows and columns of the cells in the frame.
         """
-        down, across = ((pixels[0], pixels[-1] + 1) for pixels in map(self._pixels, (0, 1), spans))
-        shape = (
-            self.period,
-            self.period,
-            (down[1] - down[0]) // self.period,
-            (across[1] - across[0]) // self.period,
-        )
-        planes = [
-            plane.reshape(shape).transpose(2, 0, 3, 1).reshape(down[1] - down[0], -1)
-            for plane in change
-        ]
-        top, end = max(down[0], result.first), min(down[1], result.end)
-        left, right = max(across[0], 0), min(across[1], result.luminance.shape[1])
-        place = slice(top - result.first, end - result.first), slice(left, right)
-        colours = self.turned(np.stack(planes))[
-            :, top - down[0] : end - down[0], left - across[0] : right - across[0]
-        ]
-        light = result.luminance[place]
-        limit = np.where(light > DARK, np.maximum(light, np.abs(colours).max(axis=0)), np.inf)
-        for channel, colour in zip(self.channels, colours, strict=True):
-            result.chromaticity[place][..., channel] += colour / (limit * gamma[channel])
+        basis, (rows, columns) = np.empty_like(BASIS), map(self._turned_pixels, (0, 1), spans)
+        basis[:, self.channels] = BASIS
+        places = rows - result.first, columns
+        add_answer(answer, basis, gamma, places, result.luminance, result.chromaticity)
 
     def span(self, axis: int, region: Span, inner: Span) -> Span:
         """Return the cells of the frame that are some of those inside the outermost `_HALO` of a
@@ -456,8 +441,10 @@ class Cells:
         """
         return planes[..., :: self.steps[0], :: self.steps[1]]
 
-    def _pixels(self, axis: int, span: Span) -> IndexArray:
-        return self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
+    def _turned_pixels(self, axis: int, span: Span) -> IndexArray:
+        """Rows, or columns, of the frame at the pixels of cells, in the network's orientation."""
+        pixels = self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
+        return np.ascontiguousarray(pixels[:: self.steps[axis]])
 
 
 @parallel_kernel(pieces=lambda *given: given[-1].shape[2])
@@ -498,6 +485,54 @@ def cut_cells(
                         + weights[plane, 2] * colour[2]
                     )
                     out[plane, pixel, down, across] = total * light
+
+
+@parallel_kernel(pieces=lambda answer, *_: answer.change.shape[2])
+def add_answer(
+    pieces: Pieces,
+    answer: Answer,
+    basis: Floats2,
+    gamma: Floats1,
+    places: tuple[Ints1, Ints1],
+    luminance: Floats2,
+    chromaticity: Floats3,
+) -> None:
+    """Add the answer for h x w cells to chromaticity, (H, W, 3), within its limits. No channel
+    gains or loses more than the luminance, (H, W), which stays.
+
+    Parameters
+    ----------
+    basis : Floats2
+        e1 and e2 of the three channels, (2, 3).
+    places : tuple[Ints1, Ints1]
+        Rows and columns of all pixels of the cells, (h K,) and (w K,), also outside the picture.
+    """
+    (rows, columns), (_, _, height, width) = places, answer.change.shape
+    period, (bottom, right), step = len(rows) // height, luminance.shape, np.zeros(3, np.float32)
+    for down in range(pieces[0], pieces[1]):
+        for pixel in range(period * period):
+            row, first = rows[down * period + pixel // period], pixel % period
+            for across in range(width if 0 <= row < bottom else 0):
+                column = columns[across * period + first]
+                light = luminance[row, column] if 0 <= column < right else _ZERO
+                if light <= DARK:
+                    continue
+                colour = chromaticity[row, column]
+                safe = max(light * _THIRD, answer.dim[down, across])
+                step[:] = _ZERO
+                for k in range(2):
+                    here = _ZERO
+                    for channel in range(3):
+                        here += basis[k, channel] * gamma[channel] * colour[channel]
+                    here *= light
+                    change = answer.change[k, pixel, down, across] * answer.bound[down, across]
+                    change = max(change, min(answer.low[k, down, across] * safe - here, _ZERO))
+                    change = min(change, max(answer.high[k, down, across] * safe - here, _ZERO))
+                    for channel in range(3):
+                        step[channel] += basis[k, channel] * change
+                limit = max(light, abs(step[0]), abs(step[1]), abs(step[2]))
+                for channel in range(3):
+                    colour[channel] += step[channel] / (limit * gamma[channel])
 
 
 class Residuals:
