@@ -78,7 +78,7 @@ _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite p
 # share of squared samples, and scene units squared: weights are finite where nothing changes
 _FLAT, _TINY = 1e-8, 1e-30
 # rows, and places, that are looked at together: so they stay in the processor's cache
-_ROWS, _TOGETHER = STRIP // 4, 1 << 14
+_ROWS, _TOGETHER = STRIP // 2, 1 << 14
 
 
 def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress = SILENT) -> Cleaned:
@@ -95,7 +95,7 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
         outliers = find_outliers(frame, settings, bad)
         if np.count_nonzero(outliers) <= _MOST_OUTLIERS * bad.size:
             bad |= outliers
-    places = np.divmod(np.flatnonzero(bad), bad.shape[1])
+    places = _places(bad)
     panchromatic = _panchromatic(frame, *places)
     if panchromatic.any():
         signal = copy_array(frame.signal)
@@ -175,21 +175,17 @@ class _Strip:
     def outliers(self) -> BoolArray:
         """The outliers among its rows, bool (rows, W)."""
         core, near = (np.s_[edge:-edge, edge:-edge] for edge in (self.halo, self.halo - 1))
-        missing, value = np.isnan(self.luminance), self.luminance[core]
-        most = _of_neighbours(
-            np.where(missing, np.float32(-np.inf), self.luminance)[near], np.maximum
-        )
-        least = _of_neighbours(
-            np.where(missing | self.coloured, np.float32(np.inf), self.luminance)[near], np.minimum
-        )
-        beyond = np.maximum(value - most, least - value) - self.noise(most)
-        candidates: BoolArray = (beyond > self.settings.floor * self.frame.level) & ~self.coloured[
-            core
-        ]
-        if candidates.any():
-            row, column = np.nonzero(candidates)
-            candidates[row, column] = self.stand_out(row + self.halo, column + self.halo)
-        return candidates
+        value, floor = self.luminance[core], self.settings.floor * self.frame.level
+        most = _of_neighbours(self.luminance[near], np.fmax)
+        panchromatic = np.where(self.coloured, np.float32(np.inf), self.luminance)
+        least = _of_neighbours(panchromatic[near], np.fmin)
+        beyond = np.maximum(value - most, least - value)
+        outliers: BoolArray = (beyond > floor) & ~self.coloured[core]
+        place = _places(outliers)
+        outliers[place] = beyond[place] - self.noise(most[place]) > floor
+        place = _places(outliers)
+        outliers[place] = self.stand_out(*place)
+        return outliers
 
     def noise(self, luminance: FloatArray) -> FloatArray:
         """Difference of panchromatic samples of some luminance that noise explains."""
@@ -197,9 +193,10 @@ class _Strip:
         return np.float32(self.settings.deviations) * np.sqrt(noise.variance(luminance))
 
     def stand_out(self, row: IndexArray, column: IndexArray) -> BoolArray:
-        """Tell for each of N panchromatic samples whether the sample is an outlier by the
-        definition above.
+        """Tell for each of N panchromatic samples of its rows whether the sample is an outlier by
+        the definition above.
         """
+        row, column = row + self.halo, column + self.halo
         value = self.luminance[row, column]
         floor = np.float32(self.settings.floor * self.frame.level)
         near, wide = (
@@ -212,11 +209,9 @@ class _Strip:
         second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
         allowed = self.settings.contrast * (second - wide[:, 1]) + self.noise(high) + floor
         outlier = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
-        row = row[outlier]
-        column = column[outlier]
-        value = value[outlier]
-        low = low[outlier]
-        high = high[outlier]
+        row, column, value, low, high = (
+            given[outlier] for given in (row, column, value, low, high)
+        )
         # The usual brightness of the colour sites beside a sample is their mean in the tiles above,
         # below, left and right.
         period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
@@ -246,6 +241,11 @@ class _Strip:
             row - reach, column - reach
         ]
         return windows.reshape(len(windows), side**2)
+
+
+def _places(marked: BoolArray) -> tuple[IndexArray, IndexArray]:
+    """Row and column of what is marked; in a tenth of the time of `np.nonzero`."""
+    return np.divmod(np.flatnonzero(marked), marked.shape[1])
 
 
 def _of_neighbours(wide: FloatArray, larger: np.ufunc) -> FloatArray:
