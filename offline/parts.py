@@ -205,19 +205,11 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
     for name, plane in planes.items():
         if plane is None and name == "residual":
             continue
-        if (
-            not isinstance(plane, np.ndarray)
-            or plane.dtype != np.float32
-            or plane.shape != shapes[name]
-        ):
-            received = (
-                f"{plane.dtype} {plane.shape}"
-                if isinstance(plane, np.ndarray)
-                else type(plane).__name__
-            )
-            raise InputError(
-                f"{returned} a {name} that is {received}, expected float32 {shapes[name]}"
-            )
+        received, expected = type(plane).__name__, f"float32 {shapes[name]}"
+        if isinstance(plane, np.ndarray):
+            received = f"{plane.dtype} {plane.shape}"
+        if received != expected:
+            raise InputError(f"{returned} a {name} that is {received}, expected {expected}")
         if not np.isfinite(plane).all():
             row, column = np.argwhere(~np.isfinite(plane))[0, :2].tolist()
             raise InputError(

@@ -70,7 +70,7 @@ def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
     part.
     """
     made = np.empty(plane.shape, plane.dtype)
-    in_strips(lambda rows: np.copyto(made[rows], plane[rows]), len(plane), STRIP // 4)
+    copy_together([(made, plane)])
     return made
 
 

@@ -225,17 +225,8 @@ class Contrast(NamedTuple):
         pixels, error, variance, own = (
             _inner(planes, MARGIN) for planes in (pixels, error, variance, means[0])
         )
-        return cls(
-            pixels,
-            _inner(departures),
-            error,
-            variance,
-            own,
-            _inner(light),
-            _inner(colour),
-            activity,
-            bound,
-        )
+        departures, light, colour = map(_inner, (departures, light, colour))
+        return cls(pixels, departures, error, variance, own, light, colour, activity, bound)
 
     def around(self, rows: Span, columns: Span, cells: int) -> "Contrast":
         """Return some of the cells inside the outermost `REACH`, with some `cells` more on each
