@@ -48,8 +48,11 @@ _KEPT = (
 # squared differences that show that something moves: a share of texture, and times their median
 _MOVED, _USUAL = 0.3, 4.0
 _ROUNDS = 2  # on each copy, each without what the one before has seen moving
-# iterations and change of the coefficient that end ECC
-_UNTIL = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5
+# of ECC: shift and rotation; iterations and change of the coefficient that end it
+_MODEL = cv2.MOTION_EUCLIDEAN, (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5)
+# of the mean light, added before roots are taken: noise in the dark would decide. Without roots
+# errors are twice as large (0.008 instead of 0.005 pixels, 0.037 instead of 0.016 with lamps)
+_BLACK = 0.1
 _ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
 _TILE = 32  # pixels between nodes of local shifts
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
@@ -185,10 +188,8 @@ def _gain(reference: View, frame: View) -> float:
 def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     """Smaller and smaller copies. Light that is clipped in one is in both."""
     limit = np.float32(min(reference.limit, frame.limit / gain))
-    planes = [
-        np.minimum(reference.luminance, limit),
-        np.minimum(frame.luminance / np.float32(gain), limit),
-    ]
+    light = reference.luminance, frame.luminance / np.float32(gain)
+    planes = [np.minimum(plane, limit) for plane in light]
     level = float(planes[0].mean())
     variance = float(reference.variance(level) + frame.variance(level * gain) / gain**2)
     scale = 1
@@ -239,16 +240,18 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
 
 
 def _refined(copy: _Copy, motion: Motion) -> Alignment:
-    """The shift and rotation, pixels of the copies, by which these correlate most; those given if
-    OpenCV finds no better ones.
+    """The shift and rotation, pixels of the copies, by which the roots of their light correlate
+    most, so that lamps do not decide alone; those given if OpenCV finds no better ones.
     """
+    black = _BLACK * max(float(copy.reference.mean()), TINY)
+    frame, reference = (
+        np.sqrt(plane.clip(0) + np.float32(black)) for plane in (copy.frame, copy.reference)
+    )
     for _ in range(_ROUNDS):
         same = _aligned(copy, motion).same.astype(np.uint8)
         start = cv2.invertAffineTransform(_matrix(motion, same.shape)).astype(np.float32)
         try:  # the reference is what is displaced: the mask is its
-            matrix = cv2.findTransformECC(
-                copy.frame, copy.reference, start, cv2.MOTION_EUCLIDEAN, _UNTIL, same, 1
-            )[1]
+            _, matrix = cv2.findTransformECC(frame, reference, start, *_MODEL, same, 1)
         except cv2.error:  # too few pixels, or too little texture on this copy
             break
         motion = _motion(cv2.invertAffineTransform(matrix.astype(np.float64)), same.shape)
