@@ -274,16 +274,15 @@ def measure(
     >>> measure(grey).luminance.shape
     (30, 40)
     """
-    shading, frame = mosaic.calibration.shading, clean_frame(mosaic, settings, progress)
-    del mosaic  # for memory, unless the caller keeps it
+    measured = _measure_frame(clean_frame(mosaic, settings, progress), settings, progress)
+    measured, shading = with_updated_luminance(measured, settings), mosaic.calibration.shading
+    return replace(measured, calibration=replace(measured.calibration, shading=shading))
+
+
+def _measure_frame(frame: Cleaned, settings: RenderSettings, progress: Progress) -> Measured:
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
-    measured = estimate_colour(frame, luminance, settings, progress)
-    del frame, luminance  # for memory
-    return replace(
-        with_updated_luminance(measured, settings),
-        calibration=replace(measured.calibration, shading=shading),
-    )
+    return estimate_colour(frame, luminance, settings, progress)
 
 
 def clean_frame(

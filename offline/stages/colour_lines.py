@@ -176,7 +176,6 @@ def _errors(
     sites, noise, gamma, channels = frame.sites, frame.noise, frame.gamma, frame.sites.channels
     around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
     span = (around.highest - around.lowest).astype(np.float32)
-    del around
     variance = np.zeros_like(span)
     if noise is not None:
         span = np.maximum(span - np.float32(_ERRORS) * np.sqrt(noise.variance(mean)), 0)
