@@ -509,7 +509,7 @@ def add_answer(
                 if light <= DARK:
                     continue
                 colour = chromaticity[row, column]
-                safe = max(light * _THIRD, answer.dim[down, across])
+                safe = max(light * _THIRD, answer.dim[down, across])  # channels add up to light
                 step[:] = _ZERO
                 for k in range(2):
                     here = _ZERO
