@@ -362,8 +362,11 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
 
     A frame without a calibrated model has that of another frame. If none is calibrated, or all
     state no noise, frames of one sensitivity (ISO) share one estimate. No model states so little
-    noise that its frame would take all the weight, nor less than rounding to codes makes.
+    noise that its frame would take all the weight, nor less than rounding to codes makes. Among
+    frames with different channels each has its own: all but those like the reference are left out.
     """
+    if len({mosaic.pattern.channels for mosaic in mosaics}) > 1:
+        return [model for mosaic in mosaics for model in noise_models([mosaic], settings)]
     known = [mosaic.calibration.noise for mosaic in mosaics]
     is_stated = any(model and any(model.shot + model.read) for model in known)
     if settings.estimate and None in known and not is_stated:

@@ -56,6 +56,13 @@ def test_what_cannot_be_compared_is_no_copy() -> None:
         assert copies(frames) == {}
 
 
+def test_a_frame_with_other_channels_is_left_out_with_the_reason() -> None:
+    one, pattern = shot(1), CfaPattern.of_letters("CMWWWW/YGWWWW" + 4 * "/WWWWWW")
+    other = Mosaic(shot(2).codes, pattern, SensorCalibration.of_bits(12, channels=pattern.channels))
+    merged = merge_burst([one, other], reference=0)
+    assert merged.frames[1].reason == "has another filter pattern than the reference"
+
+
 WIDE = (300, 420)
 
 
