@@ -205,7 +205,7 @@ def render_bands(
     ...     SensorCalibration())
     >>> bands = list(render_bands(grey, PAPER))
     >>> len(bands), sum(len(band) for band in bands)
-    (6, 300)
+    (2, 300)
     """
     yield from colour_bands(measure(mosaic, settings, progress), settings, progress)
 
