@@ -380,6 +380,8 @@ def lead_to_lines(
     """
     (parts, down, across), width, count = lines.values.shape, light.shape[1], len(gamma)
     row_of_lines, target = unset(parts, across), unset(count)
+    at = np.clip((np.arange(width) - lines.first[1]) / lines.period, 0.0, across - 1.0)
+    before = np.minimum(at.astype(np.intp), max(across - 2, 0))
     for row in range(pieces[0], pieces[1]):
         place = min(max((row - lines.first[0]) / lines.period, 0.0), down - 1.0)
         above = min(int(place), max(down - 2, 0))
@@ -391,9 +393,8 @@ def lead_to_lines(
                     lines.values[part, below, column] - start
                 )
         for column in range(width):
-            at = min(max((column - lines.first[1]) / lines.period, 0.0), across - 1.0)
-            left = min(int(at), max(across - 2, 0))
-            right, near = min(left + 1, across - 1), np.float32(at - left)
+            left = before[column]
+            right, near = min(left + 1, across - 1), np.float32(at[column] - left)
             share = row_of_lines[0, left] + near * (row_of_lines[0, right] - row_of_lines[0, left])
             total, bright = ZERO, light[row, column]
             if share > _LEAST_SHARE and bright > _DARK:
