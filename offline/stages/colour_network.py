@@ -154,9 +154,8 @@ class ColourNetwork(RowStage):
             contrast = Contrast.of(pixels, error, variance)
             contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
-            box = [
-                np.flatnonzero(worth[REACH:-REACH, REACH:-REACH].any(axis=axis)) for axis in (1, 0)
-            ]
+            inner = worth[REACH:-REACH, REACH:-REACH]
+            box = [np.flatnonzero(inner.any(axis=axis)) for axis in (1, 0)]
             if box[0].size:
                 down, across = ((int(cells[0]), int(cells[-1]) + 1) for cells in box)
                 inputs = contrast.around(down, across, REACH).inputs()[None]
@@ -165,9 +164,8 @@ class ColourNetwork(RowStage):
                 spans = [
                     cells.span(axis, region[axis], span) for axis, span in enumerate((down, across))
                 ]
-                cells.add(
-                    contrast.around(down, across, 1).answered(answer[0]), spans, result, gamma
-                )
+                limited = contrast.around(down, across, 1).answered(answer[0])
+                cells.add(limited, spans, result, gamma)
 
         tiles = [(down, across) for down in range(first, last + 1) for across in range(count)]
         in_pieces(lambda first, _: correct(tiles[first]), len(tiles))
@@ -255,15 +253,13 @@ class Contrast(NamedTuple):
         """Return the network's answer, (2 K^2, h - 2, w - 2), and its limits, for all but the
         outermost cells.
         """
-        chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], self._dim())
+        dim = np.maximum(np.float32(_DIM) * self.own, np.float32(_LEAST_DIM))
+        chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], dim)
         low, high = (
             _extreme(of, of.reduce(chromaticity, axis=1)) for of in (np.minimum, np.maximum)
         )
-        bound, dim = (np.ascontiguousarray(_inner(plane)) for plane in (self.bound, self._dim()))
+        bound, dim = (np.ascontiguousarray(_inner(plane)) for plane in (self.bound, dim))
         return Answer(answer.reshape(2, -1, *bound.shape), bound, dim, low, high)
-
-    def _dim(self) -> FloatArray:
-        return np.maximum(np.float32(_DIM) * self.own, np.float32(_LEAST_DIM))
 
 
 class Answer(NamedTuple):

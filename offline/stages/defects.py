@@ -244,7 +244,7 @@ class _Strip:
 
 
 def _places(marked: BoolArray) -> tuple[IndexArray, IndexArray]:
-    """Row and column of what is marked; in a tenth of the time of `np.nonzero`."""
+    """Row and column of what is marked; in a quarter of the time of `np.nonzero`."""
     return np.divmod(np.flatnonzero(marked), marked.shape[1])
 
 
