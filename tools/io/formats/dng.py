@@ -6,7 +6,7 @@ spot, and raw developers find clipped highlights at the white level and make the
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import BinaryIO, ClassVar
+from typing import BinaryIO, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,10 +39,13 @@ _TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
 _MEMORY_OF_PART = 30.0  # bytes per pixel of a part that waits or is compressed
 
 
-EncodedPart = tuple[list[bytes], bytes]
-"""Some rows of a picture, encoded: the tiles, from left to right, and the digests of the
-samples.
-"""
+class EncodedPart(NamedTuple):
+    """Some rows of a picture, encoded: the tiles, from left to right, and the digests of the
+    samples.
+    """
+
+    tiles: list[bytes]
+    digests: bytes
 
 
 class LinearDng(Format):
@@ -118,7 +121,7 @@ def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
     padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
     lefts = range(0, shape[1], width)
     tiles = [encode_lossless(padded[:, left : left + width], _BITS) for left in lefts]
-    return tiles, tile_digests(codes)
+    return EncodedPart(tiles, tile_digests(codes))
 
 
 def _tile(shape: tuple[int, int]) -> tuple[int, int]:
@@ -170,8 +173,8 @@ def linear_dng(
         height, width = _tile(shape[:2])
         fields[TAG["TileWidth"]] = FieldType.LONG, [width]
         fields[TAG["TileLength"]] = FieldType.LONG, [height]
-    raw = Directory(fields, strips=[tile for tiles, _ in parts for tile in tiles])
-    digest = joined_digest(b"".join(digests for _, digests in parts))
+    raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
+    digest = joined_digest(b"".join(part.digests for part in parts))
     main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
     main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, picture_id(shape, digest).encode()
