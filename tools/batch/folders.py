@@ -2,10 +2,13 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from functools import partial
+from itertools import islice
 from pathlib import Path
+from unicodedata import normalize
 
 from ...shared.writing import sweep
 from .console import Console
@@ -14,6 +17,17 @@ from .jobs import Job, fail, identity
 # Endings of the names of shots.
 DNGS = (".dng",)
 _NAMED = 3  # files that a remark names, before it counts the others
+_COUNTED = 1000  # files that are counted in folders that are not searched: snapshots have millions
+# Folders in which other programs keep thumbnails, previews, deleted files and old versions: of
+# Synology and QNAP; of NetApp, Nextcloud, Windows, macOS and Linux; of Lightroom, Capture One,
+# Picasa and Apple's Photos. In lower case.
+_OTHERS = (
+    *("@eadir", "@tmp", "@recycle", "@recently-snapshot", "@syno*", "#recycle", "#snapshot"),
+    *("~snapshot", "files_trashbin", "files_versions", "$recycle.bin", "recycler"),
+    *("system volume information", "__macosx", "network trash folder", "lost+found"),
+    *("*.lrdata", "*.lrcat-data", "captureone", "picasaoriginals", "*.photoslibrary"),
+)
+_OTHER = "other"
 SetAside = Callable[[Sequence[str]], Mapping[str, str]]
 """Says which of the fitting files in one folder are not taken, and why, in words that follow their
 names.
@@ -59,7 +73,8 @@ class Search:
     failures : list[tuple[str, str]]
         (folder, what is wrong) of each folder that cannot be read, or has no fitting file.
     left_out : list[str]
-        A remark for each folder in which something does not fit.
+        A remark for each folder in which something does not fit, and one on all folders that are
+        hidden or of other programs.
     """
 
     sources: list[Source] = field(default_factory=list)
@@ -88,9 +103,10 @@ def search(
     is_file: Callable[[str], bool] = lambda _: False,
     set_aside: SetAside = lambda _: {},
 ) -> Search:
-    """Find the files to work on.
+    """Find the files to work on, each once (see `once`).
 
-    Hidden files and folders are left out, and links to folders are not followed.
+    Left out are hidden files, and below a named folder those folders that are hidden or in which
+    other programs keep thumbnails or deleted files. Links to folders are not followed.
 
     Parameters
     ----------
@@ -106,7 +122,7 @@ def search(
     set_aside : SetAside, optional
         See `SetAside`; a file that the user names is taken.
     """
-    result = Search()
+    result, others = Search(), list[str]()
     for name in names:
         if not name:
             empty = "is empty; check the command, such as a variable that is not set"
@@ -114,8 +130,41 @@ def search(
         elif is_file(name) or not os.path.isdir(name):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
             result.sources.append(Source(name))
         else:
-            _search(name, endings, identity(output) if output else None, set_aside, result)
+            _search(name, endings, identity(output) if output else None, set_aside, result, others)
+    result.sources[:] = once(result.sources)
+    inside = (
+        folder
+        for folder in others
+        for _, _, files in os.walk(folder)
+        for file in files
+        if Path(file).suffix.lower() in endings
+    )
+    folders = Counter(islice(inside, _COUNTED))
+    if total := folders.total():
+        number = f"{total}{' or more' * (total == _COUNTED)} file{'s' * (total > 1)}"
+        where = f"{_listed(list(folders), 'folders')}, hidden or of other programs"
+        result.left_out.append(
+            f"left out {number} in {where}; name such a folder to take its files"
+        )
     return result
+
+
+def once(sources: Iterable[Source]) -> list[Source]:
+    """The sources, each file where it comes first. It may be named twice, through a link or in
+    another case, or be named and found in its folder. A hard link is another file, as a copy is.
+    """
+    first: dict[object, Source] = {}
+    for source in sources:
+        first.setdefault(file_key(source.name), source)
+    return list(first.values())
+
+
+def file_key(name: str) -> object:
+    """Return what all names of one file have in common, or the name of what is no file. Disks may
+    take names for the same that differ in case or in the form of an accent.
+    """
+    found = identity(name)
+    return (found, normalize("NFC", os.path.realpath(name)).casefold()) if found else name
 
 
 def _search(
@@ -124,6 +173,7 @@ def _search(
     output: tuple[int, int] | None,
     set_aside: SetAside,
     result: Search,
+    others: list[str],
 ) -> None:
     errors: list[OSError] = []
     fitting: list[Source] = []
@@ -131,11 +181,13 @@ def _search(
     folders_left_out: Counter[str] = Counter()  # kind -> number
     below = partial(os.path.relpath, start=top)
     for place, folders, files in os.walk(top, onerror=errors.append):
-        kinds = {name: _kind_left_out(place, name, output) for name in folders}
-        folders_left_out.update(filter(None, kinds.values()))
-        folders[:] = sorted(name for name in folders if not kinds[name])
+        kinds = {name: _kind_left_out(place, name, output) for name in sorted(folders)}
+        others += [_joined(place, name) for name, kind in kinds.items() if kind == _OTHER]
+        folders_left_out.update(kind for kind in kinds.values() if kind not in ("", _OTHER))
+        folders[:] = [name for name, kind in kinds.items() if not kind]
         taken, aside = [], dict[str, str]()
-        for name in sorted(files):
+        files.sort(key=lambda name: (os.path.islink(_joined(place, name)), name))  # noqa: PTH114
+        for name in files:  # a link comes behind what it leads to, whose name the result gets
             fits, hidden = Path(name).suffix.lower() in endings, name.startswith(".")
             if fits and not hidden:
                 taken.append(_joined(place, name))
@@ -154,8 +206,7 @@ def _search(
         result.failures.append((top, f"no {kind} file is in this folder or below it"))
     remarks = []
     for why, names in files_left_out.items():
-        more = f" and {len(names) - _NAMED} more files" if len(names) > _NAMED else ""
-        remarks.append(f"{', '.join(names[:_NAMED])}{more}{why}")
+        remarks.append(f"{_listed(names, 'files')}{why}")
     for kind, count in folders_left_out.items():
         remarks.append(f"{count} {kind} {'folder' if count == 1 else 'folders'}")
     if remarks:
@@ -165,11 +216,18 @@ def _search(
 def _kind_left_out(place: str, name: str, output: tuple[int, int] | None) -> str:
     """Return what kind of folder is not searched; "" for one that is."""
     path = _joined(place, name)
-    if name.startswith("."):
-        return "hidden"
     if os.path.islink(path):  # noqa: PTH114
         return "linked"
-    return "result" if output is not None and identity(path) == output else ""
+    if output is not None and identity(path) == output:
+        return "result"
+    is_other = name.startswith(".") or any(fnmatchcase(name.lower(), other) for other in _OTHERS)
+    return _OTHER if is_other else ""
+
+
+def _listed(names: Sequence[str], unit: str) -> str:
+    """Return the first names, and the number of the others."""
+    more = f" and {len(names) - _NAMED} more {unit}" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def _joined(place: str, name: str) -> str:

@@ -105,8 +105,8 @@ _created: list[Path] = []  # output folders of this command
 
 
 def output_folder(folder: str, *, dry_run: bool = False) -> Path:
-    """The folder that `-o` names, created if its parent exists, and free of what killed processes
-    have left half written.
+    """The folder that `-o` names, created with its parents, and free of what killed processes have
+    left half written.
 
     Parameters
     ----------
@@ -121,12 +121,12 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     path = Path(folder)
     if not folder:
         raise OutputError("the name of the output folder is empty; give the folder a name")
-    if dry_run and (path.is_dir() or (path.parent.is_dir() and not os.path.lexists(path))):
+    missing = [folder for folder in (path, *path.parents) if not os.path.lexists(folder)]
+    if dry_run and (missing[-1].parent if missing else path).is_dir():
         return path
+    _created.extend(reversed(missing))
     try:
-        if not path.is_dir():
-            path.mkdir(exist_ok=True)
-            _created.append(path)
+        path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise OutputError(f"{folder}: is not a folder; name the folder for the results") from None
     except OSError as error:

@@ -11,7 +11,7 @@ from typing import Any
 from ...shared import Camera, Mosaic, read_camera
 from ...shared.errors import InputError, OutputError
 from ...shared.writing import write_durably
-from ..batch.folders import DNGS, Search, search
+from ..batch.folders import DNGS, Search, file_key, search
 from ..batch.jobs import identity
 from ..io.backup import keep_old
 from .gamma import Assumed
@@ -36,12 +36,14 @@ def sort_files(requested: Mapping[str, Sequence[str]]) -> tuple[Files, list[Sear
     Raises
     ------
     InputError
-        For a folder that cannot be read or has no DNG, and for a shot under neither light.
+        For a folder that cannot be read or has no DNG, for a file of two kinds, and for a shot
+        under neither light.
     """
     files: Files = {kind: [] for kind in requested}
-    searches = []
-    for kind, sources in requested.items():
-        result = search(sources, DNGS)
+    searches, kind_of = [], dict[object, str]()
+    # shots come last: a folder of them may hold frames that are named as another kind
+    for kind in sorted(requested, key="shots".__eq__):
+        result = search(requested[kind], DNGS)
         for folder, fault in result.failures:
             raise InputError(f"{folder}: {fault}")
         searches.append(result)
@@ -49,7 +51,13 @@ def sort_files(requested: Mapping[str, Sequence[str]]) -> tuple[Files, list[Sear
             parts = source.below.parts if source.below and kind == "shots" else ()
             names = [part.lower() for part in reversed(parts)]
             kinds = (other for name in names for other in KINDS[1:] if name.startswith(other))
-            files[next(kinds, kind)].append(source.name)
+            key, found = file_key(source.name), next(kinds, kind)
+            if key not in kind_of:
+                files[found].append(source.name)
+            elif kind_of[key] != found and (kind != "shots" or not source.from_folder):
+                both = f"{kind_of[key]} and as {found}"
+                raise InputError(f"{source.name}: is given as {both}; a frame is of one kind")
+            kind_of.setdefault(key, found)
     if len(requested) > len(KINDS) and files["shots"]:
         raise InputError(
             f"{files['shots'][0]}: shows a chart under neither light; name it after one of the "

@@ -17,7 +17,7 @@ from ...shared.arrays import CodeArray
 from ...shared.errors import InputError
 from ...shared.writing import write_durably
 from ..batch.console import Console
-from ..batch.folders import Source, plan
+from ..batch.folders import Source, once, plan
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
 from ..batch.progress import StageProgress
 from ..capture.identity import UNKNOWN, facts_of
@@ -77,9 +77,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lines = (f"  {name:<14}{value}" for name, value in rows)
         return Outcome(facts, (job.source, *lines), tuple(errors))
 
-    jobs = [Job(name) for name in arguments.files]
+    sources = once(Source(name) for name in arguments.files)
+    jobs = [Job(source.name) for source in sources]
     if arguments.output is not None:
-        sources = [Source(name) for name in arguments.files]
         folder = output_folder(arguments.output)
         jobs = plan(sources, lambda name: [f"{Path(name).stem}-tile.png"], folder)
     return run_jobs(jobs, work, console, overwrite=arguments.overwrite)

@@ -69,7 +69,6 @@ def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
         rows, columns = verify_dng(job.source, max_pixels=max_pixels)
         return Outcome({"width": columns, "height": rows, "digest": "shot"})
 
-    jobs = list({job.source: job for job in jobs}.values())  # one named twice is checked once
     with console.progress("verify") as progress:
         results = in_threads(work, jobs, processors(), console.note)
         states = do_jobs(follow(results, jobs, progress), console)

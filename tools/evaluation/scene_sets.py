@@ -160,7 +160,7 @@ def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
     result = search(sources, ENDINGS, output=output, is_file=is_drawn, set_aside=set_aside)
     for folder, fault in result.failures:
         raise InputError(f"{folder}: {fault}")
-    return list(dict.fromkeys(source.name for source in result.sources)), result.left_out
+    return [source.name for source in result.sources], result.left_out
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:

@@ -37,9 +37,100 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     (tmp_path / "loop").symlink_to(tmp_path)
     result = search([str(tmp_path)], DNGS, output=tmp_path / "out")
     assert [source.name for source in result.sources] == [f"{tmp_path}/a.dng"]
-    files, *folders = result.left_out[0].split("; ")
+    remark, others = result.left_out
+    files, *folders = remark.split("; ")
     assert files == f"{tmp_path}: left out .hidden.dng, b.txt, c.txt and 3 more files"
-    assert set(folders) == {"1 hidden folder", "1 result folder", "1 linked folder"}
+    assert set(folders) == {"1 result folder", "1 linked folder"}
+    where = f"{tmp_path}/.git, hidden or of other programs"
+    assert others == f"left out 1 file in {where}; name such a folder to take its files"
+
+
+OF_OTHERS = (
+    *("@eaDir/b.dng", "@tmp", "#recycle", "#snapshot/daily", "@Recycle", "$RECYCLE.BIN/S-1-5"),
+    *("$Recycle.Bin", "__MACOSX", "lost+found", "System Volume Information", "~snapshot"),
+    *(".Trash", ".Trash-1000/files", ".thumbnails", ".snapshot", ".AppleDouble", ".stversions"),
+    *(".sync", ".picasaoriginals", "picasaoriginals", "CaptureOne/Cache"),
+    *("Trip Previews.lrdata/0", "Photos Library.photoslibrary"),
+)
+
+
+@pytest.mark.parametrize("place", ["", "2019/", "@home/#1/"])
+@pytest.mark.parametrize("folder", OF_OTHERS)
+def test_thumbnails_and_deleted_files_are_taken_only_from_a_folder_that_is_named(
+    tmp_path: Path, folder: str, place: str
+) -> None:
+    touch(tmp_path, f"{place}a.dng", *(f"{place}{folder}/{name}.DNG" for name in "bc"))
+    touch(tmp_path, f"{place}.fine/d.txt")  # of which nothing is left out
+    result = search([str(tmp_path)], DNGS)
+    assert [source.name for source in result.sources] == [f"{tmp_path}/{place}a.dng"]
+    (remark,) = result.left_out
+    top = Path(folder).parts[0]
+    assert remark.startswith(f"left out 2 files in {tmp_path}/{place}{top}, hidden or of other")
+    named = search([f"{tmp_path}/{place}{folder}"], DNGS)
+    assert [Path(source.name).name for source in named.sources] == ["b.DNG", "c.DNG"]
+    assert named.left_out == []
+
+
+def test_one_remark_counts_what_is_left_out_in_all_folders(tmp_path: Path) -> None:
+    touch(
+        tmp_path,
+        "a/1.dng",
+        "b/2.dng",
+        *(f"{top}/@eaDir/{top}{n}.dng" for top in "ab" for n in (1, 2)),
+    )
+    touch(tmp_path, *(f"b/.snapshot/{number}.dng" for number in range(2000)))
+    (tmp_path / "a/.link").symlink_to(tmp_path / "b")
+    result = search([f"{tmp_path}/a", f"{tmp_path}/b"], DNGS)
+    places = ", ".join(f"{tmp_path}/{place}" for place in ("a/@eaDir", "b/.snapshot"))
+    linked, others = result.left_out
+    assert linked == f"{tmp_path}/a: left out 1 linked folder"
+    assert others.startswith(f"left out 1000 or more files in {places}, hidden")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_a_folder_of_the_system_that_cannot_be_read_is_no_failure(tmp_path: Path) -> None:
+    touch(tmp_path, "a.dng", "lost+found/b.dng")
+    (tmp_path / "lost+found").chmod(0)
+    result = search([str(tmp_path)], DNGS)
+    (tmp_path / "lost+found").chmod(0o700)
+    assert (result.failures, result.left_out) == ([], [])
+
+
+def test_a_file_counts_once_however_it_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touch(tmp_path, "in/x.dng", "in/sub/y.dng")
+    (tmp_path / "in/latest.dng").symlink_to("x.dng")
+    (tmp_path / "in/a-link.dng").symlink_to("sub/y.dng")
+    (tmp_path / "there").symlink_to("in")
+    (tmp_path / "in/hard.dng").hardlink_to(tmp_path / "in/x.dng")
+    monkeypatch.chdir(tmp_path / "in")
+    x = ["x.dng", "./x.dng", f"{tmp_path}/there/x.dng", "latest.dng", "sub/../x.dng", "x.dng"]
+    assert search(x, DNGS).sources == [Source("x.dng")]
+    found = [Source(f"../in/{name}", Path(name)) for name in ("hard.dng", "x.dng", "a-link.dng")]
+    assert search(["../in", *x, ".", "../there/sub"], DNGS).sources == found
+    assert search(["sub/y.dng", "../in", "none.dng", "none.dng"], DNGS).sources == [
+        Source("sub/y.dng"),
+        *found[:2],
+        Source("none.dng"),
+    ]
+
+
+@pytest.mark.parametrize("other", ["SHOT \u00c9.dng", "shot e\u0301.DNG"])
+def test_a_disk_may_take_other_names_for_the_same(
+    tmp_path: Path, other: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hard link stands for the other name that such a disk takes for the file's."""
+    name = "shot \u00e9.dng"
+    touch(tmp_path, name)
+    (tmp_path / other).hardlink_to(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    assert search([name, other], DNGS).sources == [Source(name)]
+
+
+def test_a_drawn_scene_is_simulated_once(out: Path) -> None:
+    run("simulate builtin:60x60 builtin:60x60 chart:240x160", "-o", out, code=0)
+    assert names(out) == {"builtin-60x60.dng", "chart-240x160.dng"}
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
@@ -63,9 +154,31 @@ def shots(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
+COMMANDS = pytest.mark.parametrize(
     ("command", "ending"), [("preview", "jpg"), ("render --preset paper", "tif"), ("inspect", "")]
 )
+
+
+@COMMANDS
+def test_commands_take_a_file_once(shots: Path, out: Path, command: str, ending: str) -> None:
+    output = ("-o", out) if ending else ()
+    (shots / "latest.dng").symlink_to("a.dng")
+    (shots / "linear.dng").unlink()
+    more = (shots / "a.dng", shots / "sub" / "..", shots / "latest.dng")
+    outcome = run(command, shots, *more, *output, "--json", code=0)
+    assert [record["source"] for record in outcome.records] == [
+        f"{shots}/a.dng",
+        f"{shots}/sub/a.dng",
+    ]
+
+
+def test_a_burst_of_one_file_named_twice_is_one_frame(shots: Path, out: Path) -> None:
+    outcome = run("burst", shots / "a.dng", f"{shots}/sub/../a.dng", "-o", out)
+    assert f"{shots}/a.dng: is one frame, expected two or more" in outcome.err
+    assert names(out) == set()
+
+
+@COMMANDS
 def test_commands_take_a_folder_of_shots_alike(
     shots: Path, out: Path, command: str, ending: str
 ) -> None:

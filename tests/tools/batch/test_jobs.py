@@ -14,7 +14,14 @@ import pytest
 from panchroma.shared.errors import InputError, OutputError
 from panchroma.tools.batch.console import Console, StandardOutputError
 from panchroma.tools.batch.folders import Source, plan
-from panchroma.tools.batch.jobs import Job, Outcome, Work, output_folder, run_jobs
+from panchroma.tools.batch.jobs import (
+    Job,
+    Outcome,
+    Work,
+    output_folder,
+    remove_unused_folders,
+    run_jobs,
+)
 from panchroma.tools.batch.progress import StageProgress
 
 Output = pytest.CaptureFixture[str]
@@ -128,3 +135,21 @@ def test_no_other_output_folder_is_taken(
     (tmp_path / "link").symlink_to("nowhere")
     with pytest.raises(OutputError, match=re.escape(words)):
         output_folder(str(tmp_path / name))
+
+
+@pytest.mark.parametrize("below", ["new", "new/of/two", "there/new/one"])
+def test_an_output_folder_is_created_with_its_parents_and_removed_if_nothing_came_into_it(
+    tmp_path: Path, below: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "there").mkdir()
+    monkeypatch.chdir(tmp_path)
+    for folder in (below, f"{tmp_path}/{below}"):
+        assert output_folder(folder, dry_run=True) == Path(folder)
+        assert [path.name for path in tmp_path.rglob("*")] == ["there"]
+        assert output_folder(folder).is_dir()
+        remove_unused_folders()
+        assert [path.name for path in tmp_path.rglob("*")] == ["there"]
+    result = output_folder(below) / "a.tif"
+    result.touch()
+    remove_unused_folders()
+    assert result.exists()

@@ -12,7 +12,7 @@ import pytest
 from panchroma.shared import Camera, read_camera, read_dng
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.errors import InputError
-from panchroma.tools.calibration.files import write_camera
+from panchroma.tools.calibration.files import sort_files, write_camera
 from panchroma.tools.calibration.reference import read_reference
 from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.colour import xyz_to_lab
@@ -108,10 +108,11 @@ def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) ->
     for words, why in (
         ([grey, tmp_path / "absent.dng"], said),
         ([grey, *repeated("--dark", (dark, copy))], "copy.dng: it is the same shot as .*dark0.dng"),
-        ([dark, "--dark", dark], f"skipped {dark}: it is the same shot as {dark}"),
     ):
         assert re.search(why, run("calibrate", *words, "-o", output, code=1).err)
         assert not output.exists()
+    both = f"{dark}: is given as dark and as shots; a frame is of one kind"
+    assert both in run("calibrate", dark, "--dark", dark, "-o", output, code=2).err
 
 
 def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) -> None:
@@ -177,6 +178,34 @@ def test_the_built_in_scenes_make_a_camera_to_use(tmp_path: Path) -> None:
     np.testing.assert_allclose(camera.calibration.gamma, (1, 1, 1), rtol=0.01)
     noise, typical = camera.calibration.noise, typical_noise(camera.calibration)
     np.testing.assert_allclose((noise.shot, noise.read), (typical.shot, typical.read), rtol=0.05)
+
+
+def test_a_frame_is_of_one_kind_and_counts_once(tmp_path: Path) -> None:
+    for name in ("chart", "flat0", "dark/a", "covered/b"):
+        (tmp_path / f"{name}.dng").parent.mkdir(exist_ok=True)
+        (tmp_path / f"{name}.dng").touch()
+    (tmp_path / "link.dng").symlink_to("covered/b.dng")
+    top = str(tmp_path)
+
+    def sorted_files(**given: list[str]) -> dict[str, list[str]]:
+        files, _ = sort_files({"shots": [], "dark": [], "flat": [], **given})
+        return {kind: [name.removeprefix(f"{top}/") for name in files[kind]] for kind in files}
+
+    # What a folder of shots holds may be named, too, and then is what it is named as.
+    darks = ["dark/a.dng", "covered/b.dng"]
+    whole = {"shots": ["chart.dng"], "dark": darks, "flat": ["flat0.dng"]}
+    named = {
+        "dark": [f"{top}/dark", f"{top}/covered", f"{top}/link.dng"],
+        "flat": [f"{top}/flat0.dng"],
+    }
+    assert sorted_files(shots=[top, f"{top}/./chart.dng"], **named) == whole
+    for wrong in (
+        {"dark": [f"{top}/dark"], "flat": [f"{top}/dark/../dark/a.dng"]},
+        {"dark": [f"{top}/covered"], "shots": [f"{top}/link.dng"]},
+        {"A": [f"{top}/chart.dng"], "D65": [f"{top}/chart.dng"]},
+    ):
+        with pytest.raises(InputError, match=r"dng: is given as \w+ and as \w+; a frame is of one"):
+            sorted_files(**wrong)
 
 
 REFERENCE = color_checker_xyz()

@@ -122,7 +122,7 @@ USAGE = {
         "-o new.json": "nothing to calibrate from",
         "shot.dng -o .": "is a folder",
         "shot.dng -o no/camera.json": "does not exist",
-        "shot.dng shot.dng --corners 1,2 3,4 5,6 7,8 -o new.json": "one shot",
+        "shot.dng text.json --corners 1,2 3,4 5,6 7,8 -o new.json": "one shot",
         "shot.dng --corners 1 2 3 4 -o new.json": "is not 2 numbers with commas between them",
         "shot.dng -o shot.dng --overwrite": "is an input",
         "--chart-light D65=shot.dng -o new.json": "--chart-light names two lights",
@@ -139,9 +139,9 @@ for (command, option), (texts, expected) in VALUES.items():
     USAGE[command] |= {f"--{option}={text}": f"{text!r} is not {expected}" for text in texts}
 # Every command that writes into a folder.
 NO_FOLDER = {
-    "missing/below": "panchroma: missing/below: the folder missing does not exist; create it",
     "text.json": "panchroma: text.json: is not a folder; name the folder for the results",
     "text.json/below": "panchroma: text.json/below: text.json is not a folder",
+    "text.json/two/below": "panchroma: text.json/two/below: text.json/two is not a folder",
     "''": "panchroma: the name of the output folder is empty; give ",
 }
 INTO = [command for command in USAGE if re.fullmatch(r"\w+ \S+ -o out", command)]
