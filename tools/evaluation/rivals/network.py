@@ -20,12 +20,18 @@ import numpy as np
 from ....shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
 from ....shared.errors import InputError
 from ....shared.reading import read_text, read_whole
+from ....shared.spelling import meant
 from ...simulation.bayer import channel_map
 from ...simulation.noise import BayerShot
 from ..method import Method
 
 _ORDERS = {"RGGB": (0, 0), "GRBG": (0, 1), "GBRG": (1, 0), "BGGR": (1, 1)}
 _FORMS, _FIELDS = ("quads", "sparse", "mosaic"), ("sites", "add", "noise", "crop")
+_EXPECTED = (
+    "an object with 'inputs', and as needed 'order', 'balanced' (true or false), 'gamma' above 0, "
+    "'offset' of 0 or more, 'margin' (even, above 0)"
+)
+_MOST = 1e9  # of any number
 _ROWS = 256  # of a piece
 _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise is taken for equal
 _LARGEST = 1 << 30  # bytes of a file
@@ -67,11 +73,12 @@ class Contract:
     margin: int = 64
 
     def __post_init__(self) -> None:
-        if self.order not in _ORDERS:
+        if self.order not in tuple(_ORDERS):
             raise InputError(f"'order' is {self.order!r}, expected one of {', '.join(_ORDERS)}")
-        if self.gamma <= 0 or self.offset < 0 or self.margin <= 0 or self.margin % 2:
-            expected = "'gamma' above 0, 'offset' of 0 or more, and an even 'margin' above 0"
-            raise InputError(f"expected {expected}")
+        coded = 0 < self.gamma < _MOST and 0 <= self.offset < _MOST
+        odd = type(self.margin) is not int or self.margin <= 0 or self.margin % 2
+        if not coded or odd or not isinstance(self.balanced, bool) or not self.inputs:
+            raise InputError(f"expected {_EXPECTED}")
         for name, form in self.inputs.items():
             if form.get("form") not in _FORMS or not form.keys() <= {"form", *_FIELDS}:
                 expected = f"'form' ({', '.join(_FORMS)}), {', '.join(map(repr, _FIELDS))}"
@@ -112,9 +119,15 @@ def network(path: str) -> Method:
     content = _content(path)
     try:
         text = read_text(description, _LARGEST, "a description of a network")
-        contract = Contract(**json.loads(text))
-    except (InputError, TypeError, ValueError, AttributeError) as error:
+        fields, known = json.loads(text), Contract.__dataclass_fields__
+        if unknown := [name for name in fields if name not in known]:
+            raise InputError(f"there is no field {unknown[0]!r}{meant(unknown[0], known)}")
+        contract = Contract(**fields)
+    except (InputError, json.JSONDecodeError) as error:
         raise InputError(f"{description}: does not say how the network is fed: {error}") from error
+    except (TypeError, ValueError, AttributeError, RecursionError) as error:
+        reason = f"does not say how the network is fed: expected {_EXPECTED}"
+        raise InputError(f"{description}: {reason}") from error
     version = hashlib.sha256(f"{content} {text}".encode()).hexdigest()[:16]
     name = f"{_UNPRINTABLE.sub('_', Path(path).stem)}-{version[:8]}"
     return Method(
@@ -159,8 +172,7 @@ def _demosaic(
     for top in range(0, picture.shape[1], _ROWS):
         end = min(top + _ROWS, picture.shape[1])
         strips = [plane[top : end + 2 * margin] for plane in planes]
-        inputs = {name: _pack(form, *strips) for name, form in contract.inputs.items()}
-        output = _run(path, content, inputs)
+        output = _run(path, content, contract, strips)
         asked, got = end - top + 2 * margin, output.shape[1]
         edge = margin - (asked - got) // 2  # of the margin, what the convolutions have left
         if not 0 <= edge <= margin:
@@ -187,9 +199,10 @@ def _pack(
     return np.ascontiguousarray(stacked[None, :, crop : height - crop, crop : width - crop])
 
 
-def _run(path: str, content: str, inputs: dict[str, FloatArray]) -> FloatArray:
+def _run(path: str, content: str, contract: Contract, strips: list[Any]) -> FloatArray:
     model = _session(path, content)
     try:
+        inputs = {name: _pack(form, *strips) for name, form in contract.inputs.items()}
         (output,) = model.run(None, inputs)
         return np.asarray(output[0], np.float32).reshape(3, *output.shape[-2:])
     except Exception as error:  # onnxruntime's errors have no common base

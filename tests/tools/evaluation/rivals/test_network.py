@@ -117,6 +117,64 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
         choose([path])[0].function(BayerShot(np.ones((40, 40), np.float32), 0.0, 0.0), WHITE)
 
 
+MOSAIC = '"inputs": {"x": {"form": "mosaic"}}'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (f'{{{MOSAIC}, "ordr": "RGGB"}}', "there is no field 'ordr'; did you mean order?"),
+        ('{"order": "RGGB"}', "expected an object with 'inputs'"),
+        ('[{"inputs": {}}]', "expected an object with 'inputs'"),
+        ('["inputs"]', "expected an object with 'inputs'"),
+        ("7", "expected an object with 'inputs'"),
+        ('{"inputs": ["x"]}', "expected an object with 'inputs'"),
+        ('{"inputs": {}}', "expected an object with 'inputs'"),
+        ('{"inputs": {"x": "mosaic"}}', "expected an object with 'inputs'"),
+        ('{"inputs": {"x": {"form": "mosaic", "sides": [1]}}}', "input 'x' is .*'sites'"),
+        ('{"inputs": {"x": {"form": ["mosaic"]}}}', "input 'x' is .*'form'"),
+        (f'{{{MOSAIC}, "order": ["RGGB"]}}', "'order' is .*expected one of"),
+        (f'{{{MOSAIC}, "gamma": "2"}}', "'gamma' above 0"),
+        (f'{{{MOSAIC}, "gamma": NaN}}', "'gamma' above 0"),
+        (f'{{{MOSAIC}, "gamma": 1{"0" * 400}}}', "'gamma' above 0"),
+        (f'{{{MOSAIC}, "offset": Infinity}}', "'offset' of 0 or more"),
+        (f'{{{MOSAIC}, "margin": 7}}', "'margin' .even"),
+        (f'{{{MOSAIC}, "margin": 64.0}}', "'margin' .even"),
+        (f'{{{MOSAIC}, "balanced": "no"}}', "'balanced' .true or false"),
+        ("{" * 99_999, "Expecting property name"),
+        ('{"inputs": ' * 99_999, "expected an object with 'inputs'"),
+    ],
+)
+def test_a_wrong_description_is_answered_with_its_field_and_no_part_of_the_program(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    path = of_quads(tmp_path, [1, 0, 0, 0, 0], inputs=QUADS)
+    Path(path).with_suffix(".json").write_text(text)
+    with pytest.raises(InputError, match=rf"mine\.json.*{said}") as caught:
+        choose([path])
+    assert not {"__init__()", "argument", "NoneType", "object", "has"} & set(
+        str(caught.value).replace("an object with", "").split()
+    )
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        {"form": "quads", "sites": [0, 1, 2, 9]},
+        {"form": "quads", "sites": 4},
+        {"form": "quads", "add": [0.0]},
+        {"form": "quads", "add": "much"},
+        {"form": "quads", "noise": True, "crop": 999},
+    ],
+)
+def test_an_input_that_cannot_be_made_is_one_line_with_the_name_of_the_file(
+    tmp_path: Path, form: dict[str, Any]
+) -> None:
+    path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", inputs={"x": form})
+    with pytest.raises(InputError, match=r"mine\.onnx: does not take what its JSON file says"):
+        choose([path])[0].function(BayerShot(np.ones((40, 44), np.float32), 0.0, 0.0), WHITE)
+
+
 def test_weights_in_another_file_are_part_of_what_a_network_is(tmp_path: Path) -> None:
     path = of_quads(tmp_path, [1, 0, 0, 0, 0], order="GRBG", inputs=QUADS)
     save(load(path), path, save_as_external_data=True, size_threshold=0, location="weights.bin")
