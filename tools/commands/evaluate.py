@@ -1,8 +1,9 @@
 """Is this camera better, where, and by how much? Photograph scenes with it and with a Bayer camera,
 and compare the renderings.
 
-Writes evaluation.html (one page that works offline), evaluation.json and evaluation.csv. Results
-are kept in DIR/results as they are made: an interrupted run continues where it stopped. --resume
+Writes evaluation.html (one page that works offline), evaluation.json, evaluation.csv and the plots,
+evaluation.svg. Results are kept in DIR/results as they are made: an interrupted run continues where
+it stopped. --resume
 adds to a finished one: of another method or noise level only its own results are measured.
 --overwrite measures all of them again.
 """
@@ -20,7 +21,7 @@ from ..batch.memory import allowed_memory
 from ..evaluation.crops import render_crops
 from ..evaluation.figures import Figures
 from ..evaluation.methods import choose, default_names, missing_packages
-from ..evaluation.page import build_page
+from ..evaluation.page import build_page, plots_svg
 from ..evaluation.scene_sets import Reading
 from ..evaluation.study import Cell, Study, collect, missing_cells, remove_results
 from ..evaluation.tables import encode_csv, encode_json, plain_text
@@ -74,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
-    outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv")]
+    outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv", "svg")]
     if not (arguments.overwrite or arguments.resume or arguments.dry_run):
         refuse_existing(outputs)
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
@@ -99,6 +100,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         build_page(figures, exhibits, program, missing),
         encode_json(figures, program, failures),
         encode_csv(figures),
+        plots_svg(figures),
     )
     for path, content in zip(outputs, contents, strict=True):
         write_durably(path, content, overwrite=arguments.overwrite or arguments.resume)

@@ -90,7 +90,7 @@ def _row(figure: Figure) -> dict[str, Any]:
     row |= {"method": figure.method, "period": tile and tile.period}
     for name, value in figure.values.items():
         row[name] = value if value is None else round(value, 6)
-    return row | {"scenes": figure.scenes, "pattern": tile and tile.name}
+    return row | {"scenes": figure.scenes, "pattern": tile and tile.name, "noise": level.option}
 
 
 def encode_csv(figures: Figures) -> bytes:

@@ -19,6 +19,7 @@ from ...shared.arrays import ByteArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # page.html, which others extend, and parts.html, whose macros they import
 _SHARED = Path(__file__).with_name("pages")
@@ -88,12 +89,20 @@ def embed_picture(pixels: ByteArray, *, photograph: bool = False) -> str:
 
 
 def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float = 3.4) -> str:
-    """Return the address (``src``) of a plot inside the page, as SVG on white.
+    """Return the address (``src``) of a plot inside the page: see `draw_svg`, but `draw` is given
+    axes.
+    """
+    file = io.BytesIO(draw_svg(lambda figure: draw(figure.subplots()), width, height))
+    return _address("image/svg+xml", file)
+
+
+def draw_svg(draw: Callable[["Figure"], None], width: float, height: float) -> bytes:
+    """Return the SVG of a figure on white; the same figure has the same bytes.
 
     Parameters
     ----------
     draw
-        Draws into the axes that it is given, with matplotlib's methods. Its texts consist of
+        Draws into the figure that it is given, with matplotlib's methods. Its texts consist of
         printable characters.
     width, height
         Inches; an inch is 72 CSS pixels where the page does not scale the plot.
@@ -107,9 +116,9 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
         # the browser has the font that matplotlib lacks
         warnings.filterwarnings("ignore", message="Glyph")
         figure = Figure((width, height), layout="constrained")
-        draw(figure.subplots())
+        draw(figure)
         figure.savefig(file, format="svg", metadata={"Date": None})
-    return _address("image/svg+xml", file)
+    return file.getvalue()
 
 
 @cache

@@ -20,7 +20,7 @@ from panchroma.tools.evaluation.study import Cell, Study
 from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
 from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.evaluation.verdict import FEW, judge
-from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
 from tests.tools.evaluation.examples import KODAK, measured, study_of
 
 SET = "linear photographs"
@@ -180,6 +180,17 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     assert kodak["period"] is None
     assert document["protocol"]["patterns"]["Kodak"]["light"] == 2
     assert {item["pattern"] for item in objects if item["method"] == "bilinear"} == {None}
+
+
+@pytest.mark.parametrize(
+    ("level", "noise"), [(PaperProtocol(0.5), "sigma"), (SensorProtocol(0.5), "light")]
+)
+def test_rows_say_what_their_level_is(tmp_path: Path, level: Protocol, noise: str) -> None:
+    figures = figures_with(study_of(tmp_path, count=1, levels=(level,)))
+    for row in csv.DictReader(io.StringIO(encode_csv(figures).decode())):
+        assert (row["level"], row["noise"]) == ("0.5", noise)
+    rows = json.loads(encode_json(figures, "p", []))["figures"]
+    assert {(row["level"], row["noise"]) for row in rows} == {(0.5, noise)}
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,17 @@
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
+import matplotlib as mpl
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from panchroma.tools.evaluation.crops import AHEAD, BEHIND, render_crops
-from panchroma.tools.evaluation.page import build_page
+from panchroma.tools.evaluation.figures import Place
+from panchroma.tools.evaluation.measures import PLANES
+from panchroma.tools.evaluation.page import build_page, draw_noise, plots_svg
 from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.evaluation.verdict import judge
 from tests.browser import Browser
@@ -57,3 +63,56 @@ def test_a_browser_shows_it_without_errors_and_without_network(
             sum(map(int, re.findall(r"\d+", colour))) for colour in browser.evaluate(colours)
         )
         assert (ink - paper) * (1 if dark else -1) > 450
+
+
+def test_plots_show_medians_and_quartiles_of_every_method(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper", "bilinear", "dlmmse"))
+    figures = measured(study, tmp_path)
+    (group,) = figures.groups
+    for plane, title in enumerate(PLANES):
+        axes = Figure().subplots()
+        draw_noise(figures, group, plane, axes)
+        assert len(axes.containers) == len(study.methods)
+        places = []
+        for name, (line, _, (bars,)) in zip(study.methods, axes.containers, strict=True):
+            rows = [figures.of(Place(group, level), name).values for level in study.levels]
+            for part, drawn in (
+                (25, [ends[0, 1] for ends in bars.get_segments()]),
+                (50, line.get_ydata()),
+                (75, [ends[1, 1] for ends in bars.get_segments()]),
+            ):
+                assert list(drawn) == pytest.approx([row[f"{title}_q{part}"] for row in rows])
+            places.append(line.get_xdata())
+        apart = np.abs(np.subtract.outer(np.ravel(places), np.ravel(places)))
+        assert apart[~np.eye(len(apart), dtype=bool)].min() > 0.1  # no bar hides another
+        assert (np.rint(places) == [0, 1]).all()  # and each is nearest to its own level
+
+
+def test_a_missing_result_leaves_a_gap(tmp_path: Path) -> None:
+    figures = measured(study_of(tmp_path, methods=("paper", "bilinear")), tmp_path)
+    lost = next(cell for cell in figures.results if cell.method == "bilinear" and cell.level.level)
+    figures = type(figures)(
+        figures.study, {cell: kept for cell, kept in figures.results.items() if cell != lost}
+    )
+    axes = Figure().subplots()
+    draw_noise(figures, figures.groups[0], 0, axes)
+    (paper, *_), (bilinear, *_) = axes.containers
+    assert np.isfinite(paper.get_ydata()).all()
+    assert np.isfinite(bilinear.get_ydata()).tolist() == [True, False]
+    assert b"bilinear" in plots_svg(figures)
+
+
+def test_the_svg_holds_all_plots_and_names_and_is_the_same_each_time(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper", "bilinear"), count=1)
+    figures = measured(study, tmp_path)
+    before = dict(mpl.rcParams)
+    svg = plots_svg(figures)
+    assert svg == plots_svg(figures)
+    assert dict(mpl.rcParams) == before
+    texts = [element.text for element in ElementTree.fromstring(svg).iter() if element.text]
+    expected = ("Linear photographs: RGB", "luminance", "chrominance", "paper", "bilinear")
+    assert set(expected) <= set(texts)
+    assert texts.count("PSNR, dB: median and quartiles") == 3
+    assert not {"date", "Date"} & {
+        element.tag.rpartition("}")[2] for element in ElementTree.fromstring(svg).iter()
+    }
