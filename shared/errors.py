@@ -43,5 +43,19 @@ class RangeError(PanchromaError):
     """A result has values that are not finite; the message says of what, how many, and where."""
 
 
+def is_program_fault(error: BaseException) -> bool:
+    """Return True for an exception of a kind that no damaged file causes in code of Panchroma: a
+    name, attribute or module that does not exist.
+
+    Blocks that turn what a library raises on damaged files into an InputError let it pass. Raised
+    by the library itself it may come of the file.
+    """
+    trace = error.__traceback__
+    while trace and trace.tb_next:
+        trace = trace.tb_next
+    ours = trace is None or trace.tb_frame.f_globals.get("__name__", "").startswith("panchroma.")
+    return ours and isinstance(error, NameError | AttributeError | ImportError)
+
+
 class DurabilityWarning(UserWarning):
     """A file is whole and has its name, but it is unsure whether it has it after a power cut."""

@@ -23,6 +23,23 @@ would read at once.
 """
 
 
+_WHOLE = (
+    *("imagewidth", "imagelength", "imagedepth", "tilewidth", "tilelength", "tiledepth"),
+    *("rowsperstrip", "samplesperpixel", "bitspersample", "compression", "photometric"),
+    *("planarconfig", "subfiletype"),
+)
+
+
+def check_page(page: Any) -> None:
+    """Raise InputError unless the fields of a page of tifffile that say where and how large its
+    samples are hold whole numbers: tifffile takes whatever kind of value a damaged file declares.
+    """
+    places, counts = page.dataoffsets, page.databytecounts
+    stated = (*(getattr(page, name) for name in _WHOLE), *places, *counts)
+    if len(places) != len(counts) or not all(isinstance(number, int) for number in stated):
+        raise InputError("damaged: its parts contradict each other; copy the file again")
+
+
 def check_directories(file: IO[bytes], read: Container[int] | None = None, pages: int = 1) -> bool:
     """Raise InputError if a directory declares implausible sizes.
 

@@ -161,7 +161,7 @@ def _add_common(parser: argparse.ArgumentParser, quiet: object, verbose: object)
     """Add the options of every verb, which may stand before the verb, too; their defaults."""
     less = "show neither progress nor notes; errors and results remain"
     parser.add_argument("-q", "--quiet", action="store_true", default=quiet, help=less)
-    more = "show the traceback of an error that is a fault of Panchroma"
+    more = "show the traceback of what caused an error"
     parser.add_argument("-v", "--verbose", action="store_true", default=verbose, help=more)
 
 

@@ -18,7 +18,7 @@ from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields, has_colours
 from .container import main_directory, picture_id, raw_digest, raw_directory
-from .reader import DngReader, damaged, opened
+from .reader import DngReader, damaged, library, opened
 from .record import Record, decode_record, encode_record, is_record, preview_digest, record_id
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, TAG, Photometric
 
@@ -178,11 +178,10 @@ def _check_preview(jpeg: bytes, pixels: int) -> None:
     """Raise InputError unless the JPEG is whole. pixels: of the shot; a preview has no more."""
     try:
         read_header(jpeg).check(max(pixels, _SMALL_PREVIEW))
-        imagecodecs.jpeg8_decode(jpeg)
     except InputError as error:
         raise damaged(f"the preview: {error}") from None
-    except Exception:  # the class of the error differs between versions of the library
-        raise damaged("the preview is not a whole JPEG") from None
+    with library("the preview is not a whole JPEG"):
+        imagecodecs.jpeg8_decode(jpeg)
 
 
 def _check_digest(dng: DngReader, samples: CodeArray) -> None:

@@ -16,10 +16,10 @@ import numpy as np
 from tifffile import TiffFile, TiffPage
 
 from ..arrays import CodeArray
-from ..errors import InputError, PanchromaError
+from ..errors import InputError, is_program_fault
 from ..jpeg_check import LOSSLESS, read_header
 from ..metadata import CaptureMetadata
-from ..tiff_check import PLAIN, check_directories
+from ..tiff_check import PLAIN, check_directories, check_page
 from .exif import read_metadata
 from .tags import CFA_CODES, TAG, Compression, Photometric
 
@@ -35,9 +35,7 @@ _LARGEST_PREVIEW = 256 << 20
 
 @contextmanager
 def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
-    """Parse a DNG for the duration of a `with` block; any error that the file causes in the block
-    becomes an InputError.
-    """
+    """Parse a DNG for the duration of a `with` block. Raises InputError for a damaged file."""
     stream = BytesIO(data) if isinstance(data, bytes) else data
     start = stream.read(4)
     if not start:
@@ -47,15 +45,27 @@ def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
     if start not in _TIFF_STARTS:
         raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
     check_directories(stream)
+    with library():
+        file = TiffFile(stream, **PLAIN)
+    with file:
+        yield DngReader(stream, file)
+
+
+@contextmanager
+def library(fault: str = "its parts contradict each other") -> Iterator[None]:
+    """Raise InputError for whatever a library raises in a `with` block, which calls no function of
+    Panchroma: a fault of the program is no damage of the file.
+    """
     try:
-        with TiffFile(stream, **PLAIN) as file:
-            yield DngReader(stream, file)
-    except (PanchromaError, MemoryError):
+        yield
+    except MemoryError:
         raise
+    # Deliberately every class: on damaged bytes tifffile and imagecodecs raise a dozen, none with a
+    # message for users.
     except Exception as error:
-        # Deliberately every class: on damaged bytes tifffile and imagecodecs raise a dozen, none
-        # with a message for users.
-        raise damaged("its parts contradict each other") from error
+        if is_program_fault(error):
+            raise
+        raise damaged(fault) from error
 
 
 def damaged(what: str) -> InputError:
@@ -64,14 +74,14 @@ def damaged(what: str) -> InputError:
 
 
 class DngReader:
-    """The two directories of a DNG. Methods raise InputError, or errors that `opened` turns into
-    one.
-    """
+    """The two directories of a DNG. Methods raise InputError for what is damaged."""
 
     def __init__(self, stream: IO[bytes], file: TiffFile) -> None:
         self._stream = stream
         self._size = stream.seek(0, SEEK_END)
-        self._main = file.pages.first
+        with library():
+            self._main = file.pages.first
+        check_page(self._main)
 
     def metadata(self) -> CaptureMetadata:
         """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
@@ -84,17 +94,19 @@ class DngReader:
     def preview(self) -> bytes:
         """The JPEG of the first directory, unchanged."""
         page = self._main
-        whole = page.compression == Compression.JPEG and len(page.dataoffsets) == 1
-        if self._check_segments(page) <= _LARGEST_PREVIEW and whole:
-            (jpeg,) = self._segments(page)
-            if jpeg.startswith(_JPEG_START):
-                return jpeg
+        if self._check_segments(page) <= _LARGEST_PREVIEW and page.compression == Compression.JPEG:
+            jpegs = list(self._segments(page))
+            if len(jpegs) == 1 and jpegs[0].startswith(_JPEG_START):
+                return jpegs[0]
         raise InputError("the file has no JPEG preview")
 
     def raw(self) -> TiffPage:
         """The directory of the raw samples, which lies below the first directory."""
-        for page in self._main.pages or ():
+        with library():
+            pages = list(self._main.pages or ())
+        for page in pages:
             if isinstance(page, TiffPage) and page.subfiletype == 0:
+                check_page(page)
                 return page
         raise damaged("the file has no raw picture")
 
@@ -106,10 +118,11 @@ class DngReader:
         if page.photometric == Photometric.LINEAR_RAW:
             return None
         if page.photometric != Photometric.CFA:
-            raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
-        rows, columns = page.tags.valueof(TAG["CFARepeatPatternDim"])
+            raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric}")
+        with library():
+            rows, columns = map(int, page.tags.valueof(TAG["CFARepeatPatternDim"]))
         codes = self._stored(page, TAG["CFAPattern"])
-        if len(codes) != rows * columns:
+        if len(codes) != rows * columns or not codes:
             raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
         letters = {code: letter for letter, code in CFA_CODES.items()}
         tile = "".join(letters.get(code, "?") for code in codes)
@@ -136,7 +149,7 @@ class DngReader:
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
         if page.compression not in tuple(Compression):
             raise InputError(
-                f"compression {page.compression:d}; a mosaic is lossless JPEG or uncompressed; "
+                f"compression {page.compression}; a mosaic is lossless JPEG or uncompressed; "
                 "export it again so"
             )
         compressed = page.compression == Compression.JPEG
@@ -146,8 +159,11 @@ class DngReader:
                 f"the file declares {columns} x {rows} pixels, its {held} bytes of samples "
                 "cannot hold them"
             )
-        samples = self._decoded(page) if compressed else page.asarray(maxworkers=1)
-        samples = np.ascontiguousarray(samples, np.uint16)
+        if compressed:
+            samples = self._decoded(page)
+        else:
+            with library():
+                samples = np.ascontiguousarray(page.asarray(maxworkers=1), np.uint16)
         samples.flags.writeable = False  # so that a mosaic need not copy them
         return samples
 
@@ -161,6 +177,8 @@ class DngReader:
         tall, wide = (
             (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
         )
+        if min(tall, wide) < 1 or -(-rows // tall) * -(-columns // wide) != len(page.dataoffsets):
+            raise damaged(f"its strips or tiles of {wide} x {tall} pixels are too many, or too few")
         samples = np.empty(page.shape, np.uint16)
         corners = product(range(0, rows, tall), range(0, columns, wide))
         for (top, left), segment in zip(corners, self._segments(page), strict=True):
@@ -170,12 +188,14 @@ class DngReader:
             # A sample has at least one bit.
             frame.check(8 * len(segment) // max(1, frame.components))
             room = samples[top : top + tall, left : left + wide]
-            decoded = imagecodecs.jpeg8_decode(segment)
+            with library():
+                decoded = imagecodecs.jpeg8_decode(segment)
             if decoded.shape == samples.shape and decoded.dtype == np.uint16:  # it is all of them
                 return decoded
             # Some writers store the same samples as a JPEG of twice the components and half the
             # width.
-            room[...] = decoded.reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
+            with library():
+                room[...] = decoded.reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
         return samples
 
     def _check_segments(self, page: TiffPage) -> int:
@@ -184,7 +204,7 @@ class DngReader:
         """
         ends = map(sum, zip(page.dataoffsets, page.databytecounts, strict=True))
         held = sum(page.databytecounts)
-        if max(held, *ends) > self._size:
+        if max([held, *ends]) > self._size:
             raise damaged(f"the file ends before its samples do, after {self._size} bytes")
         return held
 

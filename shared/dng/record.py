@@ -19,8 +19,6 @@ from .reader import damaged
 from .tags import MAKER
 
 SCHEMA = 1
-# of a document of another form; ValueError: no UTF-8
-_ODD = ValueError, AttributeError, KeyError, TypeError
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow
 # it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
@@ -104,28 +102,24 @@ def decode_record(data: bytes) -> Record:
     )
     try:
         document = parsed_json(data[len(RECORD_ID) :].rstrip(b"\0"))
-        digest = document.pop("digest")
-        if digest != _digest(document):
-            raise changed
-    except (InputError, *_ODD):
-        raise changed from None
+    except InputError as error:
+        raise changed from error
+    digest = document.pop("digest", None) if isinstance(document, dict) else None
+    if not isinstance(digest, str) or digest != _digest(document):
+        raise changed
     if (schema := document.get("schema")) != SCHEMA:
         raise InputError(
             f"the record of pattern and calibration has schema {schema!r}, this version reads "
             f"{SCHEMA}; update it"
         )
-    try:
-        document["pattern"].pop("period", None)
-        pattern = CfaPattern.from_json(document["pattern"])
-        calibration = document["calibration"] | {
-            name: document[name] for name in document.keys() & OPTIONAL
-        }
-        shape = size("shape", document["shape"])
-        digests = (document["samples"], document["preview"])
-        if not all(isinstance(text, str) for text in digests):
-            raise TypeError
-    except _ODD:  # the digest is right, but no version of ours wrote this
-        raise changed from None
+    stated = [document.get(name) for name in ("pattern", "calibration", "samples", "preview")]
+    kinds = zip(stated, (dict, dict, str, str), strict=True)
+    if not all(isinstance(value, kind) for value, kind in kinds):
+        raise changed  # the digest is right, but no version of ours wrote this
+    tile, calibration, *digests = stated
+    tile.pop("period", None)
+    calibration |= {name: document[name] for name in document.keys() & OPTIONAL}
+    pattern, shape = CfaPattern.from_json(tile), size("shape", document.get("shape"))
     return Record(pattern, SensorCalibration.from_json(calibration), digest, shape, *digests)
 
 

@@ -55,7 +55,7 @@ class Console:
     quiet : bool, optional
         Standard error is for errors alone.
     verbose : bool, optional
-        An error that nobody foresaw is followed by its traceback.
+        An error is followed by the traceback of what caused it.
     """
 
     def __init__(self, *, json: bool = False, quiet: bool = False, verbose: bool = False) -> None:
@@ -100,17 +100,12 @@ class Console:
         Parameters
         ----------
         cause : BaseException | None, optional
-            What was raised; a `PanchromaError` has no traceback.
+            What was raised.
         """
         for text in texts:
             to_stderr(f"panchroma: {text}")
-        if cause is None or not self._verbose:
-            return
-        from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
-
-        if not isinstance(cause, PanchromaError):
-            for line in traceback_of(cause).splitlines():
-                to_stderr(line)
+        for line in traceback_of(cause).splitlines() if cause and self._verbose else ():
+            to_stderr(line)
 
     def record(self, **facts: Any) -> None:
         """Print one object for machines to stdout; without `json`, nothing.
@@ -164,10 +159,19 @@ def fault(error: BaseException) -> str:
 
 
 def traceback_of(error: BaseException) -> str:
-    """The traceback of an exception; of a fault in a worker process the one there."""
+    """The traceback of an exception, in a worker process the one there; of a PanchromaError that of
+    its cause, "" without one.
+    """
+    from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
+
     if isinstance(error, WorkerFault):
         return str(error.args[1])
-    return "".join(traceback.format_exception(error))
+    if notes := getattr(error, "__notes__", None):
+        return "\n".join(notes)
+    cause: BaseException | None = error
+    while isinstance(cause, PanchromaError):
+        cause = cause.__cause__ or cause.__context__
+    return "".join(traceback.format_exception(cause)) if cause else ""
 
 
 def note_warnings(note: Callable[[str], None]) -> None:

@@ -232,8 +232,8 @@ def _begin(threads: int) -> None:
 
 
 def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
-    """In a worker: (result or exception, notes). The exception of a fault carries its traceback as
-    text.
+    """In a worker: (result or exception, notes). The exception carries its traceback, or that of
+    its cause, as text.
     """
     from ...shared.errors import PanchromaError
     from .progress import StageProgress
@@ -244,6 +244,8 @@ def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]
         result = _result_or_error(function, item, StageProgress(note=notes.append))
     if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
         result = WorkerFault(fault(result), traceback_of(result))
+    elif isinstance(result, Exception):
+        result.add_note(traceback_of(result))  # pickling drops the cause
     return result, notes
 
 

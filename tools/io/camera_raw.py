@@ -30,7 +30,7 @@ from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_reading import StoredDirectories, StoredFields, read_directories
 from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
-from .decoded import guarded
+from .damage import guarded
 from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import Scene, check_size
@@ -76,15 +76,14 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all
     # memory for two kilobytes.
     samples, facts = _unpack(unpack_quads, path, max_pixels)
-    with guarded(path):
-        rgb, gone = _quads(samples, facts)
-        if registered:
-            rgb, gone = register_quads(rgb, gone, facts)
-        directories = raw_directories(path)
-        metadata = _metadata(facts, directories)
-        return camera_scene(
-            path.stem, rgb, gone, _neutral(facts), directories.main, metadata, facts["matrix"]
-        )
+    rgb, gone = _quads(samples, facts)
+    if registered:
+        rgb, gone = register_quads(rgb, gone, facts)
+    directories = raw_directories(path)
+    metadata = _metadata(facts, directories)
+    return camera_scene(
+        path.stem, rgb, gone, _neutral(facts), directories.main, metadata, facts["matrix"]
+    )
 
 
 def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
@@ -119,37 +118,38 @@ def unpack_samples(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
     """Return the samples of the visible area as LibRaw reads them, uint16 (H, W), and no facts.
     Call it by `run_limited`.
     """
-    with guarded(path), _opened(path, max_pixels) as raw:
+    with _opened(path, max_pixels) as raw:
         _check_mosaic(raw, "give a file with the samples of the sensor")
-        return np.array(raw.raw_image_visible), {}
+        with _decoding(path):
+            return np.array(raw.raw_image_visible), {}
 
 
 def unpack_quads(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
     """Return the samples of a Bayer RAW as `unpack_samples` does, and what LibRaw knows of them.
     Call it by `run_limited`.
     """
-    with guarded(path), _opened(path, max_pixels) as raw:
-        pattern = bayer_pattern(raw)
-        facts: Facts = {
-            "pattern": pattern.tolist(),
-            "letters": raw.color_desc.decode("ascii", "replace"),
-            "blacks": [float(level) for level in raw.black_level_per_channel],
-            # Not camera_white_level_per_channel: some makers set it below samples that are still
-            # linear, and relative to another black.
-            "white": float(raw.white_level),
-            "balance": np.array(raw.camera_whitebalance[:3], np.float64).tolist(),
-            # LibRaw has a table of cameras
-            "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),
-            "flip": int(raw.sizes.flip),
-            "lens": str(raw.lens.model or ""),
-            "artist": str(raw.other.artist or ""),
-            "taken": raw.other.timestamp.isoformat() if raw.other.timestamp else "",
-            "f_number": float(raw.other.aperture),
-            "iso": float(raw.other.iso_speed),
-            "focal_length": float(raw.other.focal_length),
-            "exposure_time": float(raw.other.shutter_speed),
-        }
-        return np.array(raw.raw_image_visible), facts
+    with _opened(path, max_pixels) as raw:
+        pattern = bayer_pattern(raw).tolist()
+        with _decoding(path):
+            return np.array(raw.raw_image_visible), {
+                "pattern": pattern,
+                "letters": raw.color_desc.decode("ascii", "replace"),
+                "blacks": [float(level) for level in raw.black_level_per_channel],
+                # Not camera_white_level_per_channel: some makers set it below samples that are
+                # still linear, and relative to another black.
+                "white": float(raw.white_level),
+                "balance": np.array(raw.camera_whitebalance[:3], np.float64).tolist(),
+                # LibRaw has a table of cameras
+                "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),
+                "flip": int(raw.sizes.flip),
+                "lens": str(raw.lens.model or ""),
+                "artist": str(raw.other.artist or ""),
+                "taken": raw.other.timestamp.isoformat() if raw.other.timestamp else "",
+                "f_number": float(raw.other.aperture),
+                "iso": round(raw.other.iso_speed),
+                "focal_length": float(raw.other.focal_length),
+                "exposure_time": float(raw.other.shutter_speed),
+            }
 
 
 @contextmanager
@@ -157,15 +157,29 @@ def _opened(path: str, max_pixels: int) -> Iterator[Any]:
     """In the `with` block, a RAW whose samples LibRaw has read."""
     import rawpy
 
-    try:
-        with rawpy.RawPy() as raw:
+    with rawpy.RawPy() as raw:
+        with _decoding(path):
             raw.open_file(path)
             sizes = raw.sizes
-            check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
+        check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
+        with _decoding(path):
             raw.unpack()
-            yield raw
-    except (rawpy.LibRawFileUnsupportedError, rawpy.LibRawIOError):
-        raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from None
+        yield raw
+
+
+@contextmanager
+def _decoding(path: str) -> Iterator[None]:
+    """A `guarded` block for LibRaw, which tells files that it does not know from damaged ones."""
+    import rawpy
+
+    try:
+        with guarded(path):
+            yield
+    except InputError as error:
+        if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError | rawpy.LibRawIOError):
+            known = NO_RAW.format("that LibRaw knows, or cut short")
+            raise InputError(known) from error.__cause__
+        raise
 
 
 def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
@@ -404,7 +418,7 @@ def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
     if not directories.main:
         taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
         values |= {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
-        values |= {"artist": printable(facts["artist"]), "iso": round(facts["iso"])}
+        values |= {"artist": printable(facts["artist"]), "iso": facts["iso"]}
         values["taken"] = taken if taken and taken.year > 1970 else None
     for name, value in values.items():
         if value:

@@ -1,8 +1,6 @@
 """Output of picture decoders, and what decoders share: errors, names of channels, transparency."""
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -63,36 +61,13 @@ class PictureFormat(NamedTuple):
     endings : tuple[str, ...]
         Of the names of its files, the usual one first.
     decode : Callable[[Path, int, str], Decoded]
-        (file, limit of pixels, channels of the pattern that will see it) -> picture, called in a
-        `guarded` block.
+        (file, limit of pixels, channels of the pattern that will see it) -> picture.
     """
 
     name: str
     start: bytes
     endings: tuple[str, ...]
     decode: Callable[[Path, int, str], Decoded]
-
-
-@contextmanager
-def guarded(path: Path | str) -> Iterator[None]:
-    """Raise only InputError in a `with` block that decodes a file: on damaged files the libraries
-    raise nearly everything.
-    """
-    try:
-        yield
-    except InputError:
-        raise
-    except MemoryError:
-        raise InputError("the picture does not fit into memory; cut or reduce it") from None
-    except Exception as error:
-        message = error.args[0] if error.args else ""
-        text = message.decode("ascii", "replace") if isinstance(message, bytes) else str(error)
-        reason = (text.strip().splitlines() or [type(error).__name__])[0]
-        # whoever shows the error names the file
-        reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()
-        raise InputError(
-            f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again"
-        ) from error
 
 
 def channels_of(

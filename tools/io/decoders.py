@@ -1,8 +1,7 @@
 """Decoders: picture files to arrays as stored.
 
-Each checks the declared size before it decodes pixels. Call them in a `guarded` block: then they
-raise InputError, whatever the decoding library raises. The messages do not name the file: the
-caller does.
+Each checks the declared size before it decodes pixels, and raises InputError for whatever the
+decoding library raises. The messages do not name the file: the caller does.
 """
 
 import zlib
@@ -18,12 +17,12 @@ from ...shared.dng import read_metadata
 from ...shared.errors import InputError
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
+from .damage import guarded
 from .decoded import (
     Decoded,
     PictureFormat,
     channels_of,
     exif_encoding,
-    guarded,
     profile_encoding,
     remark_on_unused,
     without_alpha,
@@ -53,7 +52,8 @@ def decode_npy(path: Path, max_pixels: int, channels: str) -> Decoded:
             "the array's header declares an impossible length: the file is damaged, or made to "
             "fill the memory"
         )
-    stored = np.load(path, mmap_mode="r", allow_pickle=False)
+    with guarded(path):
+        stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim in (2, 3):
         rows, columns = stored.shape[:2]
         check_size(columns, rows, stored[:1, :1].nbytes, data_bytes(path), max_pixels)
@@ -103,7 +103,9 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
     wide, notes = header[24] == 16, list[str]()
     check_size(width, height, 8 if wide else 4, data_bytes(path), max_pixels)
     png, beside = _chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
-    pixels, peak = without_alpha(imagecodecs.png_decode(png), notes), 65535 if wide else 255
+    with guarded():
+        decoded = imagecodecs.png_decode(png)
+    pixels, peak = without_alpha(decoded, notes), 65535 if wide else 255
     encoding = _encoding(beside, peak, notes)
     return Decoded(pixels, peak, encoding, read_metadata(BytesIO(beside.get(b"eXIf", b""))), notes)
 
@@ -217,7 +219,9 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
         raise InputError(f"the JPEG has {kind} (CMYK, ...); convert it to RGB or grey of 8 bits")
     if not header.complete:  # libjpeg makes grey of what is missing
         raise InputError("the picture is cut short: its end is missing; copy it again")
-    pixels, notes = np.atleast_3d(imagecodecs.jpeg8_decode(jpeg)), list[str]()
+    with guarded():
+        pixels = np.atleast_3d(imagecodecs.jpeg8_decode(jpeg))
+    notes: list[str] = []
     # The parts of a profile begin with their number, and how many there are.
     parts = sorted(header.held(_PROFILE), key=lambda part: part[:1])
     profile = b"".join(part[2:] for part in parts)
@@ -253,26 +257,26 @@ def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any]
 
     Call it by `run_limited`.
     """
-    with guarded(path):
-        import OpenEXR
+    import OpenEXR
 
+    with guarded(path):
         header = OpenEXR.File(path, header_only=True).header()
         corners = [np.asarray(corner, np.int64) for corner in header["dataWindow"]]
         width, height = (corners[1] - corners[0] + 1).tolist()
         names = {channel.name for channel in header["channels"]}
-        # the filters' own channels before those they can be made from
-        choices = [requested, scene_channels(requested), RGB]
-        letters = next((choice for choice in choices if set(choice) <= names), "Y")
-        if not set(letters) <= names or "RY" in names:
-            expected = "R, G, B" if requested == RGB else f"{', '.join(requested)}, or R, G, B"
-            listed = ", ".join(sorted(names))[:200]
-            raise InputError(f"the EXR has the channels {listed}; expected {expected}, or Y alone")
-        check_size(width, height, 4 * len(names), data_bytes(path), max_pixels)
+        primaries = np.ravel(np.asarray(header.get("chromaticities", ()), np.float64)).tolist()
+    # the filters' own channels before those they can be made from
+    choices = [requested, scene_channels(requested), RGB]
+    letters = next((choice for choice in choices if set(choice) <= names), "Y")
+    if not set(letters) <= names or "RY" in names:
+        expected = "R, G, B" if requested == RGB else f"{', '.join(requested)}, or R, G, B"
+        listed = ", ".join(sorted(names))[:200]
+        raise InputError(f"the EXR has the channels {listed}; expected {expected}, or Y alone")
+    check_size(width, height, 4 * len(names), data_bytes(path), max_pixels)
+    with guarded(path):
         channels = OpenEXR.File(path, separate_channels=True).channels()
         pixels = np.stack([channels[name].pixels for name in letters], axis=-1)
-        primaries = np.ravel(np.asarray(header.get("chromaticities", ()), np.float64)).tolist()
-        channel_names = RGB if letters == "Y" else letters
-        return pixels, {"channels": channel_names, "chromaticities": primaries}
+    return pixels, {"channels": RGB if letters == "Y" else letters, "chromaticities": primaries}
 
 
 _EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)

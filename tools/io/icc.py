@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ...shared.arrays import DoubleArray, FloatArray, strips
 from ...shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
+from ...shared.errors import InputError
+from .damage import guarded
 from .encoding import LINEAR, REC_2020, Encoding, table_curve
 
 _NAME = "its ICC profile"
@@ -31,8 +33,7 @@ def read_profile(profile: bytes) -> Encoding | None:
     """
     try:
         return _grey(profile) if profile[16:20] == b"GRAY" else _rgb(profile)
-    # what imagecodecs raises for a profile that Little CMS refuses
-    except (ValueError, RuntimeError):
+    except InputError:
         return None
 
 
@@ -80,16 +81,17 @@ def _rgb(profile: bytes) -> Encoding:
 
 
 def _xyz(values: DoubleArray, profile: bytes, kind: str = "rgb") -> DoubleArray:
-    """Convert values 0..1 (H, W, C) to XYZ (H, W, 3), relative to D50. Raises ValueError or
-    RuntimeError.
+    """Convert values 0..1 (H, W, C) to XYZ (H, W, 3), relative to D50. Raises InputError for
+    a damaged profile, and for that of another kind of picture.
     """
     import imagecodecs
 
     if len(profile) > _LARGEST:
-        raise ValueError("not a profile of a picture")
+        raise InputError("its colour profile is longer than that of any picture")
     spaces: dict[str, Any] = {"colorspace": kind, "outcolorspace": "xyz", "outdtype": "f8"}
     codes, xyz = np.asarray(values, np.float64), imagecodecs.cms_profile("xyz")
-    converted: DoubleArray = imagecodecs.cms_transform(codes, profile, xyz, intent=1, **spaces)
+    with guarded():
+        converted: DoubleArray = imagecodecs.cms_transform(codes, profile, xyz, intent=1, **spaces)
     if not np.isfinite(converted).all():
-        raise ValueError("not the colours of a picture")
+        raise InputError("its colour profile has no colours of a picture")
     return converted

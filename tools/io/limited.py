@@ -12,6 +12,7 @@ import resource
 import signal
 import subprocess
 import sys
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...shared.errors import InputError
+from .damage import readable
 from .file_size import data_bytes
 
 Facts = dict[str, Any]
@@ -31,7 +33,7 @@ Facts = dict[str, Any]
 _SECONDS, _SECONDS_PER_BYTE = 0.25, 0.5e-6  # a camera's RAW takes 0.05 seconds per megabyte
 _BYTES, _BYTES_PER_BYTE = 192 << 20, 40  # a RAW of 24 megapixels takes 300 MB, and has at least 10
 _BYTES_PER_THREAD = 10 << 20  # stacks of the threads that a library starts, one per processor
-_LONGEST_FACTS = 1 << 20  # bytes
+_LONGEST_FACTS, _LONGEST_TRACE = 1 << 20, 1 << 14  # bytes, characters
 _SAMPLES = ("uint8", "uint16", "uint32", "float16", "float32")
 _START = "import sys; sys.path[:] = {path!r}; from panchroma.tools.io.limited import serve; serve()"
 
@@ -62,6 +64,8 @@ def run_limited(
     InputError
         With the message of the InputError that `function` raises, and when the process exceeds its
         limits, ends in another way, or answers anything else.
+    RuntimeError
+        When `function` raises another exception; its cause is the traceback there.
     """
     size = data_bytes(file)
     seconds, most = _SECONDS + size * _SECONDS_PER_BYTE, _BYTES + size * _BYTES_PER_BYTE
@@ -76,7 +80,7 @@ def run_limited(
         try:
             with suppress(BrokenPipeError), process.stdin as sending:
                 sending.write(request.encode())
-            refused, samples, facts = _received(process.stdout, most)
+            refused, trace, samples, facts = _received(process.stdout, most)
         except (ValueError, TypeError, LookupError, RecursionError):
             raise InputError(
                 f"reading it takes more than {seconds:.2g} s or {most >> 20} MB, or ends the "
@@ -86,19 +90,26 @@ def run_limited(
         finally:
             process.kill()
     if refused:
-        raise InputError(refused)
+        raise InputError(refused) from ProcessError(trace)
+    if trace:
+        raise RuntimeError(trace.splitlines()[-1]) from ProcessError(trace)
     return samples, facts
 
 
-def _received(stream: IO[bytes], most: int) -> tuple[str, NDArray[Any], Facts]:
-    """Return the message of an error, "" without one, the samples and the facts in an answer of
-    `serve`.
+class ProcessError(Exception):
+    """An exception in another process; its text is the traceback there."""
+
+
+def _received(stream: IO[bytes], most: int) -> tuple[str, str, NDArray[Any], Facts]:
+    """Return the message of an InputError and the traceback of any error, "" without one, the
+    samples and the facts in an answer of `serve`.
 
     most: bytes of samples.
     Raises ValueError, TypeError, LookupError or RecursionError for any other answer.
     """
     answer = json.loads(stream.readline(_LONGEST_FACTS))
-    refused, kind, facts = str(answer["refused"]), answer["dtype"], dict(answer["facts"])
+    refused, trace = str(answer["refused"]), str(answer["trace"])
+    kind, facts = answer["dtype"], dict(answer["facts"])
     shape = tuple(answer["shape"])
     sides = all(type(side) is int and side >= 0 for side in shape)
     if kind not in _SAMPLES or len(shape) not in (2, 3) or not sides:
@@ -108,7 +119,7 @@ def _received(stream: IO[bytes], most: int) -> tuple[str, NDArray[Any], Facts]:
     samples = np.empty(shape, kind)
     if stream.readinto(samples.reshape(-1).view(np.uint8)) != samples.nbytes:  # type: ignore[attr-defined]
         raise ValueError("cut short")
-    return refused, samples, facts
+    return refused, trace, samples, facts
 
 
 def serve() -> None:
@@ -120,13 +131,16 @@ def serve() -> None:
     for needed in (*modules, module):
         import_module(needed)
     _limit(seconds, most)
-    refused, samples, facts = "", np.empty((0, 0), np.uint8), Facts()
+    refused, trace, samples, facts = "", "", np.empty((0, 0), np.uint8), Facts()
     try:
-        samples, facts = getattr(sys.modules[module], name)(*arguments)
-    except InputError as error:
-        refused = str(error)
+        with readable():
+            samples, facts = getattr(sys.modules[module], name)(*arguments)
+    except Exception as error:
+        refused = str(error) if isinstance(error, InputError) else ""
+        trace = "".join(traceback.format_exception(error))[-_LONGEST_TRACE:]
     signal.setitimer(signal.ITIMER_PROF, 0)
-    head = {"refused": refused, "dtype": samples.dtype.name, "shape": samples.shape, "facts": facts}
+    head = {"refused": refused, "trace": trace, "facts": facts}
+    head |= {"dtype": samples.dtype.name, "shape": samples.shape}
     answer.write(json.dumps(head).encode() + b"\n")
     answer.write(np.ascontiguousarray(samples).reshape(-1).view(np.uint8).data)
     answer.close()

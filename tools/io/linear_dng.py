@@ -18,10 +18,11 @@ from ...shared.dng.reader import DngReader
 from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric
 from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
-from ...shared.tiff_check import PLAIN, check_directories
+from ...shared.tiff_check import PLAIN, check_directories, check_page
 from ...shared.white_balance import clipped_share, normalised
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER
+from .damage import guarded
 from .file_size import check_pieces, data_bytes
 from .jpegxl import declared_size
 from .scene import Scene, check_size
@@ -73,7 +74,9 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     """
     with path.open("rb") as stream:
         check_directories(stream, _READ)
-        with TiffFile(stream) as file:
+        with guarded(path):
+            file = TiffFile(stream)
+        with file:
             page = _main_picture(file)
             if page is None:
                 return None
@@ -81,11 +84,11 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             _check_chunks(page, stream)
             unsigned = page.dtype is not None and page.dtype.kind == "u"
             integers = unsigned and page.compression in (*Compression, _JPEG_XL)
-            samples = (
-                _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES)
-                if unsigned and page.compression in tuple(Compression)
-                else page.asarray(maxworkers=1)
-            )
+            if unsigned and page.compression in tuple(Compression):
+                samples = _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES)
+            else:
+                with guarded(path):
+                    samples = page.asarray(maxworkers=1)
             rgb = _levelled(samples, page)
             stated = tag_numbers(file.pages.first, TAG["AsShotNeutral"])
     is_stated = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
@@ -106,7 +109,8 @@ def _main_picture(file: TiffFile) -> TiffPage | None:
 
 def _pictures(file: TiffFile) -> list[TiffPage]:
     """Return the first directory, and those below it, but for previews."""
-    pages = (file.pages.first, *(file.pages.first.pages or ()))
+    with guarded():
+        pages = (file.pages.first, *(file.pages.first.pages or ()))
     return [page for page in pages if isinstance(page, TiffPage) and page.subfiletype == 0]
 
 
@@ -132,6 +136,7 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
         raise InputError(
             f"the linear DNG is compressed by {kind}, which is lossy or rare; {advice}"
         )
+    check_page(page)
     kind, planes = page.dtype, " in separate planes" if page.planarconfig != 1 else ""
     if planes or kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
         raise InputError(
@@ -166,7 +171,8 @@ def _check_chunks(page: TiffPage, stream: Any) -> None:
                     f"place for {columns} x {rows}: {reason}"
                 )
         elif page.compression in _DEFLATE:
-            inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)
+            with guarded():
+                inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)
             if len(inflated) > most:
                 raise InputError(f"the linear DNG's strips hold more than they say: {reason}")
 
@@ -212,7 +218,7 @@ def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
     period = tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1]
-    rows, columns = period[:2]
+    rows, columns = (period * 2)[:2] if min(period) > 0 else (0, 0)
     stated = tag_numbers(page, TAG["BlackLevel"])
     if stated.size not in (0, 1, rows * columns * 3):
         levels = f"{stated.size} black levels for {rows} x {columns} pixels"
@@ -229,13 +235,12 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
 
 
 def remark_on_corrections(path: Path) -> tuple[str, ...]:
-    """Return notes for the user on the corrections that a DNG asks for and that are not made.
-
-    Raises whatever tifffile raises.
-    """
+    """Return notes for the user on the corrections that a DNG asks for and that are not made."""
     with path.open("rb") as stream:
         check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS, _BASELINE_EXPOSURE})
-    with TiffFile(path, **PLAIN) as file:
+    with guarded(path):
+        file = TiffFile(path, **PLAIN)
+    with file:
         stops = float(tag_numbers(file.pages.first, _BASELINE_EXPOSURE).sum())
         pages = _pictures(file)
         linear = any(page.photometric == Photometric.LINEAR_RAW for page in pages)

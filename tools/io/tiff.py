@@ -11,7 +11,8 @@ from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import D65_XY
 from ...shared.dng import read_metadata
 from ...shared.errors import InputError
-from ...shared.tiff_check import PLAIN, check_directories
+from ...shared.tiff_check import PLAIN, check_directories, check_page
+from .damage import guarded
 from .decoded import (
     MOST_PAGES,
     Decoded,
@@ -49,8 +50,10 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
     size, held, notes = path.stat().st_size, data_bytes(path), list[str]()
     with path.open("rb") as stream:
         several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *_READ})
-        file = tifffile.TiffFile(stream, **PLAIN)
-        first: Any = file.pages[0]
+        with guarded(path):
+            file = tifffile.TiffFile(stream, **PLAIN)
+            first: Any = file.pages[0]
+        check_page(first)
         if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
             raise InputError(
                 f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}; "
@@ -82,8 +85,10 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
             pixels = without_alpha(pixels, notes)
         if several and len(pages) == 1:
             notes.append("the file has several pages; only the first is used")
-        peak, profile = _peak(first, pixels, notes), first.tags.get(_ICC_PROFILE)
-        encoding = profile_encoding(profile and profile.value, notes) or _declared(first, notes)
+        peak = _peak(first, pixels, notes)
+        with guarded(path):
+            profile = bytes(first.tags.valueof(_ICC_PROFILE, b""))
+        encoding = profile_encoding(profile, notes) or _declared(first, notes)
         if encoding is None and peak:
             encoding = exif_encoding(stream, notes)
         metadata = read_metadata(stream)
@@ -119,10 +124,10 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
     white = tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY
     to_xyz = space_of((*tag_numbers(page, _PRIMARIES), *white))
     curves: tuple[Curve, ...] = ()
-    if field := page.tags.get(_TRANSFER):
-        values = 1 << page.bitspersample
-        if page.bitspersample <= 16 and field.count in (values, 3 * values):
-            tables = np.asarray(field.value, np.float64).reshape(-1, values) / 65535
+    if _TRANSFER in page.tags:
+        values, stated = 1 << page.bitspersample, tag_numbers(page, _TRANSFER)
+        if page.bitspersample <= 16 and stated.size in (values, 3 * values):
+            tables = stated.reshape(-1, values) / 65535
             curves = tuple(table_curve(table) for table in np.broadcast_to(tables, (3, values)))
         else:
             remark_on_unused(["TransferFunction"], notes)
@@ -138,7 +143,8 @@ def tag_numbers(page: Any, tag: int) -> DoubleArray:
     field = page.tags.get(tag)
     if field is None:
         return np.zeros(0)
-    values = np.ravel(np.asarray(field.value, np.float64))
+    with guarded():
+        values = np.ravel(np.asarray(field.value, np.float64))
     if field.dtype not in _RATIONALS:
         return values
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -151,9 +157,11 @@ def _stack(file: Any) -> list[Any]:
     """
     pages: list[Any] = []
     # len(file.pages) would follow the directories, however many there are
-    with suppress(IndexError):
+    with guarded(), suppress(IndexError):
         while len(pages) < MOST_PAGES:
             pages.append(file.pages[len(pages)])
+    for page in pages:
+        check_page(page)
     kinds = {
         (page.shape, page.samplesperpixel, page.bitspersample, page.dtype, page.photometric)
         for page in pages
@@ -177,7 +185,8 @@ def _page_pixels(page: Any) -> NDArray[Any]:
                 f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made "
                 "to fill the memory"
             )
-    samples: NDArray[Any] = page.asarray(maxworkers=1)
+    with guarded():
+        samples: NDArray[Any] = page.asarray(maxworkers=1)
     return np.moveaxis(samples, 0, -1) if page.axes.startswith("S") else np.atleast_3d(samples)
 
 

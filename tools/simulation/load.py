@@ -17,7 +17,8 @@ from ...shared.errors import ForeignFileError, InputError
 from ...shared.reading import MAX_PIXELS, opened_file
 from ...shared.tiff_check import PLAIN, check_directories
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
-from ..io.decoded import PictureFormat, guarded
+from ..io.damage import guarded, readable
+from ..io.decoded import PictureFormat
 from ..io.decoders import FORMATS
 from ..io.linear_dng import linear_dng_scene, remark_on_corrections
 from ..io.picture import gehler_shi_scene, picture_scene
@@ -93,14 +94,14 @@ def load_scene(
     path = Path(source)
     picture_format, is_dng = file_kind(path)
     if picture_format:
-        with guarded(path):
+        with readable():
             picture = picture_format.decode(path, max_pixels, channels)
         gehlers = gehler_shi_scene(picture, path.stem) if picture_format.name == "PNG" else None
         return gehlers or picture_scene(picture, path.stem, linear=linear)
-    with guarded(path):
+    with readable():
         notes = remark_on_corrections(path) if is_dng else ()
         linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
-    scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
+        scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
     return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
 
 
@@ -121,9 +122,9 @@ def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
         picture_format, _ = file_kind(path)
     except ForeignFileError:
         return read_dng(path, max_pixels=max_pixels).codes
-    if picture_format is None:
-        return camera_raw_samples(path, max_pixels)
-    with guarded(path):
+    with readable():
+        if picture_format is None:
+            return camera_raw_samples(path, max_pixels)
         pixels = picture_format.decode(path, max_pixels, RGB).pixels
     if pixels.shape[2] != 1:
         remedy = "give the samples of the sensor, one at each pixel"
@@ -236,14 +237,14 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
     try:
         with path.open("rb") as stream:
             check_directories(stream, {*tifffile.TIFF.TAG_LOAD, TAG["DNGPrivateData"]})
-        with tifffile.TiffFile(path, **PLAIN) as file:
+        with guarded(path), tifffile.TiffFile(path, **PLAIN) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
             private = (directory.tags.get(TAG["DNGPrivateData"]) for directory in directories)
             is_shot = any(tag and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
             return is_shot, TAG["DNGVersion"] in first.tags
     # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
-    except Exception:
+    except InputError:
         return _mentions(path, MAKER.encode()), False
 
 

@@ -100,6 +100,26 @@ def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback(
         assert shown.count("please report it: IndexError in ") == 3
 
 
+def damaged(number: int, _: object) -> None:
+    try:
+        [][number]
+    except IndexError:
+        raise InputError("damaged") from None
+
+
+def test_the_cause_of_an_error_in_a_process_is_shown_where_it_is_asked_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for _, error in pool(damaged, [1]):
+        assert isinstance(error, InputError)
+        Console(verbose=True).error(str(error), cause=error)
+        Console().error(str(error), cause=error)
+    first, *trace, last = capsys.readouterr().err.splitlines()
+    assert first == last == "panchroma: damaged"
+    assert "IndexError: list index out of range" in trace
+    assert any(line.endswith(", in damaged") for line in trace)
+
+
 def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As an interrupt does."""
 
