@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...shared.errors import InputError
-from .damage import readable
 from .file_size import data_bytes
 
 Facts = dict[str, Any]
@@ -133,13 +132,14 @@ def serve() -> None:
     _limit(seconds, most)
     refused, trace, samples, facts = "", "", np.empty((0, 0), np.uint8), Facts()
     try:
-        with readable():
-            samples, facts = getattr(sys.modules[module], name)(*arguments)
+        samples, facts = getattr(sys.modules[module], name)(*arguments)
+    except MemoryError:
+        raise  # the limit, which the caller reports
     except Exception as error:
-        refused = str(error) if isinstance(error, InputError) else ""
+        refused = str(error) if isinstance(error, InputError | OSError) else ""
         trace = "".join(traceback.format_exception(error))[-_LONGEST_TRACE:]
     signal.setitimer(signal.ITIMER_PROF, 0)
-    head = {"refused": refused, "trace": trace, "facts": facts}
+    head: Facts = {"refused": refused, "trace": trace, "facts": facts}
     head |= {"dtype": samples.dtype.name, "shape": samples.shape}
     answer.write(json.dumps(head).encode() + b"\n")
     answer.write(np.ascontiguousarray(samples).reshape(-1).view(np.uint8).data)

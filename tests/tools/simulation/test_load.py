@@ -245,7 +245,7 @@ def test_what_exceeds_its_limits_is_refused(tmp_path: Path, what: str, message: 
 
 def header(**changes: Any) -> bytes:
     """The first line of an answer of six samples."""
-    facts = {"refused": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
+    facts = {"refused": "", "trace": "", "dtype": "uint8", "shape": [2, 3], "facts": {}}
     return json.dumps(facts | changes).encode()
 
 
@@ -259,7 +259,7 @@ def header(**changes: Any) -> bytes:
     ],
 )
 def test_an_answer_that_is_no_picture_is_refused(answer: bytes) -> None:
-    refused, samples, facts = _received(BytesIO(header() + b"\n" + bytes(range(6))), 6)
+    refused, _, samples, facts = _received(BytesIO(header() + b"\n" + bytes(range(6))), 6)
     assert (refused, samples.tolist(), facts) == ("", [[0, 1, 2], [3, 4, 5]], {})
     with pytest.raises((ValueError, TypeError, LookupError, RecursionError)):
         _received(BytesIO(answer + b"\n" + bytes(6)), 1 << 20)
