@@ -18,6 +18,7 @@ from ..shared.block_grid import BlockGrid
 from ..shared.calibration import NoiseModel
 from ..shared.mosaic import Mosaic
 from ..shared.pattern import CfaPattern
+from ..shared.shading import Shading
 from .numerics.pieces import BLOCK_ROWS, in_strips
 
 _LEAST_LEVEL = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
@@ -340,6 +341,8 @@ class Cleaned:
         at is white there. uint8 (H, W), 255 = nothing is known; None = all is known.
     estimated : bool
         Whether the noise model is an estimate from the samples.
+    shading : Shading | None
+        By which the picture gets its light, see `Mosaic.evenly_shaded`; None = there is none.
     """
 
     mosaic: Mosaic
@@ -348,6 +351,7 @@ class Cleaned:
     unclipped: BoolArray | None = None
     lost: ByteArray | None = None
     estimated: bool = False
+    shading: Shading | None = None
 
     @cached_property
     def sites(self) -> Sites:

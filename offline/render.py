@@ -274,12 +274,7 @@ def measure(
     >>> measure(grey).luminance.shape
     (30, 40)
     """
-    measured = _measure_frame(clean_frame(mosaic, settings, progress), settings, progress)
-    measured, shading = with_updated_luminance(measured, settings), mosaic.calibration.shading
-    return replace(measured, calibration=replace(measured.calibration, shading=shading))
-
-
-def _measure_frame(frame: Cleaned, settings: RenderSettings, progress: Progress) -> Measured:
+    frame = clean_frame(mosaic, settings, progress)
     luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
     return estimate_colour(frame, luminance, settings, progress)
@@ -319,8 +314,14 @@ def clean_frame(
 
 
 def _prepare_samples(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
-    samples = with_noise_model(mosaic.evenly_shaded(), settings.noise)
-    return Cleaned(samples, clipping_level(mosaic), estimated=mosaic.calibration.noise is None)
+    samples, calibration = (
+        with_noise_model(mosaic.evenly_shaded(), settings.noise),
+        mosaic.calibration,
+    )
+    estimated = calibration.noise is None
+    return Cleaned(
+        samples, clipping_level(mosaic), estimated=estimated, shading=calibration.shading
+    )
 
 
 def restore_frame(
@@ -361,8 +362,7 @@ def estimate_colour(
     progress: Progress = SILENT,
     others: BurstEvidence | None = None,
 ) -> Measured:
-    """The colour of every block of a frame. Its luminance is that which was given:
-    `with_updated_luminance` changes it.
+    """The colour of every block of a frame, and the luminance that this makes most probable.
 
     Parameters
     ----------
@@ -385,25 +385,14 @@ def estimate_colour(
     blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)
     blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, sums)
     blocks = replace_doubtful_colour(blocks, frame)
-    measured = Measured(
-        frame.mosaic.pattern, frame.mosaic.calibration, luminance, blocks, None, frame.lost
-    )
+    calibration = replace(frame.mosaic.calibration, shading=frame.shading)
+    measured = Measured(frame.mosaic.pattern, calibration, luminance, blocks, None, frame.lost)
     if not settings.asks_for_sites:
         return measured
     lines = fit_colour_lines(frame, luminance, blocks, settings.lines)
-    return replace(measured, samples=replace(block_samples(frame, luminance, alone), lines=lines))
-
-
-def with_updated_luminance(measured: Measured, settings: RenderSettings) -> Measured:
-    """A frame with the luminance that its colour makes most probable; the frame's samples are not
-    needed for it any more.
-    """
-    if (samples := measured.samples) is None:
-        return measured
-    luminance = update_luminance(
-        measured.luminance, measured.blocks, samples, measured.gamma, settings.posterior
-    )
-    return replace(measured, luminance=luminance)
+    samples = replace(block_samples(frame, luminance, alone), lines=lines)
+    luminance = update_luminance(luminance, blocks, samples, measured.gamma, settings.posterior)
+    return replace(measured, luminance=luminance, samples=samples)
 
 
 def render_parts(

@@ -18,14 +18,9 @@ from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..memory import burst_memory
 from ..parts import RowStage
-from ..render import (
-    BurstEvidence,
-    colour_bands,
-    estimate_colour,
-    row_stages,
-    with_updated_luminance,
-)
+from ..render import BurstEvidence, colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
+from ..stages.shading import ShadingCorrection
 from ..units import check_frames
 from .align import Alignment, View, align
 from .colour import ColourSamples, Spreading, relit_sites, single_frame_weight
@@ -158,10 +153,10 @@ def render_burst_bands(
     """
 
     def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
-        return [
-            *row_stages(measured, settings, progress),
-            Spreading(merged.samples, measured, progress),
-        ]
+        stages = row_stages(measured, settings, progress)
+        place = len(stages) - isinstance(stages[-1], ShadingCorrection)  # shading is undone last
+        stages.insert(place, Spreading(merged.samples, measured, progress))
+        return stages
 
     return colour_bands(merged.measured, settings, progress, stages)
 
@@ -184,7 +179,5 @@ def _merged(
     if sites.pattern.is_scattered:
         single_frame = np.maximum(single_frame, sites.of(uncovered(kept, sites)).mean(axis=2))
     others = BurstEvidence(sums, single_frame.astype(np.float32))
-    measured = with_updated_luminance(
-        estimate_colour(cleaned, luminance, settings, SILENT, others), settings
-    )
+    measured = estimate_colour(cleaned, luminance, settings, SILENT, others)
     return noise_ratio, measured, samples.relit(measured.luminance - luminance)

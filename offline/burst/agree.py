@@ -98,9 +98,49 @@ class Reference:
     frame: Frame
 
     @cached_property
+    def lit_evenly(self) -> View:
+        """The frame without shading."""
+        return lit_evenly(self.frame, self.shot)
+
+    @cached_property
     def colours(self) -> "_BlockColours":
         """Colours of its blocks."""
         return _block_colours(self.frame, self.shot)
+
+
+def lit_evenly(view: View, shot: Mosaic) -> View:
+    """A frame without its shading, to find its motion: there light moves, and shading does not.
+
+    Its noise is that of the mean over the frame, and the limit that of the least gain.
+    """
+    if (shading := shot.calibration.shading) is None:
+        return view
+    gain = shading.of_plane(shot.shape)
+    noise = view.noise and view.noise.in_units_of(1 / float(np.square(gain).mean()) ** 0.5)
+    return View(view.luminance * gain, noise, view.limit * float(gain.min()))
+
+
+def shaded_alike(frame: Frame, shot: Mosaic, reference: Mosaic, motion: Motion) -> Frame:
+    """A frame in which each point has the shading that it has in the reference.
+
+    Its noise is that of the mean over the frame: shading differs little over a motion.
+    """
+    own, other = (mosaic.calibration.shading for mosaic in (shot, reference))
+    if own is None and other is None:
+        return frame
+    height, width = shot.shape
+    gain = other.of_plane(shot.shape) if other else np.ones(shot.shape, np.float32)
+    ratio = own.of_plane(shot.shape) if own else np.ones(shot.shape, np.float32)
+    for rows in strips(height, _STRIP):
+        down, across = np.arange(rows.start, rows.stop)[:, None], np.arange(width)
+        places = in_reference(motion, down, across, shot.shape)
+        ratio[rows] /= map_coordinates(gain, places, order=1, mode="nearest")
+    return Frame(
+        frame.luminance * ratio,
+        frame.noise and frame.noise.in_units_of(1 / float(ratio.mean())),
+        frame.limit * min(float(ratio.min()), 1.0),
+        colours=frame.colours * Sites.in_frame(shot).of(ratio),
+    )
 
 
 def agreement(reference: Reference, frame: Frame, light: FloatArray, motion: Motion) -> ByteArray:

@@ -20,7 +20,15 @@ from ..stages.defects import mend_defects
 from ..stages.highlights import clipping_level
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
-from .agree import CLIPPED, Frame, Reference, agreement, unclipped
+from .agree import (
+    CLIPPED,
+    Frame,
+    Reference,
+    agreement,
+    lit_evenly,
+    shaded_alike,
+    unclipped,
+)
 from .align import TINY, Alignment, View, align
 from .motion import Motion, displaced
 
@@ -225,10 +233,14 @@ def judge(
     """
     if reason := misfit(shot, reference.shot) or emptiness(frame):
         return Judged(reason, motion), None
-    aligned = align(reference.frame, frame) if motion is None else Alignment(motion)
+    aligned = (
+        align(reference.lit_evenly, lit_evenly(frame, shot))
+        if motion is None
+        else Alignment(motion)
+    )
     if isinstance(aligned, str):
         return Judged(aligned), None
-    frame = frame.darker(aligned.gain)
+    frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
     light, own = displaced(frame.luminance, aligned.motion), reference.frame
     visible = np.isfinite(light) & (light < frame.limit) & (own.luminance < own.limit)
     both = View(np.where(visible, light, own.luminance), frame.noise, frame.limit)
@@ -391,24 +403,20 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
 
 
 def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Cleaned:
-    """A frame without shading and defects.
-
-    Frames are compared without shading, because a thing must look the same in the middle and in a
-    corner. So samples may be saturated from the level on at which those at the brightest place of
-    the frame are.
+    """A frame without defects, shaded equally for all filters (`Mosaic.evenly_shaded`), as in
+    `clean_frame`.
 
     Parameters
     ----------
     noise : NoiseModel | None
         See `noise_models`.
     """
-    calibration, shading = mosaic.calibration, mosaic.calibration.shading
-    known = replace(
-        mosaic, calibration=replace(calibration, noise=noise and noise.possible())
-    ).in_scene_units()
-    bare = replace(known, calibration=replace(known.calibration, shading=None))
-    limit = clipping_level(mosaic) * (min(float(shading.sketch.min()), 1.0) if shading else 1.0)
-    return mend_defects(Cleaned(bare, limit, estimated=calibration.noise is None), settings.defects)
+    known, estimated = mosaic.calibration, mosaic.calibration.noise is None
+    calibration = replace(known, noise=noise and noise.possible())
+    samples, limit = mosaic.calibrated(calibration).evenly_shaded(), clipping_level(mosaic)
+    return mend_defects(
+        Cleaned(samples, limit, estimated=estimated, shading=known.shading), settings.defects
+    )
 
 
 def frame_of(cleaned: Cleaned, settings: RenderSettings) -> Frame:

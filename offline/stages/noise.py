@@ -65,8 +65,8 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
     """Estimate one noise model for all planes, scene units, from the panchromatic samples; None if
     the frames are too small.
 
-    Fine texture all over the frame counts as noise and makes the estimate too high. It is never too
-    low by more than its scatter.
+    It is the sensor's noise, before the gain that undoes shading. Fine texture all over the frame
+    counts as noise and makes the estimate too high. It is never too low by more than its scatter.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
         variances counts, for dark and for bright light: where smooth parts mislead in a few (what
         one clips, or what is black in one), it is not misled.
     """
-    fits = [fit for mosaic in mosaics if (fit := _fitted(mosaic))]
+    fits = [fit for mosaic in mosaics if (fit := _fitted(mosaic.evenly_shaded()))]
     if not fits:
         return None
     dark, bright, slope, intercept = np.array(fits).T
