@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -104,9 +104,11 @@ class _Attempt:
         start, order = time.monotonic(), self.order
         if self._is_unchanged():
             return self._report_current("current")
-        stamp, source_digest = _stamp(self.job.files), self._digest()
+        stamp, output_stamp = _stamp(self.job.files), _stamp([self.job.output])
+        source_digest = self._digest()
         existing = self._existing(source_digest)
         if existing.current:
+            self._note_stamp(f"{stamp} {output_stamp}")
             return self._report_current(existing.current)
         self.listener.stage("reading", 1)
         subject = self._open()
@@ -122,7 +124,8 @@ class _Attempt:
             self._note_what_is_assumed(subject)
             subject.prepare(self.listener)
             development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
-            self._write(subject, development, existing, source_digest, stamp)
+            self._write(subject, development, existing, source_digest)
+            self._note_stamp(f"{stamp} {_stamp([self.job.output])}")
         return self._report_made(subject, development, pattern, time.monotonic() - start)
 
     def _open(self) -> Subject:
@@ -144,7 +147,6 @@ class _Attempt:
         development: Development,
         existing: _Existing,
         source_digest: str,
-        stamp: str,
     ) -> None:
         """Render, and write the picture."""
         path = self.job.output
@@ -158,7 +160,7 @@ class _Attempt:
         with ThreadPoolExecutor(1) as pool:
 
             def note_in_journal(part: Path) -> Callable[[], object]:
-                return pool.submit(self._note_in_journal, part, source_digest, stamp).result
+                return pool.submit(self._note_in_journal, part, source_digest).result
 
             write = partial(write_picture, overwrite=existing.replace, on_complete=note_in_journal)
             bands = self._whiten(subject.bands(self.listener), subject.lost, development)
@@ -174,7 +176,7 @@ class _Attempt:
             top += len(band)
         self.listener.stage("writing", 1)
 
-    def _note_in_journal(self, part: Path, source_digest: str, stamp: str) -> None:
+    def _note_in_journal(self, part: Path, source_digest: str) -> None:
         order, output = self.order, self.job.output
         entry = Entry(
             order.name(output),
@@ -183,9 +185,16 @@ class _Attempt:
             order.run,
             os.path.abspath(self.job.source),  # noqa: PTH100 (without following links)
             source_digest,
-            f"{stamp} {_stamp([part])}",
         )
         _journal(order.folder).append(entry)
+
+    def _note_stamp(self, stamp: str) -> None:
+        """Note sizes and times of files that are as the last entry says: the next run need not read
+        them. Getting its name changed the picture's.
+        """
+        journal = _journal(self.order.folder)
+        last = journal.of(self.order.name(self.job.output))[-1]
+        journal.append(replace(last, stamp=stamp), wait=False)
 
     def _report_made(
         self,
@@ -278,9 +287,16 @@ def _journal(folder: Path) -> Journal:
 
 
 def _stamp(files: Iterable[str | Path]) -> str:
-    """Digest of the size and time of modification of each file."""
+    """Digest of the size of each file and of the times at which it was modified and changed:
+    programs that edit a file may set the former back, and none can set the latter.
+    """
     statuses = map(file_status, files)
-    return key(files=[status and (status.st_size, status.st_mtime_ns) for status in statuses])
+    return key(
+        files=[
+            status and (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+            for status in statuses
+        ]
+    )
 
 
 def _both_there(one: str, other: str) -> bool:

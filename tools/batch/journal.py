@@ -1,6 +1,7 @@
 """Journal of the renders of one folder: a record of their outputs, and a lock per output.
 
-The record has one line per file, on the disk before the file gets its name.
+The record has a line for each file, on the disk before the file gets its name, and after that the
+same line again with sizes and times.
 
 So a file that is not in the journal was not made by a render, even if a run was interrupted. A line
 whose file never got its name is recognised by the digest. A lock is released when its process dies,
@@ -46,9 +47,10 @@ class Entry:
     source : str
         Absolute path of the shot.
     input : str
-        Digest of what it was made from; "" in the journals of earlier versions, as `stamp`.
+        Digest of what it was made from.
     stamp : str
-        Sizes and times of the files that it was made from, and of the file itself.
+        Sizes and times of the files that it was made from, and of the file itself; "" as long as it
+        has no name.
     """
 
     output: str
@@ -56,7 +58,7 @@ class Entry:
     key: str
     run: str
     source: str
-    input: str = ""
+    input: str
     stamp: str = ""
 
 
@@ -81,9 +83,9 @@ class Journal:
         self._catch_up()
         return self._entries.get(output, [])
 
-    def append(self, entry: Entry) -> None:
-        """Add an entry, and wait until it is on the disk. Raises OutputError; the torn line that
-        may be left then is ignored.
+    def append(self, entry: Entry, *, wait: bool = True) -> None:
+        """Add an entry, and wait until it is on the disk unless `wait` is False. Raises
+        OutputError; the torn line that may be left then is ignored.
         """
         line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
         try:
@@ -99,7 +101,8 @@ class Journal:
                     line = b"\n" + line
                 while line:
                     line = line[file.write(line) :]
-                os.fsync(file.fileno())
+                if wait:
+                    os.fsync(file.fileno())
             if not size:
                 sync_folder(self._path.parent)
         except OSError as error:

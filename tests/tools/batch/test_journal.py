@@ -24,7 +24,7 @@ from tests.walking import one_field_changed
 
 
 def entry(output: str = "a.tif", digest: str = "d") -> Entry:
-    return Entry(output, digest, "k", "r", "a.dng")
+    return Entry(output, digest, "k", "r", "a.dng", "i")
 
 
 def test_what_is_appended_is_found_by_all_who_hold_it(tmp_path: Path) -> None:

@@ -184,4 +184,6 @@ def test_several_commands_share_a_folder_and_each_file_is_made_once(
     made = [record["output"] for record in records if not record.get("current")]
     assert sorted(made) == sorted(str(out / f"{seed}.tif") for seed in range(count))
     assert results(out) == {f"{seed}.tif" for seed in range(count)}
-    assert len((out / NAME).read_text().splitlines()) == count
+    lines = (out / NAME).read_text().splitlines()
+    assert [line.endswith('"stamp": ""}') for line in lines].count(True) == count  # of their making
+    assert len(lines) == 2 * count

@@ -2,8 +2,8 @@
 is a user's is never lost.
 """
 
-import json
 import os
+import shutil
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -11,7 +11,7 @@ import pytest
 
 from panchroma.shared import read_dng
 from panchroma.tools.batch import attempt
-from panchroma.tools.batch.journal import NAME
+from panchroma.tools.batch.journal import NAME, digest
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import Outcome, assert_refused, contents, results, run
 
@@ -153,15 +153,101 @@ def test_a_shot_that_changes_while_it_is_read_is_refused(
     assert results(out) == set()
 
 
-def test_what_has_its_size_and_time_is_not_read(
+def read_files(monkeypatch: pytest.MonkeyPatch, shots: Path, out: Path) -> list[str]:
+    """Names of the files that --resume reads to find that all pictures are current."""
+    read: list[str] = []
+    with monkeypatch.context() as patched:
+
+        def noted(path: Path | str) -> str | None:
+            read.append(Path(path).name)
+            return digest(path)
+
+        patched.setattr(attempt, "digest", noted)
+        assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
+    return sorted(read)
+
+
+def test_what_has_its_size_and_times_is_not_read(
     shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     render(shots, out)
-    with monkeypatch.context() as patched:
-        patched.setattr(attempt, "digest", lambda _: pytest.fail("a file was read"))
-        assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
-    entries = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
-    for entry in entries:  # as in the journals of earlier versions
-        del entry["input"], entry["stamp"]
-    (out / NAME).write_text("".join(f"{json.dumps(entry)}\n" for entry in entries))
-    assert current(render(shots, out, "--resume")) == {"a.tif", "b.tif", "c.tif"}
+    for _ in range(2):
+        assert read_files(monkeypatch, shots, out) == []
+    os.utime(shots / "a.dng")
+    (out / "c.link").hardlink_to(out / "sub" / "c.tif")
+    assert read_files(monkeypatch, shots, out) == ["a.dng", "a.tif", "c.dng", "c.tif"]
+    assert read_files(monkeypatch, shots, out) == []
+
+
+def test_a_copied_archive_is_read_once_and_nothing_is_rendered(
+    shots: Path, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    render(shots, out)
+    for folder in (shots, out):
+        shutil.copytree(folder, tmp_path / "disk" / folder.name)  # with the times of modification
+    copies = tmp_path / "disk" / "shots", tmp_path / "disk" / "out"
+    dry = render(*copies, "--resume", "--dry-run")
+    assert current(dry) == {"a.tif", "b.tif", "c.tif"}
+    every = sorted(f"{name}.{ending}" for name in "abc" for ending in ("dng", "tif"))
+    assert read_files(monkeypatch, *copies) == every
+    assert read_files(monkeypatch, *copies) == []
+
+
+def edited_in_place(path: Path, place: int) -> None:
+    """Change a byte and set the time of modification back, as `exiftool -P` and rsync do."""
+    before = path.stat()
+    with path.open("r+b") as file:
+        file.seek(place)
+        (byte,) = file.read(1)
+        file.seek(place)
+        file.write(bytes([byte ^ 255]))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    after = path.stat()
+    assert (after.st_size, after.st_mtime_ns) == (before.st_size, before.st_mtime_ns)
+
+
+@pytest.mark.parametrize("how", ["rewritten", "replaced"])
+def test_a_shot_that_was_edited_with_its_size_and_time_is_rendered_anew(
+    shots: Path, out: Path, tmp_path: Path, how: str
+) -> None:
+    path, other = shots / "a.dng", tmp_path / "other.dng"
+    save_shot(other, 9)
+    whole = max(path.stat().st_size, other.stat().st_size)
+    for shot in (path, other):  # of one size
+        shot.write_bytes(shot.read_bytes().ljust(whole, b"\0"))
+    render(shots, out)
+    old, status = (out / "a.tif").read_bytes(), path.stat()
+    if how == "replaced":
+        other.replace(path)
+    else:
+        path.write_bytes(other.read_bytes())
+    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert path.stat().st_mtime_ns == status.st_mtime_ns
+    assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
+    assert (out / "a.tif").read_bytes() != old
+
+
+def test_a_picture_that_was_edited_with_its_size_and_time_is_kept_as_a_copy(
+    shots: Path, out: Path
+) -> None:
+    render(shots, out)
+    made = (out / "a.tif").read_bytes()
+    edited_in_place(out / "a.tif", len(made) // 2)
+    edited = (out / "a.tif").read_bytes()
+    outcome = render(shots, out, "--resume")
+    assert current(outcome) == {"b.tif", "c.tif"}
+    assert "a.tif: has changed since it was made; it is kept as a.tif.bak" in outcome.err
+    assert (out / "a.tif").read_bytes() == made
+    assert (out / "a.tif.bak").read_bytes() == edited
+
+
+def test_a_frame_of_a_burst_that_was_edited_with_its_size_and_time_counts(
+    shots: Path, out: Path
+) -> None:
+    burst = (str(shots / "a.dng"), str(shots / "b.dng"), "-o", str(out), "--json", "--resume")
+    run("burst", *burst, code=0)
+    assert current(run("burst", *burst, code=0)) == {"a.tif"}
+    size = (shots / "b.dng").stat().st_size
+    edited_in_place(shots / "b.dng", size - 1)
+    outcome = run("burst", *burst)
+    assert not any(record.get("current") for record in outcome.records)
