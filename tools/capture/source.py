@@ -196,17 +196,19 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
         raise InputError(f"{source}: is not a folder; {expected}")
     camera, pattern = described(None)
     layout, bits = layout_of(options)
-    opened, waits = _open_unplugged(options, layout)
     sensor, notes = _described(options, layout, bits, camera, pattern)
+    opened, waits = _open_unplugged(options, sensor)
     return FrameSource(sensor, opened, waits, notes, checks=not options.unchecked)
 
 
-def _open_unplugged(options: SourceOptions, layout: FrameLayout) -> tuple[Opened, bool]:
+def _open_unplugged(options: SourceOptions, sensor: Sensor) -> tuple[Opened, bool]:
     """Return the way to open standard input or a folder; and whether it waits."""
+    layout = sensor.layout
     if options.source != STREAM:
-        folder, only_new = Path(options.source), options.new
+        has_black = min(sensor.calibration.black_level) > 0 and not options.unchecked
+        how = {"only_new": options.new, "has_black_level": has_black}
         return lambda stopped, refused, _: watch_folder(
-            folder, layout, refused, only_new=only_new, stopped=stopped
+            Path(options.source), layout, refused, **how, stopped=stopped
         ), True
     length = recording()
     if length is not None and not options.unchecked:

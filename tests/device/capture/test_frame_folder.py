@@ -1,9 +1,12 @@
 import os
 import time
-from itertools import islice
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from panchroma.device.capture import frame_folder
@@ -15,40 +18,56 @@ LAYOUT = FrameLayout(2, 2, "u16")
 FRAME = bytes(range(8))
 
 
+class Clock:
+    """A clock that only sleep moves, and what happens meanwhile."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._plan: list[tuple[float, Callable[[], object]]] = []
+
+    def at(self, seconds: float, event: Callable[[], object]) -> None:
+        """Let something happen `seconds` from now."""
+        self._plan.append((self.now + seconds, event))
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+        due = [event for when, event in self._plan if when <= self.now]
+        self._plan = [(when, event) for when, event in self._plan if when > self.now]
+        for event in due:
+            event()
+
+
 @pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame_folder, "_POLL", 0.01)
-    monkeypatch.setattr(frame_folder, "_PATIENCE", 0.05)
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(time, "sleep", clock.sleep)
+    return clock
 
 
 class Watch:
-    """Takes frames from a folder, and lets things happen there between two looks."""
+    """Takes frames from a folder."""
 
-    def __init__(self, folder: Path, *, only_new: bool = False) -> None:
+    def __init__(self, folder: Path, layout: FrameLayout = LAYOUT, **options: bool) -> None:
         self.refused: list[str] = []
-        self.looks = 0
-        self.most = 0
+        self._until = 0.0
         self._frames = watch_folder(
-            folder, LAYOUT, self._refuse, only_new=only_new, stopped=self._stopped
+            folder, layout, self._refuse, **options, stopped=lambda: time.monotonic() > self._until
         )
 
     def take(self, count: int) -> list[RawFrame]:
-        self.most = self.looks + 1000
+        self._until = time.monotonic() + 1000
         return [next(self._frames) for _ in range(count)]
 
     def names(self, count: int) -> list[str]:
         return [Path(frame.source).name for frame in self.take(count)]
 
-    def rest(self, looks: int = 20) -> list[RawFrame]:
-        self.most = self.looks + looks
+    def rest(self, seconds: float = 30) -> list[RawFrame]:
+        self._until = time.monotonic() + seconds
         return list(self._frames)
 
     def _refuse(self, error: InputError) -> None:
         self.refused.append(str(error))
-
-    def _stopped(self) -> bool:
-        self.looks += 1
-        return self.looks > self.most
 
 
 def put(folder: Path, name: str, data: bytes = FRAME, seconds: float = 1e9) -> Path:
@@ -73,17 +92,12 @@ def test_what_is_there_comes_first_by_time_then_what_appears(tmp_path: Path) -> 
     assert watch.refused == []
 
 
-def test_only_new_leaves_out_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_new_leaves_out_what_is_there(tmp_path: Path, clock: Clock) -> None:
     put(tmp_path, "old")
     put(tmp_path, "overwritten")
     watch = Watch(tmp_path, only_new=True)
-
-    def then(_: float) -> None:
-        if watch.looks == 3:
-            put(tmp_path, "new")
-            put(tmp_path, "overwritten", seconds=2e9)
-
-    monkeypatch.setattr(time, "sleep", then)
+    clock.at(3, lambda: put(tmp_path, "new"))
+    clock.at(3, lambda: put(tmp_path, "overwritten", seconds=2e9))
     assert watch.names(2) == ["new", "overwritten"]
     assert watch.rest() == []
 
@@ -103,37 +117,106 @@ def test_unfinished_files_wait_for_their_names_and_what_is_no_file_is_passed_ove
     assert Watch(tmp_path).names(1) == ["frame.raw"]
 
 
+WIDE = FrameLayout(40, 30, "u16")
+WHOLE = np.random.default_rng(0).integers(200, 4096, (30, 40), np.uint16).tobytes()
+HALF = WHOLE[: len(WHOLE) // 2]
+UNWRITTEN = HALF.ljust(len(WHOLE), b"\0")
+
+
+def copied(path: Path, data: bytes, *, keeps_time: bool = False) -> None:
+    """Go on writing a file in its place, as programs do that copy it."""
+    path.touch()
+    with path.open("r+b") as file:
+        file.write(data)
+    if keeps_time:
+        os.utime(path, (1e9, 1e9))
+
+
+@pytest.mark.parametrize("keeps_time", [False, True])
 @pytest.mark.parametrize(
-    "history",
+    ("history", "pause"),
     [
-        [FRAME[:length] for length in (0, 3, 6, 8)],
-        [bytes([number]) * len(FRAME) for number in (3, 2, 1)] + [FRAME],
+        ([HALF, WHOLE], 1.0),
+        ([HALF, WHOLE[:-2], WHOLE], 8.0),
+        ([UNWRITTEN, WHOLE], 1.0),
+        ([UNWRITTEN, WHOLE], 8.0),
+        ([bytes(len(WHOLE)), HALF, WHOLE], 9.0),
+        ([WHOLE[:800] + bytes(800) + WHOLE[1600:], WHOLE], 5.0),  # by several at once
+        ([HALF + HALF[::-1], WHOLE], 1.0),  # over an older frame
     ],
-    ids=["grows", "changes"],
 )
-def test_a_file_is_taken_when_it_has_stopped_changing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, history: list[bytes]
+def test_a_frame_is_taken_whole_and_once_whoever_copies_it_pauses(
+    tmp_path: Path, clock: Clock, history: list[bytes], pause: float, keeps_time: bool
 ) -> None:
-    left = iter(enumerate(history))
-
-    def change(_: float) -> None:
-        for number, data in islice(left, 1):
-            put(tmp_path, "frame.raw", data, seconds=1e9 - number)
-
-    change(0)
-    monkeypatch.setattr(time, "sleep", change)
-    monkeypatch.setattr(frame_folder, "_PATIENCE", 3600)
-    watch = Watch(tmp_path)
-    (frame,) = watch.take(1)
-    assert bytes(frame.data) == FRAME
+    for number, data in enumerate(history):
+        write = partial(copied, tmp_path / "frame.raw", data, keeps_time=keeps_time)
+        clock.at(number * pause, write)
+    clock.at((len(history) - 1) * pause, lambda: put(tmp_path, "other.raw", WHOLE[::-1]))
+    watch = Watch(tmp_path, WIDE)
+    taken = {Path(frame.source).name: bytes(frame.data) for frame in watch.take(2)}
+    assert taken == {"frame.raw": WHOLE, "other.raw": WHOLE[::-1]}
+    assert clock.now <= (len(history) - 1) * pause + 2.2  # the last one does not wait for more
+    assert watch.rest() == []
     assert watch.refused == []
+
+
+def test_a_file_that_is_written_again_or_touched_is_no_other_frame(
+    tmp_path: Path, clock: Clock
+) -> None:
+    path = put(tmp_path, "frame.raw", WHOLE)
+    watch = Watch(tmp_path, WIDE)
+    watch.take(1)
+    clock.at(3, lambda: put(tmp_path, "frame.raw", WHOLE))
+    clock.at(6, lambda: os.utime(path, (2e9, 2e9)))
+    clock.at(9, lambda: path.chmod(0o600))
+    clock.at(12, lambda: put(tmp_path, ".new", WHOLE).replace(path))
+    clock.at(20, lambda: put(tmp_path, "frame.raw", WHOLE[::-1]))
+    (other,) = watch.rest()
+    assert (bytes(other.data), clock.now > 20) == (WHOLE[::-1], True)
+
+
+@pytest.mark.parametrize("has_black_level", [False, True])
+@pytest.mark.parametrize("data", [UNWRITTEN, bytes(len(WHOLE)), bytes(80) + WHOLE[80:]])
+def test_a_frame_that_stays_without_a_line_is_a_dark_one_or_unfinished(
+    tmp_path: Path, clock: Clock, data: bytes, has_black_level: bool
+) -> None:
+    path = put(tmp_path, "frame.raw", data)
+    watch = Watch(tmp_path, WIDE, has_black_level=has_black_level)
+    clock.at(9.5, lambda: put(tmp_path, "later.raw", WHOLE))
+    if not has_black_level:
+        assert watch.names(2) == ["frame.raw", "later.raw"]
+        assert clock.now < 12
+        return
+    assert watch.names(1) == ["later.raw"]
+    (line,) = watch.refused
+    assert line.startswith(f"{path}: a line of it is empty; copy it again")
+    put(tmp_path, "frame.raw", WHOLE)
+    assert watch.names(1) == ["frame.raw"]
+
+
+def test_a_frame_that_changes_while_it_is_read_is_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = put(tmp_path, "frame.raw", WHOLE[::-1])
+    read = Path.open
+
+    def late(self: Path, *arguments: Any) -> Any:
+        monkeypatch.setattr(Path, "open", read)
+        file = read(self, *arguments)
+        copied(path, WHOLE)
+        return file
+
+    monkeypatch.setattr(Path, "open", late)
+    watch = Watch(tmp_path, WIDE)
+    assert [bytes(frame.data) for frame in watch.take(1)] == [WHOLE]
+    assert watch.rest() == []
 
 
 def test_a_file_of_another_size_is_told_once_and_taken_when_it_is_mended(tmp_path: Path) -> None:
     bad = put(tmp_path, "bad.raw", FRAME[:5])
     long = put(tmp_path, "long.raw", FRAME * 3)
     watch = Watch(tmp_path)
-    assert watch.rest(60) == []
+    assert watch.rest() == []
     assert sorted(watch.refused) == [
         f"{bad}: 5 bytes are not a frame: 2 x 2 pixels in u16 with a stride of 4 have 8",
         f"{long}: 24 bytes are not a frame: 2 x 2 pixels in u16 with a stride of 4 have 8; "
@@ -174,7 +257,7 @@ def test_what_has_left_the_folder_is_forgotten(tmp_path: Path) -> None:
         put(tmp_path, "frame.raw")
         assert watch.take(1)[0].source == str(tmp_path / "frame.raw")
         (tmp_path / "frame.raw").unlink()
-        put(tmp_path, "other.raw", seconds=2e9 + number)  # a scan without it
+        put(tmp_path, "other.raw", bytes([number + 1]) * len(FRAME))  # a scan without it
         watch.take(1)
 
 
@@ -183,4 +266,4 @@ def test_a_time_in_no_year_is_told(tmp_path: Path) -> None:
     path = put(tmp_path, "late.raw")
     words = r"late\.raw: its time of change is in no year from 1 to 9999; set it: touch late\.raw"
     with pytest.raises(InputError, match=words):
-        frame_folder._read(path, (len(FRAME), 253_402_300_800 * 10**9), LAYOUT)
+        frame_folder._read(path, (len(FRAME), 253_402_300_800 * 10**9, 0), LAYOUT)

@@ -78,6 +78,7 @@ def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder for frames, which is looked at often."""
     monkeypatch.setattr(frame_folder, "_POLL", 0.01)
     monkeypatch.setattr(frame_folder, "_PATIENCE", 0.05)
+    monkeypatch.setattr(frame_folder, "_UNFINISHED_PATIENCE", 0.1)
     (tmp_path / "frames").mkdir()
     return tmp_path / "frames"
 
