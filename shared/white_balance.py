@@ -113,7 +113,7 @@ def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
     return np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
 
 
-def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: ArrayLike) -> Real:
+def raised_to_white(readings: Real, gone: Real, clipping: float | Real, neutral: ArrayLike) -> Real:
     """Raise clipped readings to what a white surface would read, given the other channels; nothing
     is lowered.
 
@@ -126,15 +126,15 @@ def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: ArrayL
         (..., C), scene units.
     gone : Real
         (..., C), how far each reading counts as clipped, 0 to 1.
-    clipping : float
-        The limit of the readings.
+    clipping : float | Real
+        The limit of the readings, or of each.
     neutral : ArrayLike
         (C,), what white reads in each channel, up to scale.
     """
     white = np.array(neutral, readings.dtype)
     all_gone = gone.prod(axis=-1, keepdims=True)
     level = ((1 - gone) * readings / white).sum(axis=-1, keepdims=True)
-    level += all_gone * clipping / white.min()
+    level += np.max(all_gone * clipping / white, axis=-1, keepdims=True)
     level /= (1 - gone).sum(axis=-1, keepdims=True) + all_gone
     return readings + gone * np.maximum(white * level - readings, 0)
 

@@ -47,7 +47,8 @@ NO_RAW = (
     "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, "
     "JPEG, EXR, NPY"
 )
-_ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
+# LibRaw's flip -> TIFF's orientation
+_ORIENTATIONS = {0: 1, 1: 2, 2: 4, 3: 3, 4: 5, 5: 8, 6: 6, 7: 7}
 
 
 def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bool = True) -> Scene:
@@ -197,11 +198,12 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
         levels = f"black level {max(blacks):g} is not below white level {white:g}"
         raise InputError(f"{levels}: the file's levels are damaged")
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
-    gone, limit = np.zeros_like(rgb), saturation(samples, white)
+    gone = np.zeros_like(rgb)
     for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
         black, channel = blacks[index], _CHANNELS.index(letters[index])
-        signal = samples[row : 2 * rows : 2, column : 2 * columns : 2] - np.float32(black)
-        signal /= np.float32(white - black)
+        codes = samples[row : 2 * rows : 2, column : 2 * columns : 2]
+        limit = saturation(codes, white)
+        signal = (codes - np.float32(black)) / np.float32(white - black)
         rgb[..., channel] += signal
         # One of two greens may be clipped: then so is their mean.
         weight = clipped_share(signal, (limit - black) / (white - black), SHOULDER)
@@ -424,4 +426,8 @@ def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
         if value:
             with suppress(InputError, TypeError):
                 metadata = replace(metadata, **{name: value})
-    return replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))
+    # LibRaw knows makers' notes on it, but takes 0 for 8, and a preview's before that of a DNG.
+    stated = _numbers(directories.main, TAG["Orientation"])
+    if not stated or (stated == (1,) and TAG["UniqueCameraModel"] not in directories.main):
+        metadata = replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))
+    return metadata

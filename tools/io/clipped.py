@@ -1,6 +1,6 @@
 """Clipped samples of a scene: white, as bright as the channels that are not clipped say.
 
-A camera's channels clip at the same code, and white reads less in some of them. Taken for light, a
+Each channel of a camera clips at a code, and white reads less in some of them. Taken for light, a
 burnt-out lamp would be magenta before any camera that gets less light of the scene. So a clipped
 sample is raised to what white reads there (`raised_to_white`, as in the render), and a pixel where
 every channel is clipped is white.
@@ -26,39 +26,47 @@ _CLIPPED = 0.999  # share from which a sample is at the limit, but for rounding
 # out, twice
 _BESIDE = 3
 _HIGH = 0.85  # of the white level: no maker states one that is further above saturation
-# samples of one code, as a multiple of their mean number in this range of codes below
-_SPIKE, _TIMES, _NEAR = 50, 20, 0.01
+# Fraction of the white level over which noise of the electronics spreads samples at the limit: how
+# many times as many they are as those below, in this range of codes. The noise of light, and
+# shading, spread an even surface further: more than one of so many of its samples is beyond.
+_SPIKE, _NEAR, _BEYOND = 12, 0.01, 16
+_SPREADS = {0.0: 20, 0.001: 10, 0.008: 8}
 
 
 def saturation(codes: NDArray[np.uint16], white: float) -> float:
-    """The code at which samples are clipped: the white level, or a lower one that so many samples
-    have that it must be the limit.
+    """The code at which samples of one colour are clipped: the white level, or a lower one near
+    which so many samples lie that it must be the limit.
 
-    Makers, and tables of cameras, state white levels that some sensors never reach.
+    Makers, and tables of cameras, state white levels that some sensors never reach, and cameras
+    that multiply a colour clip it at a code of its own.
     """
-    counts = np.bincount(codes.ravel())
-    lowest = int(_HIGH * white)
-    if len(counts) <= lowest:
-        return white
-    code = lowest + int(counts[lowest:].argmax())
-    before = counts[round((1 - _NEAR) * code) : code].mean()
-    is_spike = counts[code] >= max(_SPIKE, _TIMES * before, counts[code + 1 :].sum())
-    return min(float(code), white) if is_spike else white
+    counts = np.bincount(codes.ravel(), minlength=int(white) + 1)
+    lowest, total = int(_HIGH * white), np.concatenate([[0], counts.cumsum()])
+    for spread, times in _SPREADS.items():
+        width = 1 + round(spread * white)
+        sums = total[width:] - total[:-width]
+        code = lowest + int(sums[lowest:].argmax())
+        before = counts[round((1 - _NEAR) * code) : code].mean() * width
+        above = total[-1] - total[code + width]
+        if sums[code] >= max(_SPIKE, times * before, _BEYOND * above):
+            return min(float(code), white)
+    return white
 
 
 def with_white_highlights(
     rgb: FloatArray, neutral: tuple[float, ...] | None, gone: FloatArray | None = None
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """A scene whose clipped samples, those at 1.0, are white; and a note if there are any.
+    """A scene whose clipped samples are white; and a note if there are any.
 
     Parameters
     ----------
     rgb : FloatArray
-        (H, W, C), scene units; 1.0 is the limit of every channel.
+        (H, W, C), scene units.
     neutral : tuple[float, ...] | None
         What white reads; None = unknown, clipped samples stay.
     gone : FloatArray | None, optional
-        (H, W, C), how far each sample counts as clipped, 0 to 1; None = by its own reading.
+        (H, W, C), how far each sample counts as clipped, 0 to 1; None = by its own reading, 1.0 is
+        the limit of every channel.
 
     Examples
     --------
@@ -79,7 +87,7 @@ def with_white_highlights(
 
     white, result = np.array(neutral, np.float32), rgb.copy()
     some = (gone > 0).any(axis=2)
-    result[some] = raised_to_white(rgb[some], gone[some], 1.0, neutral)
+    result[some] = raised_to_white(rgb[some], gone[some], rgb[some], neutral)
     burnt_out = np.ones(rgb.shape[:2], np.float32)
     for channel in range(rgb.shape[2]):
         burnt_out *= maximum_filter(gone[..., channel], _BESIDE, mode="nearest")

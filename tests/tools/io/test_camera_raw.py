@@ -88,6 +88,21 @@ def test_white_balance_and_matrix_of_the_file_of_which_a_unit_matrix_is_none(
     assert len(scene.notes) == 1
 
 
+@pytest.mark.parametrize("orientation", range(10))
+def test_turned_and_mirrored_is_a_raw_as_its_first_directory_says(
+    tmp_path: Path, orientation: int
+) -> None:
+    """If it says nothing, as LibRaw finds it elsewhere. 0 and 9 are no orientations."""
+    stated, other = {274: (SHORT, [orientation])}, {274: (SHORT, [6])}
+    valid = orientation if orientation in range(1, 9) else 1
+    for first, below in ((stated, {}), (stated, other), (None, stated)):
+        scene = loaded(tmp_path, noise(60, 80), fields=below, above=first)
+        assert scene.metadata.orientation == valid
+    if valid == orientation:
+        scene = loaded(tmp_path, noise(60, 80), fields=stated, above={})
+        assert scene.metadata.orientation == orientation
+
+
 @pytest.mark.parametrize("light", ["A", "D65"])
 def test_of_two_matrices_the_one_for_the_light_of_the_shot_counts(
     tmp_path: Path, light: str
