@@ -83,6 +83,19 @@ def test_hot_pixels_of_a_smooth_scene_are_all_found_and_nothing_else(sigma: floa
     assert np.array_equal(changed[inside], hot[inside])
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
+@pytest.mark.parametrize("step", [(0, 2), (2, 2), (2, 0), (1, 2), (2, -2)])
+def test_a_second_hot_pixel_nearby_hides_none(step: tuple[int, int], sigma: float) -> None:
+    """Each is in the window of the other, and no part of its contrast."""
+    sound = photographed(smooth(), sigma)
+    places = [[21, 33], [21 + step[0], 33 + step[1]]]
+    assert sound.pattern.panchromatic_mask(sound.shape)[tuple(zip(*places, strict=True))].all()
+    samples = sound.signal.copy()
+    samples[tuple(zip(*places, strict=True))] = FULL
+    changed = np.argwhere(mend(replace(sound, samples=samples)).signal != samples)
+    assert sorted(changed.tolist()) == sorted(places)
+
+
 @pytest.mark.parametrize("value", [FULL, 0.0])
 def test_a_bad_colour_sample_tints_nothing(value: float) -> None:
     """Hot or dead, each site of a block, and without the medians' help: the picture is as with

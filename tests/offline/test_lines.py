@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from panchroma.offline import BEST, render
+from panchroma.offline import BEST, measure, render
 from panchroma.offline.measured import ColourLines
 from panchroma.offline.parts import Part
 from panchroma.offline.stages.chromaticity import block_sums
@@ -161,6 +161,19 @@ def test_black_print_stays_black(letters: str, sigma: float) -> None:
     tint = np.abs(without_mean(render(mosaic, WITHOUT_NETWORK).rgb)).max(axis=2)
     assert np.quantile(tint, 0.999) < 0.09
     assert tint.max() < 0.2
+
+
+@pytest.mark.parametrize(("side", "level", "sigma"), [(60, 0.1, 0.03), (30, 0.1, 0.02)])
+def test_dark_colours_without_strokes_are_on_no_line(side: int, level: float, sigma: float) -> None:
+    """Where nothing is printed, colour is no noise of estimates. If it counted as such, lines would
+    take a fifth of it or more.
+    """
+    count = 180 // side
+    colours = np.random.default_rng(0).uniform(0.1, 1.9, (count, count, 3))
+    colours *= level / colours.sum(axis=2, keepdims=True)
+    scene = colours.repeat(side, axis=0).repeat(side, axis=1)
+    lines = measure(noisy(scene, BAYER, sigma), WITHOUT_NETWORK).samples.lines
+    assert lines.share.mean() < 0.05
 
 
 def test_white_print_on_black_has_less_colour() -> None:

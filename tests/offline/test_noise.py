@@ -31,6 +31,13 @@ def busy(shape: tuple[int, int]) -> FloatArray:
     return (smooth(shape) * texture[..., None]).astype(np.float32)
 
 
+def busy_where_bright(shape: tuple[int, int]) -> FloatArray:
+    """No smooth part is as bright as its texture, a third of all."""
+    scene = smooth(shape)
+    texture = np.random.default_rng(0).uniform(0.7, 1.3, shape)[..., None]
+    return np.where(scene[..., :1] > 0.35, scene * texture, scene).astype(np.float32)
+
+
 def noisy(rgb: FloatArray, pattern: CfaPattern, model: NoiseModel) -> Mosaic:
     calibration = SensorCalibration()
     clean = sample(rgb, pattern, calibration)
@@ -41,7 +48,7 @@ def noisy(rgb: FloatArray, pattern: CfaPattern, model: NoiseModel) -> Mosaic:
 
 @pytest.mark.parametrize("period", [3, 6, 8])
 @pytest.mark.parametrize(("shot_noise", "read"), [(0.0, 0.02), (1e-3, 0.0), (5e-4, 0.01)])
-@pytest.mark.parametrize("picture", [smooth, busy])
+@pytest.mark.parametrize("picture", [smooth, busy, busy_where_bright])
 def test_estimates_are_near(
     picture: Callable[[tuple[int, int]], FloatArray], shot_noise: float, read: float, period: int
 ) -> None:

@@ -165,7 +165,8 @@ def test_the_darkest_shot_of_a_sensor_is_rendered_from_codes_and_from_scene_unit
         samples = np.random.default_rng(0).choice(np.array(codes, np.uint16), shape)
         dark = Mosaic(samples, CfaPattern.bayer(6), calibration)
         for mosaic in (dark, dark.in_scene_units()):
-            assert np.abs(render(mosaic, settings).rgb).max() < 0.2 if bits == 8 else 0.01
+            limit = 0.2 if bits == 8 else 0.01
+            assert np.abs(render(mosaic, settings).rgb).max() < limit
 
 
 @pytest.mark.parametrize("light", [0.5, 0.7])
