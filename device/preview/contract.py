@@ -17,14 +17,15 @@ Inputs, for a pattern of C channels; float32 where nothing else is said:
     black   (C + 1,)                black level per plane, in these codes: channels, panchromatic
     scale   (C + 1,)                scene units per code of each plane
     gamma   (C,)                    weights of Eq. 7
-    noise   (2,)                    (shot, read_variance) of a panchromatic sample, scene units:
-                                    variance = shot * signal + read_variance; read_variance is the
-                                    square of `NoiseModel.read`
+    noise   (2,)                    (shot, read_variance) of a panchromatic sample before the gain,
+                                    scene units: variance = shot * signal + read_variance;
+                                    read_variance is the square of `NoiseModel.read`
     white   (C,)                    reading of display white, scene units; display graphs only
     matrix  (3, C)                  camera RGB relative to white -> linear sRGB; display graphs only
-    gain    (n, m)                  gain that undid shading in each patch, by which full scale is
-                                    higher; n and m: patches down and across, or 1 for all; without
-                                    shading [[1]]; display graphs only
+    gain    (n, m)                  gain that undid shading at each block, by which full scale and
+                                    noise are higher; n = patches down + 3 and m = patches across +
+                                    5, from one block above and two on the left of those at the
+                                    corners of the patches on; or 1 for all; without shading [[1]]
 Output, with one pixel per scale x scale sensor pixels:
     picture uint8 (rows, columns, 3) sRGB of a display graph, float32 (rows, columns, C) scene units
     of a linear graph
@@ -39,7 +40,7 @@ from numpy.typing import DTypeLike
 
 from ...shared.pattern import CfaPattern
 
-VERSION = "3"
+VERSION = "4"
 
 MOSAIC, BLACK, SCALE, GAMMA, NOISE = "mosaic", "black", "scale", "gamma", "noise"
 WHITE, MATRIX, GAIN = "white", "matrix", "gain"

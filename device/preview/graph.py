@@ -20,7 +20,7 @@ from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "13"
+BUILDER = "14"
 """Version of the builder, stored in the graph; increase it whenever the bytes of a graph change, or
 pictures of `Preview`.
 """
@@ -66,9 +66,9 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
     planes = [channels + 1]
     sizes: dict[str, Shape] = {contract.BLACK: planes, contract.SCALE: planes}
     sizes |= {contract.GAMMA: [channels], contract.NOISE: [2]}
+    sizes[contract.GAIN] = ["gain_rows", "gain_columns"]
     if not g.linear:
         sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
-        sizes[contract.GAIN] = ["gain_rows", "gain_columns"]
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},

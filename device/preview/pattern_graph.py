@@ -19,7 +19,8 @@ class PatternGraph(Nodes):
 
     The attributes are the geometry, the number of `channels` of the sensor, that of those `shown`
     in the picture, and names of results: the size of the frame in `patches` (rows, columns), and
-    the inputs; `unit` is the scene units per panchromatic code.
+    the inputs; `unit` is the scene units per panchromatic code, `full_scale` that of each block in
+    codes, (1, blocks).
 
     Parameters
     ----------
@@ -51,14 +52,24 @@ class PatternGraph(Nodes):
         self.black = self("Slice", contract.BLACK, [channels], [channels + 1])
         self.unit = self("Slice", contract.SCALE, [channels], [channels + 1])
         square = self("Mul", self.unit, self.unit)
-        self.full_scale = self("Div", self.total(self.gamma, channels, axis=0), self.unit)
+        blocks = [
+            self("Add", count, [1 + 2 * reach])
+            for count, reach in zip(self.patches, REACH, strict=True)
+        ]
+        gain = self("Expand", contract.GAIN, self("Concat", [1], *blocks, axis=0))
+        full_scale = self("Div", self.total(self.gamma, channels, axis=0), self.unit)
+        self.full_scale = self("Mul", full_scale, gain)
         self.floor, self.still = self("Div", _FLOOR, self.unit), self("Div", _STILL, square)
         shot, read_variance = self.split(contract.NOISE, (1, 1), axis=0)
-        self._shot = self("Div", shot, self.unit)
-        self._read_variance = self("Div", read_variance, square)
+        # of samples that were multiplied by the gain
+        self._shot = self("Mul", self("Div", shot, self.unit), gain)
+        read_variance = self("Div", read_variance, square)
+        self._read_variance = self("Mul", read_variance, self("Mul", gain, gain))
 
     def variance(self, luminance: str) -> str:
-        """Noise variance sigma_z^2 of a panchromatic sample, codes^2."""
+        """Noise variance sigma_z^2 of a panchromatic sample, codes^2, by the luminance of each
+        block, (1, blocks).
+        """
         return self("Add", self("Mul", self("Relu", luminance), self._shot), self._read_variance)
 
     def inner(self, values: str) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...shared.display import SATURATED
 from . import contract
+from .nodes import END
 from .pattern_graph import PatternGraph
 
 # The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / s), s = sqrt(x + SHIFT) +
@@ -47,7 +48,11 @@ def burnt_out(g: PatternGraph, cells: str) -> str:
     """
     first, last = SATURATED
     fall = (1 - 1 / _BURNT) / (last - first)
-    slope = g("Div", g("Div", -fall, g.full_scale), contract.GAIN)
+    inner = g.inner(g.full_scale)  # a patch is in the middle of the blocks at its corners
+    corners = [
+        g("Slice", inner, [first] * 2, [last] * 2, [1, 2]) for first, last in ((0, -1), (1, END))
+    ]
+    slope = g("Div", -2 * fall, g("Add", *corners))
     return g("Clip", g("Add", g("Mul", cells, slope), 1 + fall * first), 1 / _BURNT, 1.0)
 
 

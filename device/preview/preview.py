@@ -21,7 +21,7 @@ from ...shared.runtime import session
 from . import contract
 from .border import copy_extended
 from .even_light import even_light
-from .geometry import Geometry
+from .geometry import REACH, Geometry
 from .graph import build_preview
 from .listed_defects import without_defects
 
@@ -112,7 +112,7 @@ class Preview:
         even, levels = even_light(mosaic)
         codes = without_defects(even, pattern, mosaic.calibration.defects)
         inputs = self._inputs(mosaic.calibration) | levels
-        gain = None if linear else _gain(mosaic, rows, columns)
+        gain = _gain(mosaic, rows, columns)
         channels, kind = (len(pattern.channels), np.float32) if linear else (3, np.uint8)
         picture = np.empty((rows.size, columns.size, channels), kind)
         width = columns.patches * pattern.period
@@ -121,9 +121,9 @@ class Preview:
             cut = buffer[: above + len(patches) * pattern.period + below]
             top = rows.first + patches.start * pattern.period - above
             copy_extended(codes, pattern.period, top, columns.first - left, cut)
+            blocks = slice(patches.start, patches.stop + 1 + 2 * REACH[0])
             part = {contract.MOSAIC: cut, **inputs}
-            if gain is not None:
-                part[contract.GAIN] = gain[patches.start : patches.stop] if len(gain) > 1 else gain
+            part[contract.GAIN] = gain[blocks] if len(gain) > 1 else gain
             (strip,) = self._session.run([contract.PICTURE], part)
             begin = patches.start * pattern.period // scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
@@ -205,13 +205,13 @@ class _Axis:
 
 
 def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:
-    """Gain that undoes shading in each patch, (patches down, across); (1, 1) without."""
+    """Gain that undoes shading at each block that is read, (down, across); (1, 1) without."""
     shading, ones = mosaic.calibration.shading, np.ones((1, 1), np.float32)
     if shading is None:
         return ones
     middles = [
-        (axis.first + axis.period // 2 + axis.period * np.arange(axis.patches)).clip(0, size - 1)
-        for axis, size in zip((rows, columns), mosaic.shape, strict=True)
+        (axis.first + axis.period * np.arange(-reach, axis.patches + 1 + reach)).clip(0, size - 1)
+        for axis, size, reach in zip((rows, columns), mosaic.shape, REACH, strict=True)
     ]
     return np.ascontiguousarray(shading.of_plane(mosaic.shape)[np.ix_(*middles)])
 

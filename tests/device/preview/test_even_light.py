@@ -7,8 +7,8 @@ import pytest
 
 from panchroma.device import Preview
 from panchroma.device.preview.even_light import even_light
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.tools.simulation.sensor import simulate_additive
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.scenes import darker_corners, leaves
 
 SHAPE = (240, 360)
@@ -80,3 +80,24 @@ def test_what_is_saturated_is_white_wherever_the_gain_is_small_or_large(scale: i
     for _, *part in PATTERN.lattices:
         codes[*part] = 2000  # panchromatic samples alone are saturated
     assert Preview(PATTERN, scale).run(Mosaic(codes, PATTERN, calibration)).min() == 255
+
+
+@pytest.mark.parametrize(("scale", "linear"), [(1, True), (1, False), (3, True)])
+@pytest.mark.parametrize(("shot", "read"), [(0.0, 0.03), (4e-3, 0.004)])
+def test_corners_are_as_smooth_as_their_noise_after_the_gain_asks_for(
+    scale: int, linear: bool, shot: float, read: float
+) -> None:
+    corner = np.s_[: 24 // scale, : 24 // scale]
+    gain = float(LENS.of_plane(SHAPE)[:24, :24].mean())
+    noise = NoiseModel((shot,) * 4, (read,) * 4)
+    camera = SensorCalibration.of_bits(14, noise=noise, shading=LENS)
+    scene = 0.3 * leaves(*SHAPE)
+    taken = simulate_sensor(scene, PATTERN, camera, 1.0, np.random.default_rng(0))
+    preview = Preview.for_mosaic(taken, scale, linear)
+    pictures = [preview.run(taken)]
+    for factor in (gain, 1.0):  # the same light and noise, stated rightly, and as before the gain
+        stated = replace(noise, shot=(shot * factor,) * 4, read=(read * factor,) * 4)
+        even = SensorCalibration.of_bits(16, noise=stated)
+        pictures.append(preview.run(Mosaic(taken.signal, PATTERN, even)))
+    found, right, wrong = (picture[corner].astype(float) for picture in pictures)
+    assert np.square(found - right).mean() < np.square(found - wrong).mean() / 16

@@ -6,6 +6,7 @@ import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +86,23 @@ def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_
         assert (fate["source"], fate["used"], fate["reason"]) == (name, True, "")
         assert (fate["down"], fate["right"]) == pytest.approx(judged.motion.shift, abs=1e-3)
         assert fate["gain"] == pytest.approx(1, abs=0.02)
+
+
+def test_dark_corners_of_a_lens_gain_as_the_middle_does(tmp_path: Path, out: Path) -> None:
+    camera = "--burst 6 --motion 3 --reduce 2 --shading 2,15 --light 0.01 --truth"
+    run("simulate", "builtin:520x400", "-o", tmp_path, camera, code=0)
+    frames = sorted(tmp_path.glob("*.dng"))
+    options = (MEASURED, "--reference", frames[0], "--json")
+    (record,) = run("burst", *frames, "-o", out, *options, code=0).records
+    assert all(fate["used"] for fate in record["frames"])
+    shot, truth = read_dng(frames[0]), tifffile.imread(next(tmp_path.glob("*.truth.tif")))
+    assert shot.calibration.shading is not None
+    gain = shot.calibration.shading.of_plane(shot.shape)
+    pictures = render(shot, UNLEARNED).rgb, tifffile.imread(next(out.glob("*.tif")))
+    for low, high in pairwise(np.quantile(gain, np.linspace(0, 1, 6))):
+        fifth = (gain >= low) & (gain <= high)
+        alone, all_frames = (np.square((rgb - truth)[fifth]).mean() ** 0.5 for rgb in pictures)
+        assert all_frames < alone / 1.3
 
 
 # --- known shifts --------------------------------------------------------------------------------
