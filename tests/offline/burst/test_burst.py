@@ -19,10 +19,11 @@ from panchroma.offline.burst import (
 )
 from panchroma.offline.burst.colour import relit_sites
 from panchroma.offline.frame import BlockSums, Cleaned
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import BoolArray, FloatArray
 from panchroma.shared.errors import ConvergenceError, InputError, RangeError
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
+from tests.scenes import darker_corners
 
 from .scenes import SHAPE, light
 
@@ -88,16 +89,10 @@ def test_more_frames_show_more(
     assert np.median(merged.noise_ratio) < 0.3
 
 
-def lens(shape: tuple[int, int], *strengths: float) -> Shading:
-    """A gain of 1 in the middle, and of 1 + half of the strength of each plane in the corners."""
-    squares = np.add.outer(*[np.linspace(-1, 1, 5) ** 2] * 2)
-    return Shading([1 + strength * (squares - 1 / 6) for strength in strengths], shape)  # type: ignore[arg-type]
-
-
 def test_shading_does_not_show() -> None:
     motions = MOTIONS[:3]
     found = []
-    for shading in (None, lens(SHAPE, 0.6, 0.5, 0.4, 0.5)):
+    for shading in (None, darker_corners(SHAPE)):
         camera = SensorCalibration(shading=shading)
         lit = (replace(shot, calibration=camera) for shot in shots(0.0, motions))
         taken = [replace(shot, samples=shot.codes) for shot in lit]
@@ -118,8 +113,9 @@ def through_a_lens(
     """Frames with the noise of `NOISE` and with clipping, through a lens whose corners are
     darker and of another colour, and what the first of them shows.
     """
-    shading = lens(LARGE, 5.8, 5.2, 4.6, 5.2)  # gains of 3.9, 3.6, 3.3 and 3.6 in the corners
-    camera = SensorCalibration.of_bits(12, headroom=False, noise=NOISE, shading=shading)
+    camera = SensorCalibration.of_bits(
+        12, headroom=False, noise=NOISE, shading=darker_corners(LARGE)
+    )
     scenes = [peak * scene(motion, shape=LARGE, strength=0) for motion in motions]
     return [
         simulate_sensor(each, CfaPattern.bayer(6), camera, 2.0**stop, np.random.default_rng(seed))

@@ -89,8 +89,11 @@ def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_
 
 
 def test_dark_corners_of_a_lens_gain_as_the_middle_does(tmp_path: Path, out: Path) -> None:
-    camera = "--burst 6 --motion 3 --reduce 2 --shading 2,15 --light 0.01 --truth"
-    run("simulate", "builtin:520x400", "-o", tmp_path, camera, code=0)
+    y, x, channel = np.meshgrid(np.arange(210), np.arange(280), np.arange(3), indexing="ij")
+    waves = np.sin(y / 5 + channel / 2) * np.cos(x / 6 - channel / 3) * np.sin((x + y) / 17)
+    np.save(tmp_path / "waves.npy", (0.25 + 0.15 * waves).astype(np.float32))
+    camera = "--burst 8 --motion 3 --shading 2,15 --light 0.1 --truth"
+    run("simulate", tmp_path / "waves.npy", "-o", tmp_path, camera, code=0)
     frames = sorted(tmp_path.glob("*.dng"))
     options = (MEASURED, "--reference", frames[0], "--json")
     (record,) = run("burst", *frames, "-o", out, *options, code=0).records
