@@ -182,8 +182,29 @@ def to_one(xyz_to_camera: DoubleArray) -> DoubleArray:
     return np.asarray(xyz_to_camera / np.abs(xyz_to_camera @ D50).max())
 
 
+def mixed(
+    lights: Sequence[tuple[Chromaticity, DoubleArray]],
+    share: float,
+    own: Sequence[DoubleArray] | None = None,
+) -> DoubleArray:
+    """Return the matrix from CIE XYZ to channels, (C, 3), at a share of the way from the first of
+    two lights, 0, to the second, 1. lights, own: see `between`.
+    """
+    first, second = (to_one(matrix) for _, matrix in lights)
+    matrix = (1 - share) * first + share * second
+    return np.asarray(((1 - share) * own[0] + share * own[1]) @ matrix if own else matrix)
+
+
+def share_of(white: Chromaticity, lights: Sequence[tuple[Chromaticity, DoubleArray]]) -> float:
+    """Return the place of a white between the first of two lights, 0, and the second, 1."""
+    inverse, first, second = (1 / temperature(xy) for xy in (white, lights[0][0], lights[1][0]))
+    return float(np.clip((inverse - first) / (second - first), 0, 1))
+
+
 def between(
-    lights: Sequence[tuple[Chromaticity, DoubleArray]], neutral: ArrayLike
+    lights: Sequence[tuple[Chromaticity, DoubleArray]],
+    neutral: ArrayLike,
+    own: Sequence[DoubleArray] | None = None,
 ) -> Matrix | None:
     """camera_to_xyz, 3 x C, under the light in which white reads `neutral`, up to scale; it takes
     `neutral` to D50.
@@ -194,26 +215,26 @@ def between(
     ----------
     lights : Sequence[tuple[Chromaticity, DoubleArray]]
         Of two different ones the chromaticity, and the ColorMatrix (C, 3) for it.
+    own : Sequence[DoubleArray] | None, optional
+        For each light what the camera reads of what the ColorMatrix says, (C, C): DNG's
+        AnalogBalance times CameraCalibration. None = the same.
 
     Returns
     -------
     Matrix | None
         None if the neutral is no colour of light.
     """
-    inverse = [1 / temperature(white) for white, _ in lights]
-    matrices, seen = [to_one(matrix) for _, matrix in lights], np.asarray(neutral, np.float64)
+    seen = np.asarray(neutral, np.float64)
     to_xyz: DoubleArray = np.zeros((3, len(seen)))
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         share = (low + high) / 2
-        to_xyz = np.asarray(
-            np.linalg.pinv((1 - share) * matrices[0] + share * matrices[1]), np.float64
-        )
+        to_xyz = np.asarray(np.linalg.pinv(mixed(lights, share, own)), np.float64)
         white = to_xyz @ seen
         if min(BRADFORD @ white) <= 0:
             return None
         x, y, _ = white / white.sum()
-        if (1 / temperature((x, y)) - inverse[0]) / (inverse[1] - inverse[0]) > share:
+        if share_of((x, y), lights) > share:
             low = share
         else:
             high = share
@@ -230,11 +251,7 @@ def colours_under(lights: Lights, neutral: Sequence[float] | None) -> Matrix:
     """
     pairs = [(light.white, light.xyz_to_camera) for light in lights]
     if neutral is None:
-        inverse = [
-            1 / temperature(white) for white in (*(white for white, _ in pairs), ILLUMINANTS["D50"])
-        ]
-        share = float(np.clip((inverse[2] - inverse[0]) / (inverse[1] - inverse[0]), 0, 1))
-        neutral = ((1 - share) * pairs[0][1] + share * pairs[1][1]) @ D50
+        neutral = mixed(pairs, share_of(ILLUMINANTS["D50"], pairs)) @ D50
     found = between(pairs, np.array(neutral) / np.max(neutral))
     if found is not None:
         return found

@@ -106,7 +106,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     return shades_of_grey(np.moveaxis(medians, 0, -1), calibration.full_scale)
 
 
-def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
+def clipped_share(readings: Real, clipping: float | Real, shoulder: float) -> Real:
     """Return the degree to which each reading is clipped: 0 up to (1 - shoulder) * clipping, 1 from
     the limit `clipping` on.
     """

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
@@ -24,23 +25,30 @@ from ...shared.dng import metadata_from
 from ...shared.dng.exif import WANTED, printable
 from ...shared.dng.tags import TAG
 from ...shared.errors import InputError
-from ...shared.lights import ILLUMINANTS, between
+from ...shared.lights import between, illuminant_xy, mixed, share_of
 from ...shared.pattern import BAYER_ORDERS
 from ...shared.reading import MAX_PIXELS
-from ...shared.tiff_reading import StoredDirectories, StoredFields, read_directories
+from ...shared.tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
 from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .damage import guarded
+from .decoded import remark_on_unused
 from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
-_COLOR_MATRICES = [(TAG[f"ColorMatrix{n}"], TAG[f"CalibrationIlluminant{n}"]) for n in (1, 2)]
-_COLOURS = {tag for pair in _COLOR_MATRICES for tag in pair}
+_LIGHTS = [
+    [TAG[f"{name}{n}"] for name in ("ColorMatrix", "CalibrationIlluminant", "CameraCalibration")]
+    for n in (1, 2)
+]
+_SIGNATURES = TAG["CameraCalibrationSignature"], TAG["ProfileCalibrationSignature"]
+_OTHERS = "AnalogBalance AsShotWhiteXY ColorMatrix3"
+_COLOURS = {*chain(*_LIGHTS), *_SIGNATURES, *map(TAG.__getitem__, _OTHERS.split())}
 # Exif's LightSource values; all others are treated as D65.
-_ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 23: "D50", 20: "D55", 1: "D55", 22: "D75"}
+_ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 24: "3200", 23: "D50", 11: "D75", 22: "D75"}
+_ILLUMINANTS |= dict.fromkeys((1, 4, 9, 20), "D55")
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 NO_RAW = (
@@ -202,7 +210,7 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
     for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
         black, channel = blacks[index], _CHANNELS.index(letters[index])
         codes = samples[row : 2 * rows : 2, column : 2 * columns : 2]
-        limit = saturation(codes, white)
+        limit = saturation(codes, white, black)
         signal = (codes - np.float32(black)) / np.float32(white - black)
         rgb[..., channel] += signal
         # One of two greens may be clipped: then so is their mean.
@@ -300,6 +308,7 @@ def camera_scene(
     metadata : CaptureMetadata
         Capture data.
     """
+    as_shot = as_shot or _neutral_under(fields)
     neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
     if not as_shot:
         estimate = "the scene is too dark or too bright to estimate one"
@@ -311,6 +320,8 @@ def camera_scene(
     if matrix is None:
         effect = "colours can be balanced, but not matched"
         notes.append(f"the camera's colour matrix is unknown: {effect}")
+    if TAG["ColorMatrix3"] in fields:
+        remark_on_unused(["the colour matrix for a third light"], notes)
     if gone is not None:
         rgb, clipped = with_white_highlights(rgb, neutral, gone)
         notes += clipped
@@ -333,23 +344,54 @@ def colour_matrix(
     """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `fallback` (3,
     3), for D65; None without one.
 
-    With matrices for two lights it is the one for the light of the neutral, see `between`.
+    With matrices for two lights it is the one for the light of the neutral, see `between`. What
+    this camera reads of what its model reads is a factor (DNG 1.7.1, chapter 6).
     """
     if neutral is None:
         return None
-    usable = []
-    for tag, illuminant_tag in _COLOR_MATRICES:
-        if (matrix := _usable(_numbers(tags, tag))) is not None:
-            code = (*_numbers(tags, illuminant_tag), 0)[0]
-            usable.append((ILLUMINANTS[_ILLUMINANTS.get(code, "D65")], matrix))
-    if len(usable) == 2 and usable[0][0] != usable[1][0] and (mixed := between(usable, neutral)):
-        return mixed
-    if not usable and (matrix := _usable(fallback)) is not None:
-        usable.append((D65_XY, matrix))
-    if not usable:
+    lights, own = _calibrated(tags)
+    if len(lights) == 2 and (found := between(lights, neutral, own)):
+        return found
+    if not lights and (matrix := _usable(fallback)) is not None:
+        lights, own = [(D65_XY, matrix)], [np.eye(3)]
+    if not lights:
         return None
-    xy, matrix = min(usable, key=lambda pair: abs(pair[0][0] - D65_XY[0]))
-    return camera_to_xyz(matrix, neutral, xy)
+    nearest = min(range(len(lights)), key=lambda index: abs(lights[index][0][0] - D65_XY[0]))
+    xy, matrix = lights[nearest]
+    return camera_to_xyz(own[nearest] @ matrix, neutral, xy)
+
+
+def _calibrated(
+    tags: StoredFields,
+) -> tuple[list[tuple[tuple[float, float], DoubleArray]], list[DoubleArray]]:
+    """Return the chromaticity of each light, two at most, and DNG's ColorMatrix for it; and for
+    each AnalogBalance times CameraCalibration.
+    """
+    lights, own = dict[tuple[float, float], DoubleArray](), list[DoubleArray]()
+    balance = np.array(_numbers(tags, TAG["AnalogBalance"]))
+    is_stated = balance.shape == (3,) and np.isfinite(balance).all() and balance.min() > 0
+    gains = np.diag(balance if is_stated else np.ones(3))
+    names = {tags.get(tag, StoredField(0)).data.rstrip(b"\0") for tag in _SIGNATURES}
+    for matrix_tag, light_tag, own_tag in _LIGHTS:
+        xy = illuminant_xy(_ILLUMINANTS.get((*_numbers(tags, light_tag), 0)[0], "D65"))
+        matrix, factor = (_usable(_numbers(tags, tag)) for tag in (matrix_tag, own_tag))
+        if matrix is not None and xy not in lights:
+            lights[xy] = matrix
+            # one for another profile than the file's is none
+            own.append(gains @ factor if factor is not None and len(names) == 1 else gains)
+    return list(lights.items()), own
+
+
+def _neutral_under(tags: StoredFields) -> tuple[float, ...] | None:
+    """Return the reading of a DNG's AsShotWhiteXY, which may stand for a neutral; None without."""
+    lights, own = _calibrated(tags)
+    xy = _numbers(tags, TAG["AsShotWhiteXY"])
+    if not (lights and len(xy) == 2 and min(xy) > 0 and sum(xy) < 1):
+        return None
+    lights, own = (lights * 2)[:2], (own * 2)[:2]
+    share = share_of(xy, lights) if lights[0] is not lights[1] else 0
+    reading = mixed(lights, share, own) @ xyz(*xy)
+    return normalised(reading) if reading.min() > 0 else None
 
 
 def camera_to_xyz(

@@ -25,7 +25,10 @@ _CLIPPED = 0.999  # share from which a sample is at the limit, but for rounding
 # pixels: window in which each channel is clipped somewhere, and by which the loss of colour fades
 # out, twice
 _BESIDE = 3
-_HIGH = 0.85  # of the white level: no maker states one that is further above saturation
+_CODES = 1 << 16
+_HIGH = (
+    0.85  # of the range up to the white level: no maker states one that is further above saturation
+)
 # Fraction of the white level over which noise of the electronics spreads samples at the limit: how
 # many times as many they are as those below, in this range of codes. The noise of light, and
 # shading, spread an even surface further: more than one of so many of its samples is beyond.
@@ -33,20 +36,24 @@ _SPIKE, _NEAR, _BEYOND = 12, 0.01, 16
 _SPREADS = {0.0: 20, 0.001: 10, 0.008: 8}
 
 
-def saturation(codes: NDArray[np.uint16], white: float) -> float:
+def saturation(codes: NDArray[np.uint16], white: float, black: float = 0.0) -> float:
     """The code at which samples of one colour are clipped: the white level, or a lower one near
     which so many samples lie that it must be the limit.
 
     Makers, and tables of cameras, state white levels that some sensors never reach, and cameras
     that multiply a colour clip it at a code of its own.
     """
-    counts = np.bincount(codes.ravel(), minlength=int(white) + 1)
-    lowest, total = int(_HIGH * white), np.concatenate([[0], counts.cumsum()])
+    if white >= _CODES:
+        return white
+    counts = np.bincount(codes.ravel(), minlength=_CODES)
+    lowest = max(int(_HIGH * white + (1 - _HIGH) * black), 0)
+    total = np.concatenate([[0], counts.cumsum()])
     for spread, times in _SPREADS.items():
         width = 1 + round(spread * white)
         sums = total[width:] - total[:-width]
         code = lowest + int(sums[lowest:].argmax())
-        before = counts[round((1 - _NEAR) * code) : code].mean() * width
+        near = round((1 - _NEAR) * code)
+        before = counts[near:code].sum() * width / max(code - near, 1)
         above = total[-1] - total[code + width]
         if sums[code] >= max(_SPIKE, times * before, _BEYOND * above):
             return min(float(code), white)

@@ -21,7 +21,7 @@ from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_check import PLAIN, check_directories, check_page
 from ...shared.white_balance import clipped_share, normalised
 from .camera_raw import camera_scene, raw_directories
-from .clipped import SHOULDER
+from .clipped import SHOULDER, saturation
 from .damage import guarded
 from .file_size import check_pieces, data_bytes
 from .jpegxl import declared_size
@@ -56,9 +56,9 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     rgb is (sample - black) / (white - black) of the default crop of the active area, after the
     linearization table. It is neither rotated nor white-balanced, and not brightened by
     BaselineExposure. Values below black become 0, values above white exceed 1. Integers at the
-    white level are clipped, and become white (see `clipped`). Matrix, neutral and orientation are
-    the file's. Lossless compressions and JPEG XL are read (DNG 1.7.1, chapter 4), integers and
-    floating point.
+    white level, or a lower limit of their plane, are clipped, and become white (see `clipped`).
+    Matrix, neutral and orientation are the file's. Lossless compressions and JPEG XL are read (DNG
+    1.7.1, chapter 4), integers and floating point.
 
     Parameters
     ----------
@@ -89,11 +89,11 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             else:
                 with guarded(path):
                     samples = page.asarray(maxworkers=1)
-            rgb = _levelled(samples, page)
+            rgb, limits = _levelled(samples, page)
             stated = tag_numbers(file.pages.first, TAG["AsShotNeutral"])
     is_stated = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
     neutral = normalised(stated) if is_stated else None
-    gone = clipped_share(rgb, 1.0, SHOULDER) if integers else None
+    gone = clipped_share(rgb, limits, SHOULDER) if integers else None
     directories = raw_directories(path)
     return camera_scene(path.stem, rgb, gone, neutral, directories.main, metadata_from(directories))
 
@@ -177,8 +177,10 @@ def _check_chunks(page: TiffPage, stream: Any) -> None:
                 raise InputError(f"the linear DNG's strips hold more than they say: {reason}")
 
 
-def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
-    """Return the active area of the samples in scene units, float32 (H, W, 3)."""
+def _levelled(samples: NDArray[Any], page: TiffPage) -> tuple[FloatArray, FloatArray]:
+    """Return the active area of the samples in scene units, float32 (H, W, 3); and the value at
+    which each plane is clipped.
+    """
     floating = samples.dtype.kind == "f"
     table = tag_numbers(page, _LINEARIZATION_TABLE)
     if table.size and not floating:
@@ -198,8 +200,13 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
     if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
         levels = f"black level {lowest.max():g} is not below white level {white.min():g}"
         raise InputError(f"{levels}: the file's levels are damaged")
+    limits = white
+    if samples.dtype in (np.uint8, np.uint16):  # a table, such as of a logarithm, makes gaps
+        planes = zip(np.moveaxis(samples, 2, 0), white, lowest, strict=True)
+        limits = np.array([saturation(*plane) for plane in planes])
+    limits = ((limits - lowest) / (white - lowest)).astype(np.float32)
     rgb = (rgb - black.astype(np.float32)) * (1 / (white - lowest)).astype(np.float32)
-    return np.maximum(rgb, 0, out=rgb)[_default_crop(page, rgb.shape)]
+    return np.maximum(rgb, 0, out=rgb)[_default_crop(page, rgb.shape)], limits
 
 
 def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]:

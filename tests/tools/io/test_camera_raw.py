@@ -13,9 +13,9 @@ import pytest
 import rawpy
 import tifffile
 
-from panchroma.shared.colorimetry import D50, xyz
+from panchroma.shared.colorimetry import D50, adaptation, xyz
 from panchroma.shared.errors import InputError
-from panchroma.shared.lights import ILLUMINANTS
+from panchroma.shared.lights import ILLUMINANTS, illuminant_xy, temperature, to_one
 from panchroma.shared.pattern import BAYER_ORDERS
 from panchroma.tools.io.camera_raw import bayer_pattern, camera_to_xyz, raw_directories
 from panchroma.tools.io.scene import Scene
@@ -117,6 +117,78 @@ def test_of_two_matrices_the_one_for_the_light_of_the_shot_counts(
     expected = camera_to_xyz(under[light], tuple(neutral.tolist()), ILLUMINANTS[light])
     np.testing.assert_allclose(scene.camera_to_xyz, expected, atol=1e-3)  # fractions of four digits
     np.testing.assert_allclose(np.array(expected) @ neutral, D50, atol=1e-12)  # white stays white
+
+
+OWN = {
+    50723: np.array([[1.12, 0.03, 0], [0, 1, 0.02], [0.04, 0, 0.82]]),
+    50724: np.array([[0.9, 0, 0.05], [0.01, 1.05, 0], [0, 0.06, 1.2]]),
+}
+BALANCE = (1.9, 1.0, 1.4)
+
+
+def calibrated(share: float, own: Any = OWN, balance: Any = BALANCE) -> tuple[Any, Any]:
+    """What white reads at a share of the way from light A to D65, and the matrix from camera RGB to
+    XYZ, as DNG 1.7.1 has them in chapter 6.
+    """
+    first, second = (temperature(ILLUMINANTS[name]) for name in ("A", "D65"))
+    kelvin = 1 / ((1 - share) / first + share / second)
+    white = illuminant_xy(str(round(kelvin)))
+    share = (1 / temperature(white) - 1 / first) / (1 / second - 1 / first)
+    ours, model = (
+        (1 - share) * warm + share * cold for warm, cold in (own.values(), TWO_LIGHTS.values())
+    )
+    to_camera = np.diag(balance) @ ours @ model
+    neutral = to_camera @ xyz(*white)
+    matrix = adaptation(xyz(*white)) @ np.linalg.inv(to_camera)
+    return white, (neutral / neutral.max(), matrix * neutral.max())
+
+
+# both read 1 of D50 at most, so that the scale of neither counts
+TWO_LIGHTS = {50721: to_one(MATRIX + 0.04), 50722: to_one(MATRIX)}
+NO_OWN = dict.fromkeys(OWN, np.eye(3))
+
+
+@pytest.mark.parametrize("kind", [files.CFA, LINEAR_RAW])
+@pytest.mark.parametrize("share", [0.2, 0.6])
+@pytest.mark.parametrize("by_neutral", [True, False])
+def test_a_camera_differs_from_its_model_as_its_dng_says(
+    tmp_path: Path, kind: int, share: float, by_neutral: bool
+) -> None:
+    white, (neutral, expected) = calibrated(share)
+    matrices = {**TWO_LIGHTS, **OWN}
+    fields: Fields = {tag: (SRATIONAL, rationals(matrix)) for tag, matrix in matrices.items()}
+    fields |= {50727: (RATIONAL, rationals(BALANCE)), 50778: (SHORT, [17]), 50779: (SHORT, [21])}
+    fields |= {50931: (files.ASCII, "Works"), 50932: (files.ASCII, "Works")}
+    stated = (50728, neutral) if by_neutral else (50729, white)
+    fields[stated[0]] = (RATIONAL, rationals(stated[1]))
+    samples = noise(60, 80) if kind == files.CFA else noise(60, 80, 3)
+    scene = loaded(tmp_path, samples, kind=kind, fields=fields)
+    assert scene.neutral == pytest.approx(neutral, abs=1e-3)
+    np.testing.assert_allclose(scene.camera_to_xyz, expected, atol=0.01)
+    assert not scene.notes
+    fields |= {50932: (files.ASCII, "Others"), 52531: fields[50721]}
+    _, (neutral, without) = calibrated(share, NO_OWN)
+    fields[50728] = (RATIONAL, rationals(neutral))
+    scene = loaded(tmp_path, samples, kind=kind, fields=fields)
+    np.testing.assert_allclose(scene.camera_to_xyz, without, atol=0.01)
+    assert np.abs(without - expected).max() > 0.03
+    assert list(scene.notes) == ["not used: the colour matrix for a third light"]
+
+
+@pytest.mark.parametrize("own", [np.eye(3), *OWN.values()])
+def test_colours_of_a_camera_that_differs_from_its_model_under_one_light(
+    tmp_path: Path, own: Any
+) -> None:
+    to_camera = np.diag(BALANCE) @ own @ MATRIX
+    neutral = to_camera @ xyz(*ILLUMINANTS["D65"])
+    neutral /= neutral.max()
+    fields = {50721: MATRIX, 50723: own}
+    entries: Fields = {tag: (SRATIONAL, rationals(matrix)) for tag, matrix in fields.items()}
+    entries |= {50727: (RATIONAL, rationals(BALANCE)), 50728: (RATIONAL, rationals(neutral))}
+    scene = loaded(tmp_path, noise(60, 80), fields=entries | {50778: (SHORT, [21])})
+    shown = np.array(scene.camera_to_xyz) @ to_camera
+    expected = adaptation(xyz(*ILLUMINANTS["D65"]))
+    np.testing.assert_allclose(shown / shown[1, 1], expected / expected[1, 1], atol=1e-3)
 
 
 def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None:
@@ -264,6 +336,19 @@ def test_a_jpeg_xl_that_declares_more_than_its_tile_is_not_decoded(
     monkeypatch.setattr(tifffile.TiffPage, "asarray", None)
     with pytest.raises(InputError, match="declares 500 x 300 pixels in a place for 16 x 16"):
         load_scene(path)
+
+
+def test_each_plane_has_a_limit_of_its_own(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    light = np.full((60, 80, 3), 0.2) * NEUTRAL
+    light[10:40, 20:60] *= 9.5
+    samples = 500 + 59500 * (light + rng.normal(0, 0.003, light.shape) * np.sqrt(light))
+    samples = np.minimum(samples, (60000, 55000, 57000)) + rng.normal(0, 50, light.shape)
+    fields: Fields = {50714: (SHORT, (500, 500, 500)), 50717: (files.LONG, (60000,) * 3)}
+    scene = load_scene(save(tmp_path / "x.dng", np.rint(samples).astype(np.uint16), fields))
+    balanced = scene.rgb[12:38, 22:58] / NEUTRAL
+    assert (np.ptp(balanced, axis=2) / balanced.max(axis=2)).max() < 0.02
+    assert balanced.min() > 1.3
 
 
 def test_levels_and_active_area(tmp_path: Path) -> None:
