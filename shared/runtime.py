@@ -6,21 +6,14 @@ with it, so that `disable_telemetry_events` alone comes too late; the variable o
 read by the import alone, and is the program's own again afterwards.
 """
 
-import os
 from pathlib import Path
 from typing import Any
 
+from .environment import environment
 from .errors import InputError
 
-_SWITCH = "ORT_DISABLE_TELEMETRY"
-_before = os.environ.get(_SWITCH)
-os.environ[_SWITCH] = "1"
-try:
+with environment("ORT_DISABLE_TELEMETRY", "1"):
     import onnxruntime
-finally:
-    del os.environ[_SWITCH]
-    if _before is not None:
-        os.environ[_SWITCH] = _before
 
 onnxruntime.disable_telemetry_events()
 

@@ -1,5 +1,8 @@
 """Scripts in a Python process of their own, with all packages or with those of a camera only."""
 
+import contextlib
+import os
+import pty
 import re
 import subprocess
 import sys
@@ -32,14 +35,37 @@ def run_python(script: str, *arguments: str | Path, folder: Path = ROOT) -> str:
 
 
 def on_camera(
-    script: str, *arguments: str, ours: tuple[str, ...] = ("shared", "device"), stdin: bytes = b""
+    script: str,
+    *arguments: str,
+    ours: tuple[str, ...] = ("shared", "device"),
+    stdin: bytes = b"",
+    terminal: bool = False,
 ) -> subprocess.CompletedProcess[bytes]:
-    """A script that is run where every package is hidden but `ours` and the base dependencies."""
+    """A script that is run where every package is hidden but `ours` and the base dependencies.
+
+    terminal: its standard output and error are a terminal, whose text is the output.
+    """
     hidden = _HIDE.format(allowed=sorted({*base_modules(), "panchroma"}), ours=ours)
     line = [sys.executable, "-c", hidden + script, *arguments]
+    if terminal:
+        return _on_terminal(line, stdin)
     return subprocess.run(
         line, input=stdin, cwd=ROOT, capture_output=True, check=False, timeout=120
     )
+
+
+def _on_terminal(line: list[str], stdin: bytes) -> subprocess.CompletedProcess[bytes]:
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(line, stdin=subprocess.PIPE, stdout=theirs, stderr=theirs, cwd=ROOT)
+    os.close(theirs)
+    with contextlib.suppress(BrokenPipeError), process.stdin as given:
+        given.write(stdin)  # it fits into the pipe
+    shown = b""
+    with contextlib.suppress(OSError):  # raised by Linux at the end
+        while piece := os.read(ours, 4096):
+            shown += piece
+    os.close(ours)
+    return subprocess.CompletedProcess(line, process.wait(120), shown, b"")
 
 
 def base_modules() -> set[str]:

@@ -2,12 +2,15 @@
 is no clone.
 """
 
+import json
 import shutil
 from pathlib import Path
+from shlex import quote
 from zipfile import ZipFile
 
 import pytest
 
+from panchroma.tools.io.versions import install_command
 from tests.data import ROOT
 from tests.python import run_python
 
@@ -79,6 +82,43 @@ def test_every_file_that_the_program_needs_is_in_the_wheel(installed: Path) -> N
         *PACKAGES,
         "panchroma",
     }
+
+
+_ADVICE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from panchroma.tools.io.versions import install_command
+print(install_command(), install_command(""), install_command("all,cluster"), sep="\\n")
+"""
+_WHEEL = "file:///home/me/panchroma-0.1.0-py3-none-any.whl"
+
+
+@pytest.mark.parametrize(
+    ("origin", "source"),
+    [
+        (None, ""),  # an index
+        ({"url": _WHEEL, "archive_info": {}}, f" @ {_WHEEL}"),
+        ({"url": "file:///home/me/clone", "dir_info": {}}, " @ file:///home/me/clone"),
+        (
+            {"url": "https://example.org/p.git", "vcs_info": {"vcs": "git", "commit_id": "1"}},
+            " @ git+https://example.org/p.git",
+        ),
+    ],
+)
+def test_advice_installs_from_where_this_one_came(
+    origin: dict[str, object] | None, source: str, installed: Path, tmp_path: Path
+) -> None:
+    (record,) = installed.glob("*.dist-info")
+    (record / "direct_url.json").unlink(missing_ok=True)
+    if origin:
+        (record / "direct_url.json").write_text(json.dumps(origin))
+    lines = run_python(_ADVICE, installed, folder=tmp_path).splitlines()
+    names = [f"panchroma{extra}{source}" for extra in ("[all]", "", "[all,cluster]")]
+    assert lines == [f"pip install {quote(name)}" for name in names]
+
+
+def test_advice_in_a_clone_names_its_folder() -> None:
+    assert install_command("tools") == f"pip install -e '{ROOT}[tools]'"
 
 
 def test_the_wheel_works_outside_the_clone(installed: Path, tmp_path: Path) -> None:

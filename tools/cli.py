@@ -81,6 +81,14 @@ class _Parser(argparse.ArgumentParser):
         super().error(one_line(message))
 
 
+class _Version(argparse.Action):
+    """Prints the version; argparse's own action is silent where it cannot be printed."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        to_stdout(f"panchroma {program_version()}")
+        parser.exit()
+
+
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit with 0 (ok), 1 (some files failed), 2 (usage), 130
     (interrupted) or 143 (terminated).
@@ -136,7 +144,7 @@ def build_parser(verb: str) -> argparse.ArgumentParser:
         epilog="panchroma VERB --help shows the options of a verb.",
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action="version", version=f"panchroma {program_version()}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     _add_common(parser, quiet=False, verbose=False)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, prog="panchroma")
     for name, summary in VERBS.items():

@@ -5,13 +5,17 @@ bring.
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from tests.device.packer import pack, random_codes
 from tests.python import base_modules, on_camera
 
 
-def camera(line: str, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
-    script = "from panchroma.tools.cli import main; main()"
-    return on_camera(script, *line.split(), ours=("shared", "device", "tools"), stdin=stdin)
+def camera(
+    line: str, stdin: bytes = b"", *, terminal: bool = False
+) -> subprocess.CompletedProcess[bytes]:
+    script, ours = "from panchroma.tools.cli import main; main()", ("shared", "device", "tools")
+    return on_camera(script, *line.split(), ours=ours, stdin=stdin, terminal=terminal)
 
 
 def test_the_walk_finds_the_base_and_nothing_else() -> None:
@@ -32,6 +36,46 @@ def test_capture_and_preview_need_the_base_alone_and_a_hidden_package_is_missed(
     assert (tmp_path / f"{shot.stem}.jpg").read_bytes().startswith(b"\xff\xd8")
     done = camera(f"render {shot} -o {tmp_path}")
     assert b"is not installed" in done.stderr
+
+
+FRAME = pack(random_codes((26, 32), 10), "raw10")
+LAYOUT = "--size 32x26 --pixel-format raw10"
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("--version", 0),
+        ("simulate flat:96x72 builtin:90x60 -o OUT", 0),
+        ("inspect SHOT", 0),
+        ("inspect --verify SHOT SHOT2", 0),
+        ("inspect --json --verify SHOT", 0),
+        ("preview SHOT SHOT2 -o OUT", 0),
+        ("preview SHOT --export OUT/graph.onnx", 0),
+        (f"identify - {LAYOUT}", 1),  # noise has no tile
+        (f"capture - -o OUT --frames 1 {LAYOUT}", 0),
+        (f"view - --bind 127.0.0.1:0 {LAYOUT}", 1),  # the stream ends
+        ("render SHOT -o OUT", 1),
+        ("burst SHOT SHOT2 -o OUT", 1),
+        ("calibrate SHOT -o OUT/camera.json", 1),
+        ("evaluate SHOT -o OUT", 1),
+        ("demo -o OUT", 1),
+    ],
+)
+def test_a_terminal_gets_what_a_pipe_gets(line: str, code: int, tmp_path: Path) -> None:
+    made = camera(f"simulate flat:48x36 flat:36x48 -o {tmp_path}")
+    assert made.returncode == 0, made.stderr
+    found = []
+    for terminal in (False, True):
+        out = tmp_path / str(terminal)
+        out.mkdir()
+        words = line.replace("OUT", str(out)).replace("SHOT2", f"{tmp_path}/flat-36x48.dng")
+        words = words.replace("SHOT", f"{tmp_path}/flat-48x36.dng")
+        done = camera(words, FRAME, terminal=terminal)
+        assert b"package rich" not in done.stdout + done.stderr, done
+        found.append((done.returncode, sorted(path.suffix for path in out.iterdir())))
+    assert found[0] == found[1]
+    assert found[0][0] == code, (done.stdout + done.stderr).decode()
 
 
 def test_a_notebook_needs_the_base_alone_but_to_render() -> None:

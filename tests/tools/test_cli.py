@@ -87,7 +87,7 @@ def test_a_package_that_is_missing_is_one_line_with_the_remedy(
     missing = ModuleNotFoundError("No module named 'scipy'", name="scipy.ndimage")
     monkeypatch.setattr("panchroma.offline.measure", Mock(side_effect=missing))
     words = "the package scipy.ndimage is not installed; install Panchroma with all that belongs "
-    remedy = "to it: pip install -e '.[all]'"
+    remedy = f"to it: pip install -e '{ROOT}[all]'"
     refused = run("render", shots / SHOT, "-o", tmp_path)
     assert_refused(refused, words + remedy, name=str(shots / SHOT))
     assert names(tmp_path) == {"shots"}
@@ -224,9 +224,16 @@ def test_a_reader_that_has_left_is_no_traceback(line: str, shots: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full")
-def test_a_full_disk_behind_standard_output_is_one_line(shots: Path) -> None:
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    "line", [f"inspect {SHOT}", "--version", "-q --version", "--help", "capture --help"]
+)
+def test_a_full_disk_behind_standard_output_is_one_line(
+    line: str, unbuffered: str, shots: Path
+) -> None:
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with Path("/dev/full").open("wb") as full:
-        outcome = spawn("inspect", shots / SHOT, stdout=full, code=1)
+        outcome = spawn(line, stdout=full, cwd=shots, env=environment, code=1)
     reason = os.strerror(errno.ENOSPC)
     assert outcome.err == f"panchroma: standard output: cannot be written ({reason})\n"
 

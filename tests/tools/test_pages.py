@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from panchroma.shared import CfaPattern
 from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.measure import Measurements, measure_chart
-from panchroma.tools.calibration.report import write_report
+from panchroma.tools.calibration.report import build_report
 from panchroma.tools.evaluation.crops import REASONS, Crop, Rendered
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.measures import Measures
@@ -24,6 +24,8 @@ from panchroma.tools.evaluation.methods import choose
 from panchroma.tools.evaluation.page import build_page
 from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.io.page import embed_plot, without_folders
+from tests.data import ROOT
+from tests.python import run_python
 from tests.tools.calibration.known_camera import BLIND, REFERENCE, chart, frame, true_place
 from tests.tools.evaluation.examples import pair, study_of
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
@@ -74,7 +76,7 @@ def of_calibration(_: Path, text: str) -> bytes:
     """The report on a chart."""
     taken = frame(chart().rgb, says=replace(BLIND, sensor=text))
     shot = measure_chart(text, taken, REFERENCE, true_place().corners)
-    return write_report(
+    return build_report(
         conclude(Measurements(REFERENCE, taken, shots=[shot], skipped=[text])), {"date": text}
     )
 
@@ -84,6 +86,55 @@ def test_a_text_stays_a_text(tmp_path: Path, make: Callable[[Path, str], bytes])
     harmless, hostile = (Outline(make(tmp_path, text).decode()) for text in ("a", HOSTILE))
     assert hostile.elements == harmless.elements
     assert sum(HOSTILE in text for text in hostile.texts) >= 4
+
+
+SETTINGS = """text.usetex: True
+font.family: serif
+axes.grid: False
+axes.facecolor: red
+path.effects: []
+svg.fonttype: path
+savefig.format: png
+savefig.transparent: True
+figure.figsize: 30, 30
+"""
+PLOT = """
+import sys
+from panchroma.tools.io.page import embed_plot
+def draw(axes):
+    axes.plot([1, 2], [3, 4], label="a $ b")
+    axes.legend()
+print(embed_plot(draw))
+import os, matplotlib
+assert os.environ.get("MPLBACKEND") == (sys.argv[1] or None)
+assert matplotlib.rcParams["axes.grid"] == (sys.argv[2] == "plain" and matplotlib.rcParamsDefault["axes.grid"])
+"""
+
+
+@pytest.mark.parametrize(
+    "place", ["folder", "MATPLOTLIBRC", "MPLCONFIGDIR", "MPLBACKEND", "program"]
+)
+def test_plots_do_not_depend_on_the_users_settings(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("MATPLOTLIBRC", "MPLCONFIGDIR", "MPLBACKEND"):
+        monkeypatch.delenv(name, raising=False)
+    plain = run_python(PLOT, "", "plain")
+    backend, script, folder = "", PLOT, ROOT
+    (tmp_path / "matplotlibrc").write_text(SETTINGS)
+    if place == "folder":
+        script, folder = f"import sys; sys.path.append({str(ROOT)!r})\n{PLOT}", tmp_path
+    elif place == "MPLBACKEND":
+        backend = "module://no_such_package.backend"
+        monkeypatch.setenv("MPLBACKEND", backend)
+    elif place == "program":  # that has plotted itself
+        script = (
+            f"import matplotlib; matplotlib.rc_file({str(tmp_path / 'matplotlibrc')!r})\n{PLOT}"
+        )
+    else:
+        monkeypatch.setenv(place, str(tmp_path))
+    kind = "plain" if place == "MPLBACKEND" else "users"
+    assert run_python(script, backend, kind, folder=folder) == plain
 
 
 def test_folders_are_cut_off_names_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 
 from ...shared.errors import InputError, PanchromaError
+from ..io.versions import install_command
 from .console import one_line
 from .parallel import Executor, Function, P, R, call
 from .progress import Note
@@ -52,7 +53,8 @@ def cluster(address: str, note: Note) -> Iterator[Executor]:
         from distributed import Client, KilledWorker
     except ModuleNotFoundError:
         raise InputError(
-            "`scheduler` needs the package distributed; install it: pip install -e '.[all,cluster]'"
+            "`scheduler` needs the package distributed; install it: "
+            + install_command("all,cluster")
         ) from None
     for name in [
         name

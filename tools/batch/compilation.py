@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any
 
 from .memory import available_memory
+from .parallel import one_by_one, possible_processes
 from .parallel import processes as worker_processes
 from .progress import Note, StageProgress
 
@@ -74,6 +75,9 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
     names : Sequence[str]
         Those that take longest first.
     """
+    if possible_processes(2, note) == 1:
+        yield from one_by_one(_compile, names, lambda _: StageProgress(note=note))
+        return
     possible = min(processes, available_memory() // _PROCESS_BYTES)
     with worker_processes(max(1, possible), _REMEDY) as executor:
         yield from executor.run(_compile, names, note)

@@ -10,6 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..io.versions import install_command
+
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
@@ -124,10 +126,11 @@ class Console:
         if self._quiet:
             return StageProgress(note=self.note)
         title = one_line(title)
-        if not sys.stderr.isatty():
-            return LineProgress(title, self.note)
+        if self._display is None and sys.stderr.isatty():
+            with suppress(ImportError):  # a camera has no package rich
+                self._display = rich_display()
         if self._display is None:
-            self._display = rich_display()
+            return LineProgress(title, self.note)
         return BarProgress(title, self.note, self._display)
 
     def close(self) -> None:
@@ -148,7 +151,7 @@ def fault(error: BaseException) -> str:
     if isinstance(error, WorkerFault):
         return str(error)
     if isinstance(error, ModuleNotFoundError):
-        remedy = "install Panchroma with all that belongs to it: pip install -e '.[all]'"
+        remedy = f"install Panchroma with all that belongs to it: {install_command()}"
         return f"the package {error.name} is not installed; {remedy}"
     frames = traceback.extract_tb(error.__traceback__)
     root = Path(__file__).parents[2]

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from ...shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
 from ...shared.writing import reason as why_not_written
-from ...shared.writing import sweep
+from ...shared.writing import sweep, write_durably
 from .console import Console, fault
 from .parallel import Function, Results, one_by_one
 from .progress import StageProgress
@@ -256,6 +256,18 @@ def fail(job: Job, message: str, console: Console, cause: Exception | None = Non
     message = _named(job, message)
     console.error(message, cause=cause)
     console.record(source=job.source, ok=False, error=message)
+
+
+def write_report(
+    path: Path, make: Callable[[], bytes], console: Console, *, overwrite: bool
+) -> bool:
+    """Make and write a file about results, which stay if that fails; True if it is there."""
+    try:
+        write_durably(path, make(), overwrite=overwrite)
+    except Exception as error:  # drawing it may raise anything
+        fail(Job(str(path)), reason(error), console, error)
+        return False
+    return True
 
 
 def _named(job: Job, message: str) -> str:

@@ -13,9 +13,10 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .console import StandardOutputError, WorkerFault, fault, note_warnings, traceback_of
@@ -177,7 +178,7 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
 
     from ...shared.errors import InputError
 
-    before, spawn = set(multiprocessing.active_children()), multiprocessing.get_context("spawn")
+    before, spawn = set(multiprocessing.active_children()), _SafeSpawn()
     pools: list[ProcessPool] = []  # the last one is at work
 
     def start() -> None:
@@ -206,6 +207,41 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
         stop()
 
 
+def _safe_path() -> AbstractContextManager[None]:
+    """Let Python that starts import nothing from the current folder: a file may be called
+    types.py.
+    """
+    from ...shared.environment import environment
+
+    return environment("PYTHONSAFEPATH", "1")
+
+
+class _SafeProcess(SpawnProcess):
+    """A process that starts with a safe path; then it has that of this program."""
+
+    def start(self) -> None:
+        """Start it."""
+        with _safe_path():
+            super().start()
+
+
+class _SafeSpawn(SpawnContext):
+    Process = _SafeProcess
+
+
+def possible_processes(count: int, note: "Note") -> int:
+    """Return `count`, or 1 and a note where processes cannot share work."""
+    spawn = _SafeSpawn()
+    try:
+        with _safe_path():  # of the process that looks after semaphores
+            _ = count > 1 and [spawn.RLock(), spawn.RLock()]  # as many as an executor has
+    except (ImportError, OSError) as error:
+        reason = getattr(error, "strerror", error)
+        note(f"one process does all the work: no semaphore can be made in /dev/shm ({reason})")
+        return 1
+    return count
+
+
 @contextmanager
 def _blocked_signals() -> Iterator[None]:
     """Block signals in this thread, and in all threads and processes that are started in the `with`
@@ -216,7 +252,8 @@ def _blocked_signals() -> Iterator[None]:
     """
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # when it starts, it unblocks SIGINT in Python 3.11
+    with _safe_path():
+        resource_tracker.ensure_running()  # when it starts, it unblocks SIGINT in Python 3.11
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     try:
         yield

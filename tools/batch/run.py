@@ -19,7 +19,7 @@ from .console import Console
 from .jobs import Job, Outcome, State, do_jobs, file_status
 from .memory import allowed_memory
 from .order import Order
-from .parallel import Results, follow, one_by_one
+from .parallel import Results, follow, one_by_one, possible_processes
 from .parallel import processes as worker_processes
 from .progress import REMARKS, Note, StageProgress
 
@@ -109,7 +109,7 @@ def _processes(
     fitting = max(1, memory // _largest_need(order, shots))
     if jobs is not None and fitting < most:
         note(f"memory is enough for {fitting} at a time; `max_memory` sets how much may be used")
-    return min(most, fitting)
+    return possible_processes(min(most, fitting), note)
 
 
 def _largest_need(order: Order, shots: Sequence[Job]) -> int:

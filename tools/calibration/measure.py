@@ -2,7 +2,7 @@
 Start reading here.
 
 `measure_frames` reads and measures, `conclude.conclude` makes a camera of what was measured,
-`report.write_report` shows it.
+`report.build_report` shows it.
 """
 
 import hashlib

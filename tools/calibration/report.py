@@ -30,7 +30,7 @@ _EDGE = "#1f1f1c"
 _OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
-def write_report(result: Result, provenance: Mapping[str, str]) -> bytes:
+def build_report(result: Result, provenance: Mapping[str, str]) -> bytes:
     """Return the content of the page's file.
 
     Parameters

@@ -9,6 +9,7 @@ camera.json.
 
 import argparse
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +20,8 @@ from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import Matrix
 from ...shared.errors import InputError
 from ...shared.lights import check_apart, illuminant_xy
-from ...shared.writing import write_durably
 from ..batch.console import Console
-from ..batch.jobs import FAILED, output_folder, refuse_existing
+from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
 from ..io.colour import lab_to_xyz
 from ..io.versions import program_version
 from .options import add, numbers, text, value
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from ..calibration.files import KINDS, check_output, check_same, read_known, sort_files
     from ..calibration.measure import measure_frames
     from ..calibration.reference import read_reference
-    from ..calibration.report import write_report
+    from ..calibration.report import build_report
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
     lights = _lights(arguments)
@@ -131,10 +131,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if result.camera:  # otherwise they are the reason
         console.error(*result.contradictions)
     console.note(*(f"warning: {line}" for line in result.warnings))
+    code = _write(output, result, old, console, replace_existing)
     if folder is not None:
-        write_durably(folder / "report.html", write_report(result, provenance), overwrite=True)
-        console.say(f"{folder / 'report.html'}: {result.verdict}")
-    return _write(output, result, old, console, replace_existing)
+        path, make = folder / "report.html", partial(build_report, result, provenance)
+        if not write_report(path, make, console, overwrite=True):
+            return FAILED
+        console.say(f"{path}: {result.verdict}")
+    return code
 
 
 def color_checker_xyz() -> DoubleArray:

@@ -24,9 +24,8 @@ from ..batch.compilation import CACHE_REMEDY, compile_all
 from ..batch.console import Console
 from ..batch.jobs import FAILED
 from ..batch.memory import available_memory
-from ..batch.parallel import follow
-from ..io.page import temporary_font_folder
-from ..io.versions import package_version, program_version
+from ..batch.parallel import follow, possible_processes
+from ..io.versions import install_command, package_version, program_version
 from .options import add
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
@@ -125,18 +124,22 @@ _EXTRAS = {
 }
 _OPENCV = "opencv-contrib-python-headless"
 _OTHERS = "opencv-python", "opencv-contrib-python", "opencv-python-headless"
-_MODULES = {"onnxruntime": "panchroma.shared.runtime", "Pillow": "PIL", _OPENCV: "cv2"}
+_MODULES = {
+    "onnxruntime": "panchroma.shared.runtime",
+    "matplotlib": "panchroma.tools.io.plotting",
+    "Pillow": "PIL",
+    _OPENCV: "cv2",
+}
 _REQUIREMENT = re.compile(r'([\w.-]+) *>=(?:.*extra *== *["\']([\w-]+)["\'])?')
 
 
 def _packages() -> Iterator[Finding]:
     """The packages that pyproject.toml asks for, as the installation knows it."""
-    temporary_font_folder()
     try:
         matches = map(_REQUIREMENT.match, requires("panchroma") or ())
     except PackageNotFoundError:
         reason = "Panchroma is not installed here: they are not known"
-        yield Finding("packages", BAD, reason, "pip install -e '.[all]'")
+        yield Finding("packages", BAD, reason, install_command())
         return
     for name, extra in (match.groups(default="") for match in matches if match):
         if extra in _EXTRAS:
@@ -158,9 +161,8 @@ def _package(name: str, extra: str) -> Finding:
         if version:
             remedy = f"pip install --force-reinstall {name}"
             return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
-        remedy = f"pip install -e '.[{extra}]'" if extra else "pip install -e ."
         state = MISSING if extra else BAD
-        return Finding(name, state, f"not installed: {_EXTRAS[extra]}", remedy)
+        return Finding(name, state, f"not installed: {_EXTRAS[extra]}", install_command(extra))
     return Finding(name, GOOD, version or "installed")
 
 
@@ -199,6 +201,10 @@ def _kernels() -> Iterator[Finding]:
 
 def _machine() -> Iterator[Finding]:
     yield Finding("processors", GOOD, f"{processors()} of {os.cpu_count() or 1} may be used")
+    possible_processes(2, (alone := list[str]()).append)
+    remedy = "give the system or the container a folder /dev/shm that can be written to"
+    state, found = (MISSING, alone[0]) if alone else (GOOD, "several may share the work")
+    yield Finding("processes", state, found, remedy if alone else "")
     free = available_memory()
     scarce = free < _LEAST_MEMORY
     remedy = (

@@ -9,14 +9,14 @@ adds to a finished one: of another method or noise level only its own results ar
 """
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from ...shared.errors import InputError
 from ...shared.processors import processors
-from ...shared.writing import write_durably
 from ..batch.cluster import SchedulerGoneError, absolute_path
 from ..batch.console import Console
-from ..batch.jobs import FAILED, output_folder, refuse_existing
+from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
 from ..batch.memory import allowed_memory
 from ..evaluation.crops import render_crops
 from ..evaluation.figures import Figures
@@ -93,23 +93,26 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
         return FAILED
     figures, program = Figures(study, collect(study, folder)), f"panchroma {program_version()}"
-    exhibits = render_crops(figures, team)
     named_files = [*arguments.scenes, *arguments.rival]
     missing = [without_folders(line, named_files) for line in failures]
-    contents = (
-        build_page(figures, exhibits, program, missing),
-        encode_json(figures, program, failures),
-        encode_csv(figures),
-        plots_svg(figures),
+    contents: tuple[Callable[[], bytes], ...] = (
+        lambda: build_page(figures, render_crops(figures, team), program, missing),
+        lambda: encode_json(figures, program, failures),
+        lambda: encode_csv(figures),
+        lambda: plots_svg(figures),
     )
-    for path, content in zip(outputs, contents, strict=True):
-        write_durably(path, content, overwrite=arguments.overwrite or arguments.resume)
+    replace = arguments.overwrite or arguments.resume
+    written = [
+        str(path)
+        for path, make in zip(outputs, contents, strict=True)
+        if write_report(path, make, console, overwrite=replace)
+    ]
     console.say(*plain_text(figures).split("\n"))
-    console.say(", ".join(str(path) for path in outputs))
+    console.say(", ".join(written))
     for scene in study.scenes:
         facts = {"group": scene.group, "width": scene.columns, "height": scene.rows}
         console.record(source=scene.source, ok=True, **facts)
-    return FAILED if failures else 0
+    return FAILED if failures or len(written) < len(outputs) else 0
 
 
 def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple[Study, list[str]]:

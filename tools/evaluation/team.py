@@ -14,7 +14,7 @@ from ..batch.cluster import cluster
 from ..batch.console import Console
 from ..batch.jobs import output_folder, reason
 from ..batch.memory import format_bytes
-from ..batch.parallel import follow, one_by_one, processes
+from ..batch.parallel import follow, one_by_one, possible_processes, processes
 from ..batch.progress import StageProgress
 from .scene_sets import Reading, SceneInfo, distinct, expand
 from .study import FOLDER, Cell, Study, work
@@ -156,6 +156,7 @@ class Team:
         ended: dict[T, R | PanchromaError | MemoryError] = {}
         fitting, note = max(1, self.memory // needed_memory(pixels)), self.console.note
         count = min(self.jobs, fitting, len(items))
+        count = count if scheduler else possible_processes(count, note)
         call = partial(_call, function)
         with ExitStack() as stack:
             progress = stack.enter_context(self.console.progress("evaluate"))

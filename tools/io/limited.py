@@ -34,7 +34,15 @@ _BYTES, _BYTES_PER_BYTE = 192 << 20, 40  # a RAW of 24 megapixels takes 300 MB, 
 _BYTES_PER_THREAD = 10 << 20  # stacks of the threads that a library starts, one per processor
 _LONGEST_FACTS, _LONGEST_TRACE = 1 << 20, 1 << 14  # bytes, characters
 _SAMPLES = ("uint8", "uint16", "uint32", "float16", "float32")
-_START = "import sys; sys.path[:] = {path!r}; from panchroma.tools.io.limited import serve; serve()"
+# Panchroma comes from where the caller has it, everything else from Python and what is installed
+# first, then from the caller's path, without the current folder, which is in that of a notebook.
+_START = (
+    "import sys; from importlib import machinery, util; "
+    "found = machinery.PathFinder.find_spec('panchroma', [{root!r}]); "
+    "sys.modules['panchroma'] = module = util.module_from_spec(found); "
+    "found.loader.exec_module(module); sys.path += {path!r}; "
+    "from panchroma.tools.io.limited import serve; serve()"
+)
 
 
 def run_limited(
@@ -70,7 +78,8 @@ def run_limited(
     seconds, most = _SECONDS + size * _SECONDS_PER_BYTE, _BYTES + size * _BYTES_PER_BYTE
     call = function.__module__, function.__name__, arguments
     request = json.dumps((modules, seconds, most, *call))
-    line = [sys.executable, "-c", _START.format(path=sys.path)]
+    start = _START.format(root=str(Path(__file__).parents[3]), path=list(filter(None, sys.path)))
+    line = [sys.executable, "-P", "-W", "ignore", "-c", start]
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     # MALLOC_ARENA_MAX: glibc reserves 64 MB for each thread otherwise.
     with subprocess.Popen(

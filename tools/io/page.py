@@ -7,10 +7,7 @@ import io
 import os
 import warnings
 from collections.abc import Callable, Iterable
-from contextlib import suppress
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,14 +21,6 @@ if TYPE_CHECKING:
 # page.html, which others extend, and parts.html, whose macros they import
 _SHARED = Path(__file__).with_name("pages")
 _WIDEST = 1200  # pixels of a photograph on a page
-_PLOTS: dict[Any, Any] = {
-    "text.parse_math": False,  # a "$" in a name is a "$"
-    "svg.fonttype": "none",  # texts stay texts
-    "svg.hashsalt": "panchroma",  # the same figures make the same bytes
-    "font.family": "sans-serif",
-    "axes.grid": True,
-    "axes.axisbelow": True,
-}
 
 
 def render_page(template: Path, **values: Any) -> bytes:
@@ -107,40 +96,16 @@ def draw_svg(draw: Callable[["Figure"], None], width: float, height: float) -> b
     width, height
         Inches; an inch is 72 CSS pixels where the page does not scale the plot.
     """
-    temporary_font_folder()
-    import matplotlib
-    from matplotlib.figure import Figure
+    from .plotting import SETTINGS, Figure, matplotlib
 
     file = io.BytesIO()
-    with matplotlib.rc_context(_PLOTS), warnings.catch_warnings():
+    with matplotlib.rc_context(SETTINGS), warnings.catch_warnings():
         # the browser has the font that matplotlib lacks
         warnings.filterwarnings("ignore", message="Glyph")
         figure = Figure((width, height), layout="constrained")
         draw(figure)
         figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
-
-
-@cache
-def temporary_font_folder() -> "TemporaryDirectory[str] | None":
-    """Make a folder for matplotlib, which would write a list of fonts to the user's home. Call it
-    before an import of matplotlib. The folder is removed with the returned object.
-
-    It sets a variable of the whole process.
-
-    Returns
-    -------
-    TemporaryDirectory[str] | None
-        None, and changes nothing, if the user has chosen a folder (MPLCONFIGDIR), or if there is no
-        room for another.
-    """
-    if "MPLCONFIGDIR" in os.environ:
-        return None
-    with suppress(OSError):
-        folder = TemporaryDirectory(prefix="panchroma-fonts-", ignore_cleanup_errors=True)
-        os.environ["MPLCONFIGDIR"] = folder.name
-        return folder
-    return None
 
 
 def without_folders(line: str, names: Iterable[str]) -> str:

@@ -1,7 +1,10 @@
 """Versions of Panchroma and of the packages that it uses."""
 
+import json
 from contextlib import suppress
 from functools import cache
+from pathlib import Path
+from shlex import quote
 
 
 @cache
@@ -21,3 +24,18 @@ def program_version() -> str:
     installed.
     """
     return package_version("panchroma") or "unknown version"
+
+
+def install_command(extra: str = "all") -> str:
+    """Command that installs Panchroma with an extra ("" = without) from where this one came: the
+    folder of a clone, the wheel, repository or address that pip remembers, or an index.
+    """
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    name, clone, origin = f"[{extra}]" if extra else "", Path(__file__).resolve().parents[2], {}
+    if (clone / "pyproject.toml").is_file():
+        return f"pip install -e {quote(f'{clone}{name}')}"
+    with suppress(PackageNotFoundError):
+        origin = json.loads(distribution("panchroma").read_text("direct_url.json") or "{}")
+    url = "+".join(filter(None, (origin.get("vcs_info", {}).get("vcs"), origin.get("url"))))
+    return f"pip install {quote(f'panchroma{name} @ {url}' if url else f'panchroma{name}')}"

@@ -13,6 +13,7 @@ from ...shared.processors import processors
 from ...shared.tiles import EXPECTED
 from ..batch.console import Console
 from ..batch.jobs import output_folder
+from ..io.versions import install_command
 
 _STEPS, _LEAST = 6000, 20
 
@@ -71,7 +72,7 @@ def main() -> int:
     except PanchromaError as error:
         parser.error(str(error))
     except ModuleNotFoundError as error:
-        parser.error(f"training needs the package {error.name}: pip install 'panchroma[training]'")
+        parser.error(f"training needs the package {error.name}: {install_command('training')}")
     return 0
 
 

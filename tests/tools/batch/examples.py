@@ -1,8 +1,12 @@
-"""Small shots."""
+"""Small shots, and a system without semaphores."""
 
+import errno
+import multiprocessing.synchronize
+import os
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from panchroma.shared.calibration import NoiseModel
@@ -13,6 +17,15 @@ def save_mosaic(path: Path, mosaic: Mosaic) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     write_dng(path, mosaic, np.zeros((8, 8, 3), np.uint8), overwrite=True)
     return path
+
+
+def without_semaphores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this process, as on a system without /dev/shm."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.ENXIO, os.strerror(errno.ENXIO))
+
+    monkeypatch.setattr(multiprocessing.synchronize.SemLock, "__init__", refuse)
 
 
 def save_shot(path: Path, seed: int = 0, shape: tuple[int, int] = (13, 17)) -> Path:

@@ -17,12 +17,13 @@ from panchroma.offline import PAPER
 from panchroma.shared import read_dng
 from panchroma.shared.errors import InputError, PanchromaError
 from panchroma.tools.batch.checks import needed_memory
+from panchroma.tools.batch.compilation import compile_all
 from panchroma.tools.batch.console import Console, WorkerFault, fault
 from panchroma.tools.batch.journal import NAME
 from panchroma.tools.batch.parallel import duration, follow, one_by_one, processes
 from panchroma.tools.batch.progress import Note, StageProgress
 from panchroma.tools.io.kind import PictureKind
-from tests.tools.batch.examples import save_shot
+from tests.tools.batch.examples import save_shot, without_semaphores
 from tests.tools.command import contents, ended, results, run, start
 
 
@@ -68,6 +69,27 @@ def test_items_are_shared_by_processes_that_stay_and_an_error_stops_no_other() -
     assert os.getpid() not in used
     assert len(used) <= 2
     assert sorted(notes) == sorted(f"at {item}" for item in range(-1, 20))
+
+
+def test_without_semaphores_one_process_does_all_and_says_so(
+    tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for seed in range(3):
+        save_shot(tmp_path / "in" / f"{seed}.dng", seed)
+    run("render --preset paper -j 2", tmp_path / "in", "-o", tmp_path / "two", code=0)
+    without_semaphores(monkeypatch)
+    note = "one process does all the work: no semaphore can be made in /dev/shm (No such device"
+    outcome = run("render --preset paper -j 2", tmp_path / "in", "-o", out, code=0)
+    assert outcome.err.count(note) == 1
+    assert {
+        name for name in results(out) if contents(out)[name] != contents(tmp_path / "two")[name]
+    } == set()
+    outcome = run("render --preset paper -j 1", tmp_path / "in", "-o", tmp_path / "one", code=0)
+    assert note not in outcome.err  # nothing is slower than it was asked for
+    scenes = "builtin:60x60 builtin:70x60 --methods bilinear --sigma 0"
+    assert note in run(f"evaluate {scenes} -j 2 -o", tmp_path / "e", code=0).err
+    (ended,) = compile_all(["no such kernel"], 2, lambda _: None)
+    assert isinstance(ended[1], Exception)  # as in another process, the error is the result
 
 
 def test_a_process_that_is_killed_costs_one_item() -> None:

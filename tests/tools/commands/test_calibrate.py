@@ -1,10 +1,13 @@
 """The verb: files in, camera.json and report out."""
 
+import errno
+import os
 import re
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,8 +15,10 @@ import pytest
 from panchroma.shared import Camera, read_camera, read_dng
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.errors import InputError
+from panchroma.tools.batch import jobs
 from panchroma.tools.calibration.files import sort_files, write_camera
 from panchroma.tools.calibration.reference import read_reference
+from panchroma.tools.commands import calibrate
 from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.colour import xyz_to_lab
 from panchroma.tools.simulation.sensor import typical_noise
@@ -27,7 +32,7 @@ from tests.tools.calibration.known_camera import (
     save,
     true_place,
 )
-from tests.tools.command import repeated, run
+from tests.tools.command import repeated, run, spawn
 
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
 STEPS: dict[str, list[Any]] = {
@@ -78,6 +83,37 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     text = output.read_bytes()
     run("calibrate", folder, "-o", output, code=2)
     assert output.read_bytes() == text
+
+
+def test_the_camera_is_there_if_its_report_fails(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For want of a file of settings that matplotlib can read, and of room on the disk."""
+    output, made = tmp_path / "camera.json", tmp_path / "made"
+    chart, report = folder / "chart.dng", made / "report.html"
+    (tmp_path / "matplotlibrc").write_bytes(b"# caf\xe9\n")
+    line = ("calibrate", chart, "-o", output, "--report", made, "--json")
+    outcome = spawn(*line, cwd=tmp_path, code=1)
+    (error,) = outcome.errors
+    assert error.startswith(f"panchroma: {report}: matplotlib cannot read its settings (")
+    assert "matplotlibrc" in error
+    read_camera(output)
+    assert [(record["source"], record["ok"]) for record in outcome.records[-2:]] == [
+        (str(output), True),
+        (str(report), False),
+    ]
+    output.unlink()
+    usual = jobs.write_report
+
+    def full(path: Path, *arguments: Any, **options: Any) -> bool:
+        monkeypatch.setattr(os, "fsync", Mock(side_effect=OSError(errno.ENOSPC, "full")))
+        return usual(path, *arguments, **options)
+
+    monkeypatch.setattr(calibrate, "write_report", full)
+    outcome = run(*line, code=1)
+    assert [error.startswith(f"panchroma: {report}: ") for error in outcome.errors] == [True]
+    read_camera(output)
+    assert not report.exists()
 
 
 def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ import pytest
 from panchroma.tools.batch.console import Console
 from panchroma.tools.commands import doctor
 from panchroma.tools.commands.doctor import BAD, GOOD, MISSING, Finding
-from tests.tools.command import run
+from panchroma.tools.io.versions import install_command
+from tests.tools.batch.examples import without_semaphores
+from tests.tools.command import run, spawn
 from tests.tools.test_base_install import camera
 
 
@@ -44,10 +46,25 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
     for name in ("rawpy", "numpy", "scipy"):
         monkeypatch.setitem(doctor._MODULES, name, "no_such_module")
     missing = f"not installed: {doctor._EXTRAS['tools']}"
-    assert only("rawpy") == Finding("rawpy", MISSING, missing, "pip install -e '.[tools]'")
-    assert (only("numpy").state, only("numpy").remedy) == (BAD, "pip install -e .")
+    assert only("rawpy") == Finding("rawpy", MISSING, missing, install_command("tools"))
+    assert (only("numpy").state, only("numpy").remedy) == (BAD, install_command(""))
     assert only("scipy").found == "1.15 cannot be imported: No module named 'no_such_module'"
     run("doctor", code=1)
+
+
+def test_the_backend_of_a_notebook_breaks_no_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "module://no_such_package.backend")
+    outcome = spawn("doctor --json")
+    (found,) = (record for record in outcome.records if record["check"] == "matplotlib")
+    assert found["state"] == GOOD, found
+
+
+def test_one_process_at_a_time_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert only("processes").state == GOOD
+    without_semaphores(monkeypatch)
+    finding = only("processes")
+    assert (finding.state, "No such device" in finding.found) == (MISSING, True)
+    assert "/dev/shm" in finding.remedy
 
 
 def test_several_opencv_packages_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,10 +2,13 @@
 
 import json
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
+import pytest
 from PIL import Image
 
+from panchroma.tools.commands import evaluate
 from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
@@ -82,6 +85,26 @@ def test_a_rival_is_named_after_its_file_and_its_folder_is_not_told(
         assert "mine-" in text
         assert str(tmp_path) not in text
     assert "mine-" in list(json.loads(written)["methods"])[1]
+
+
+@pytest.mark.parametrize("part", ["build_page", "render_crops"])
+def test_the_tables_are_there_if_the_page_fails(
+    part: str, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(evaluate, part, Mock(side_effect=RuntimeError("odd")))
+    line = "evaluate builtin:60x60 --methods bilinear --sigma 0 --json -o"
+    outcome = run(line, out, code=1)
+    page = str(out / "evaluation.html")
+    (error,) = outcome.errors
+    assert error.startswith(
+        f"panchroma: {page}: a fault of Panchroma, please report it: RuntimeError"
+    )
+    assert {path.suffix for path in out.glob("e*")} == {".csv", ".json", ".svg"}
+    assert json.loads((out / "evaluation.json").read_text())["figures"]
+    assert {record["source"]: record["ok"] for record in outcome.records} == {
+        page: False,
+        "builtin:60x60": True,
+    }
 
 
 def test_dry_run_lists_the_work(tmp_path: Path) -> None:

@@ -1,0 +1,126 @@
+"""No file of the user is executed because of its name, wherever it lies: neither by a command and
+the processes that it starts, nor by a decoder that a notebook starts.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from tests.dask_cluster import SOURCE
+from tests.tools.batch.examples import save_shot
+
+# What Python and the packages import, and some that nothing does.
+NAMES = {*sys.stdlib_module_names, "numpy", "PIL", "cv2", "rawpy", "OpenEXR", "pebble", "panchroma"}
+PROGRAM = "from panchroma.tools.cli import main\nif __name__ == '__main__':\n    main()\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with shots and a scene, and in it, in that of the shots and in that of the results,
+    files that leave a mark when they are executed.
+    """
+    for place in (tmp_path, tmp_path / "in", tmp_path / "out"):
+        place.mkdir(exist_ok=True)
+        for name in NAMES:
+            mark = f"open({str(tmp_path / 'executed')!r}, 'a').write('{place.name}/{name} ')"
+            (place / f"{name}.py").write_text(f"{mark}\nraise SystemExit(3)\n")
+    for seed in range(3):
+        save_shot(tmp_path / "in" / f"{seed}.dng", seed)
+    write_exr(tmp_path / "in" / "scene.exr")
+    program = tmp_path / "bin" / "panchroma"
+    program.parent.mkdir()
+    program.write_text(PROGRAM)
+    return tmp_path
+
+
+def write_exr(path: Path) -> None:
+    pixels = np.linspace(0, 1, 60 * 60 * 3, dtype=np.float32).reshape(60, 60, 3)
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": pixels}).write(str(path))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "render in/0.dng in/1.dng in/2.dng -o out -j 2 --preset paper",
+        "evaluate builtin:80x70 builtin:70x80 in/scene.exr -o out -j 2 --methods bilinear --sigma 0",
+        "simulate in/scene.exr -o out",
+        "doctor",
+    ],
+)
+def test_a_command_executes_no_file_of_the_user(line: str, folder: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, folder / "bin" / "panchroma", *line.split()],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert not (folder / "executed").exists(), (folder / "executed").read_text()
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_decoder_of_a_notebook_executes_no_file_of_the_user(folder: Path) -> None:
+    """A notebook has the current folder in its path; the kernel has loaded much before."""
+    script = """
+import sys, panchroma
+from panchroma.tools.simulation.load import load_scene
+load_scene("in/scene.exr")
+sys.path.insert(0, "")
+assert load_scene("in/scene.exr").rgb.shape == (60, 60, 3)
+"""
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", script], cwd=folder, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert not (folder / "executed").exists()
+
+
+def test_a_decoder_imports_what_its_caller_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the folder of a script, from PYTHONPATH and from a path that the script has added; and
+    the Panchroma of the script, not that of the environment.
+    """
+    for name in ("script", "users", "added"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"of_{name}.py").write_text(f"NAME = {name!r}\n")
+    (tmp_path / "script" / "panchroma").symlink_to(SOURCE / "panchroma")
+    (tmp_path / "script" / "decoder.py").write_text("""
+import numpy as np, of_script, of_users, of_added, panchroma
+def decode(path):
+    names = [of_script.NAME, of_users.NAME, of_added.NAME]
+    return np.zeros((1, 1), np.uint8), {"names": names, "panchroma": panchroma.__file__}
+""")
+    (tmp_path / "script" / "run.py").write_text(f"""
+import sys
+from pathlib import Path
+sys.path.append({str(tmp_path / "added")!r})
+import decoder
+from panchroma.tools.io.limited import run_limited
+print(run_limited(Path(__file__), (), decoder.decode, "x")[1])
+""")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "users"))
+    done = subprocess.run(
+        [sys.executable, tmp_path / "script" / "run.py"], capture_output=True, text=True, check=True
+    )
+    ours = tmp_path / "script" / "panchroma" / "__init__.py"
+    names = ["script", "users", "added"]
+    assert done.stdout == f"{ {'names': names, 'panchroma': str(ours)} }\n"
+
+
+def test_worker_processes_find_what_PYTHONPATH_names(folder: Path) -> None:  # noqa: N802
+    """Also where the user's environment installs Panchroma by it."""
+    shutil.rmtree(folder / "out")
+    (folder / "out").mkdir()
+    environment = {**os.environ, "PYTHONPATH": str(SOURCE)}
+    line = "render in/0.dng in/1.dng -o out -j 2 --preset paper"
+    program = [sys.executable, str(folder / "bin" / "panchroma"), *line.split()]
+    subprocess.run(program, cwd=folder, env=environment, check=True, capture_output=True)
+    assert not (folder / "executed").exists()
+    assert len(list((folder / "out").glob("*.tif"))) == 2
