@@ -55,8 +55,8 @@ class Outline(HTMLParser):
 def of_evaluation(folder: Path, text: str) -> bytes:
     """Every name and remark is the text."""
     (rival,) = choose([of_quads(folder, [1, 0, 0, 0, 0], text, order="GRBG", inputs=QUADS)])
-    networks = ((rival.name, rival.file),)
-    study = study_of(folder, methods=("paper", "bilinear", rival.name), networks=networks)
+    sources = ((rival.name, rival.source),)
+    study = study_of(folder, methods=("paper", "bilinear", rival.name), sources=sources)
     scenes = tuple(
         replace(scene, name=f"{text}{number}", notes=(text,))
         for number, scene in enumerate(study.scenes)

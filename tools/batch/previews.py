@@ -56,10 +56,3 @@ def linear_preview(mosaic: Mosaic) -> FloatArray:
     from ...device import Preview
 
     return cast(FloatArray, Preview(mosaic.pattern, linear=True, threads=1).run(mosaic))
-
-
-def preview_version() -> str:
-    """Version of the graphs that make previews."""
-    from ...device.preview.graph import BUILDER
-
-    return BUILDER

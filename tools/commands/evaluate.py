@@ -26,8 +26,9 @@ from ..evaluation.scene_sets import Reading
 from ..evaluation.study import Cell, Study, collect, missing_cells, remove_results
 from ..evaluation.tables import encode_csv, encode_json, plain_text
 from ..evaluation.team import Team
-from ..evaluation.tiles import Tile
+from ..evaluation.tiles import Tile, channels_of
 from ..io.page import without_folders
+from ..io.scene import RGB
 from ..io.versions import program_version
 from ..simulation.pattern_text import read_pattern
 from .options import TILE_NAMES, add, add_noise, count, names, numbers, protocol_of
@@ -57,7 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     usual = ["K=6"]
     what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
-    methods = "methods to compare (default: all installed; an unknown name lists them)"
+    methods = (
+        "methods to compare, yours by FILE.py:FUNCTION or MODULE:FUNCTION, which makes a picture "
+        "of a Mosaic (default: all installed; an unknown name lists them)"
+    )
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
     rivals = (
         "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it "
@@ -80,6 +84,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         refuse_existing(outputs)
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
+    if not study.scenes:
+        return FAILED
     todo, kept = missing_cells(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, kept, failures, console)
@@ -92,12 +98,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     except SchedulerGoneError as error:
         console.error(str(error))
         return FAILED
-    figures, program = Figures(study, collect(study, folder)), f"panchroma {program_version()}"
-    named_files = [*arguments.scenes, *arguments.rival]
-    missing = [without_folders(line, named_files) for line in failures]
+    if not (results := collect(study, folder)):
+        console.error("nothing could be measured; the lines above say why")
+        return FAILED
+    figures, program = Figures(study, results), f"panchroma {program_version()}"
+    own = (source.rpartition(":")[0] or source for _, source in study.sources)
+    missing = [without_folders(line, [*arguments.scenes, *own]) for line in failures]
+    stated = {name: value for name, value in vars(arguments).items() if value}
     contents: tuple[Callable[[], bytes], ...] = (
         lambda: build_page(figures, render_crops(figures, team), program, missing),
-        lambda: encode_json(figures, program, failures),
+        lambda: encode_json(figures, program, failures, stated),
         lambda: encode_csv(figures),
         lambda: plots_svg(figures),
     )
@@ -122,22 +132,31 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
     place = absolute_path if arguments.scheduler else str
-    methods = choose([*(arguments.methods or default_names()), *map(place, arguments.rival)])
+    parts = (name.rpartition(":") for name in arguments.methods or default_names())
+    own = (f"{place(source)}{colon}{name}" for source, colon, name in parts)
+    methods = choose([*own, *map(place, arguments.rival)])
     if not arguments.methods and (missing := missing_packages()):
         reason = f"these packages are not installed: {', '.join(missing)}"
         console.note(f"some methods are left out because {reason}")
     tiles = dict.fromkeys(Tile.named(read_pattern(text), text) for text in arguments.pattern)
+    channels, *others = dict.fromkeys(channels_of(tile.pattern) for tile in tiles)
+    if others:
+        raise InputError(f"no scene fits patterns for {channels} and for {others[0]}")
+    if channels != RGB and (bayer := [method for method in methods if not method.ours]):
+        methods = [method for method in methods if method.ours]
+        left_out = ", ".join(method.name for method in bayer)
+        console.note(f"a Bayer camera has red, green and blue alone; left out: {left_out}")
     names = [tile.name for tile in tiles]
     if alike := [name for name in names if names.count(name) > 1]:
         raise InputError(
             f"different patterns are called {alike[0]!r}; give one in a file of another name"
         )
-    reading = Reading(arguments.linear, arguments.crop)
+    reading = Reading(arguments.linear, arguments.crop, channels)
     sources = list(map(place, arguments.scenes))
     scenes, failures = team.read(sources, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
-    networks = tuple((method.name, method.file) for method in methods if method.file)
-    study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, networks)
+    own_sources = tuple((method.name, method.source) for method in methods if method.source)
+    study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, own_sources)
     return study, failures
 
 

@@ -14,7 +14,7 @@ from ..io.scene import Scene
 from ..simulation.bayer import channel_map, sample_bayer
 from ..simulation.noise import BayerShot, Protocol
 from ..simulation.simulated_camera import SimulatedCamera
-from .tiles import filters_of
+from .tiles import channels_of, filters_of
 
 Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 
@@ -42,7 +42,7 @@ class CameraPair:
     seed : int
         Of the noise.
     truth : FloatArray
-        Light of the scene, (H, W, 3), scene units.
+        Light of the scene, (H, W, N), scene units.
     pattern : CfaPattern
         Of the sparse-colour camera.
     neutral : tuple[float, ...] | None
@@ -68,12 +68,12 @@ class CameraPair:
         Returns
         -------
         FloatArray
-            Float32 (H, W, 3) in scene units of the scene, whatever exposure and filters were.
+            Float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
         """
         picture, gain = render(self.sparse), self.level.light
         picture = picture / np.float32(gain) if gain != 1 else picture
         mixing = np.array(filters_of(self.pattern).matrix)
-        if np.array_equal(mixing, np.eye(3)):
+        if np.array_equal(mixing, np.eye(self.truth.shape[2])):
             return picture
         return (picture @ np.linalg.pinv(mixing).T).astype(np.float32)
 
@@ -92,7 +92,8 @@ class CameraPair:
     def sparse(self) -> Mosaic:
         """The shot of the sparse-colour camera; its calibration states the noise."""
         # The scene without its colours: filters are what all channels have in common.
-        scene, level = Scene(self.truth, ""), self.level.scaled(filters_of(self.pattern).unit)
+        scene = Scene(self.truth, "", channels=channels_of(self.pattern))
+        level = self.level.scaled(filters_of(self.pattern).unit)
         camera = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits)
         shot = camera.shoot(scene, self._rng).mosaic
         return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)

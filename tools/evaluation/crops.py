@@ -13,6 +13,7 @@ from ...shared import SensorCalibration
 from ...shared.arrays import ByteArray, DoubleArray, FloatArray
 from ..io.display import ColourTransform
 from ..io.samples import quantise
+from ..io.scene import RGB as COLOURS
 from ..simulation.noise import Protocol
 from .cameras import CameraPair
 from .figures import RGB, Figures, Place
@@ -92,9 +93,9 @@ Exhibit = tuple[Crop, tuple[Rendered, ...]]
 
 def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
     """Return exhibits at the lowest and the highest noise level, rendered by the team; empty
-    without a method of ours.
+    without one of our renderers, or for scenes in other channels than red, green and blue.
     """
-    crops = list(choose_crops(figures))
+    crops = list(choose_crops(figures)) if figures.study.reading.channels == COLOURS else []
     largest = max((crop.scene.rows * crop.scene.columns for crop in crops), default=0)
     pixels = (WINDOW + 2 * _HALO) ** 2 + largest // 4
     return team.together("crops", partial(render_exhibit, figures.study), crops, pixels)

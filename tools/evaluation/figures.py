@@ -96,12 +96,10 @@ class Figure(NamedTuple):
         Number of scenes.
     values
         By name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of
-        whole pictures (psnr,
-        psnr_PLANE), dB; wrong_hue, the fraction of the pixels that show a wrong hue, 0 to 1; kept_1
-        to kept_5, the slopes of
-        `colour_kept` from dark to bright, None where there is no colour. Figures of whole pictures
-        are means over the scenes;
-        kept is of all their pixels.
+        whole pictures (psnr, psnr_PLANE), dB; wrong_hue, the fraction of the pixels that show a
+        wrong hue, 0 to 1; kept_1 to kept_5, the slopes of `colour_kept` from dark to bright. The
+        last two are None where there is no colour, or no red, green and blue. Figures of whole
+        pictures are means over the scenes; kept is of all their pixels.
     """
 
     place: Place
@@ -191,7 +189,8 @@ def _values(parts: Sequence[Measures]) -> dict[str, float | None]:
             values[f"{name}_q{round(100 * quantile)}"] = value
     means = np.mean([part.psnr for part in parts], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), means, strict=True)
-    values["wrong_hue"] = float(np.mean([part.wrong_hue or 0.0 for part in parts]))
+    hues = [part.wrong_hue for part in parts if part.wrong_hue is not None]
+    values["wrong_hue"] = float(np.mean(hues)) if hues else None
     rendered, true = np.sum([part.kept for part in parts], axis=0)
     for place, (numerator, energy) in enumerate(zip(rendered, true, strict=True), 1):
         values[f"kept_{place}"] = float(numerator / energy) if energy else None

@@ -8,6 +8,8 @@ from ...shared.arrays import FloatArray
 from ..io.versions import package_version
 from .cameras import CameraPair
 
+_ALWAYS = ("numba", "numpy", "onnxruntime", "scipy")  # packages that make or measure pictures
+
 
 @dataclass(frozen=True)
 class Method:
@@ -24,8 +26,7 @@ class Method:
         sparse-colour camera; from a
         `BayerShot` and what white reads, float32 (3,), if it is a rival.
     version
-        Version of the method's code, a JSON value. Kept results are used while it stays: raise it
-        whenever pictures change.
+        Digest of `source`.
     ours
         Panchroma's own, for shots of the sparse-colour camera with any pattern; otherwise a rival,
         for Bayer shots.
@@ -33,18 +34,19 @@ class Method:
         The picture depends on what white reads.
     packages
         Distributions that the method needs; results depend on their versions.
-    file
-        Path of a network; "" = none. Results depend on its content, which `version` states.
+    source
+        Somebody's own network or function, as the user gave it; "" = none. Results depend on its
+        content, which `version` states.
     """
 
     name: str
     title: str
     function: Callable[..., FloatArray]
-    version: Any = 1
+    version: str = ""
     ours: bool = False
     balanced: bool = False
     packages: tuple[str, ...] = ()
-    file: str = ""
+    source: str = ""
 
     @property
     def missing(self) -> str | None:
@@ -54,10 +56,11 @@ class Method:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Dependencies of results besides scene, noise and pattern, as JSON values."""
-        packages = {package: package_version(package) for package in self.packages}
-        name = "network" if self.file else self.name
-        return {"method": name, "version": self.version, "packages": packages}
+        """Dependencies of results besides scene, noise, pattern and Panchroma's own code, as JSON
+        values.
+        """
+        packages = {name: package_version(name) for name in (*_ALWAYS, *self.packages)}
+        return {"method": self.version or self.name, "packages": packages}
 
     def render(self, cameras: CameraPair) -> FloatArray:
         """Render the shot of the camera that this method is for.

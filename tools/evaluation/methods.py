@@ -1,23 +1,22 @@
 """The methods that are compared, by name. A new rival is a file in `rivals` with METHODS, and its
-name in _RIVALS.
+name in _RIVALS; a function of anybody's own needs no change here.
 """
 
-from dataclasses import asdict
 from functools import cache, partial
 
 from ...offline import PRESETS, RenderSettings, render
-from ...offline.version import ALGORITHM
 from ...shared import Mosaic
 from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
 from ...shared.spelling import meant
-from ..batch.previews import linear_preview, preview_version
+from ..batch.previews import linear_preview
+from .functions import function
 from .method import Method
 from .rivals import bilinear, bm3d_dlmmse, dlmmse, libraw
 from .rivals.network import CHANGED, ENDING, network
 
-Networks = tuple[tuple[str, str], ...]
-"""Names of networks, and the files that each process reads them from."""
+Sources = tuple[tuple[str, str], ...]
+"""Names of networks and functions, and what each process reads them from."""
 _RIVALS = (bilinear, dlmmse, libraw, bm3d_dlmmse)
 
 
@@ -33,21 +32,17 @@ def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
 
 
 def _preset(name: str, title: str) -> Method:
-    settings = PRESETS[name]
-    version, function = [ALGORITHM, asdict(settings)], partial(render_preset, settings)
-    packages = ("onnxruntime",) if settings.learned.used else ()
-    return Method(name, title, function, version, True, packages=packages)
+    return Method(name, title, partial(render_preset, PRESETS[name]), ours=True)
 
 
 @cache
 def methods() -> dict[str, Method]:
     """All methods but networks, by name: ours, then those of a Bayer camera."""
-    title, version, packages = "Sparse colour, preview", preview_version(), ("onnxruntime",)
     ours = [
         _preset("paper", "Sparse colour, paper"),
         _preset("best", "Sparse colour, best"),
         _preset("unlearned", "Sparse colour, best, unlearned"),
-        Method("preview", title, linear_preview, version, True, packages=packages),
+        Method("preview", "Sparse colour, preview", linear_preview, ours=True),
     ]
     rivals = (method for module in _RIVALS for method in module.METHODS)
     return {method.name: method for method in (*ours, *rivals)}
@@ -64,21 +59,23 @@ def missing_packages() -> list[str]:
 
 
 def choose(names: list[str]) -> list[Method]:
-    """Methods by name, or network by its file, each once.
+    """Methods by name, networks by file, functions by source and name, each once.
 
     Raises
     ------
     InputError
-        For an unknown name, one whose package is not installed, and as `network` does.
+        For an unknown name, one whose package is not installed, and as `network` and `function`
+        do.
     """
     chosen: dict[str, Method] = {}
     for name in names:
-        if name.endswith(ENDING):
-            method = network(name)
+        if name.endswith(ENDING) or ":" in name:
+            method = _of_source(name)
         elif name in methods():
             method = methods()[name]
         else:
-            known = f"{', '.join(methods())}, and networks by `rival`{meant(name, methods())}"
+            others = "networks by `rival`, and functions by FILE.py:FUNCTION or MODULE:FUNCTION"
+            known = f"{', '.join(methods())}, {others}{meant(name, methods())}"
             raise InputError(f"unknown method {name!r}; there are {known}")
         if method.missing:
             remedy = f"pip install {method.missing}, or leave it out of `methods`"
@@ -88,16 +85,20 @@ def choose(names: list[str]) -> list[Method]:
 
 
 @cache
-def find_method(name: str, networks: Networks = ()) -> Method:
+def find_method(name: str, sources: Sources = ()) -> Method:
     """Return a method by its name, in any process.
 
     Raises
     ------
     InputError
-        If the file of a network has changed or is gone.
+        If the file of a network or function has changed or is gone.
     """
-    file = dict(networks).get(name)
-    method = network(file) if file else methods()[name]
+    source = dict(sources).get(name)
+    method = _of_source(source) if source else methods()[name]
     if method.name != name:
-        raise InputError(f"{file}: {CHANGED}")
+        raise InputError(f"{source}: {CHANGED}")
     return method
+
+
+def _of_source(source: str) -> Method:
+    return network(source) if source.endswith(ENDING) else function(source)

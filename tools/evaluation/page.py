@@ -86,9 +86,8 @@ def plots_svg(figures: Figures) -> bytes:
             for plane, axes in enumerate(row):
                 draw_noise(figures, name, plane, axes)
             row[0].set_title(f"{_title(name)}: {TITLES[0]}", loc="left")
-        labelled = zip(rows[0][0].containers, figures.study.methods, strict=True)
-        handles, names = zip(*labelled, strict=True)
-        figure.legend(handles, names, loc="outside lower center", ncols=4)
+        lines = rows[0][0].containers
+        figure.legend(lines, figures.study.methods, loc="outside lower center", ncols=4)
 
     return draw_svg(draw, 13.8, 3.6 * len(figures.groups) + 0.6)
 

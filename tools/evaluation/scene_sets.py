@@ -14,7 +14,7 @@ from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
 from ...shared.white_balance import shades_of_grey
 from ..batch.folders import search
-from ..io.scene import Scene
+from ..io.scene import RGB, Scene
 from ..simulation.load import ENDINGS, is_drawn, load_scene, set_aside
 from .metrics import BORDER, PSNR_PATCH
 
@@ -73,10 +73,13 @@ class Reading:
         The numbers in the pictures are light, whatever the files say.
     largest : int | None
         Longest side, pixels; None = whole scenes.
+    channels : str
+        Letters of the channels that every scene has.
     """
 
     linear: bool = False
     largest: int | None = None
+    channels: str = RGB
 
     def scene(self, info: SceneInfo) -> Scene:
         """Load a scene and cut it.
@@ -113,7 +116,11 @@ def _checked(info: SceneInfo, reading: Reading) -> Scene:
 
 def _loaded(source: str, reading: Reading) -> Scene:
     """Return the scene, cut."""
-    scene = load_scene(source, linear=reading.linear)
+    scene = load_scene(source, linear=reading.linear, channels=reading.channels)
+    if scene.channels != reading.channels:
+        raise InputError(
+            f"its channels are {scene.channels}, and `pattern` needs {reading.channels}"
+        )
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST_SIDE:
         size = f"{scene.shape[1]} x {scene.shape[0]} pixels"

@@ -16,25 +16,16 @@ from typing import NamedTuple
 from ...shared.arrays import FloatArray
 from ...shared.errors import InputError, OutputError, PanchromaError
 from ...shared.writing import own_file, write_durably
-from ..io.scene import RGB
+from ..batch.cluster import source_digest
 from ..simulation.noise import Protocol
 from .cameras import CameraPair
 from .measures import Measures
 from .method import Method
-from .methods import Networks, find_method
+from .methods import Sources, find_method
 from .scene_sets import Reading, SceneInfo
 from .tiles import Tile
 
 FOLDER = "results"
-MEASURING = 2
-"""Version of the way from the light of a scene to figures: cameras, noise, filters, measures. Raise
-it whenever figures change.
-
-A result is kept under versions: this one, those of the protocol and of the method (of ours: of the
-renderer and its settings, or of the preview), and those of the packages that the method needs.
-Whoever changes code so that figures differ raises the number beside it, or the old figures stay; a
-test compares figures with those that the numbers stand for.
-"""
 
 
 class Cell(NamedTuple):
@@ -83,8 +74,8 @@ class Study:
         Seed of the noise, the same for every scene.
     reading
         How scenes are read.
-    networks
-        The networks among the methods.
+    sources
+        Those of the networks and functions among the methods.
     """
 
     scenes: tuple[SceneInfo, ...]
@@ -93,7 +84,7 @@ class Study:
     tiles: tuple[Tile, ...]
     seed: int
     reading: Reading
-    networks: Networks = ()
+    sources: Sources = ()
 
     @property
     def tile(self) -> Tile:
@@ -115,7 +106,7 @@ class Study:
 
     def method(self, name: str) -> Method:
         """Return one of the methods."""
-        return find_method(name, self.networks)
+        return find_method(name, self.sources)
 
     def cells(self) -> Iterator[Cell]:
         """Yield every result, in the order of the report."""
@@ -129,7 +120,8 @@ class Study:
 def name_cell(
     scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int
 ) -> Cell:
-    """Return a result with the name of its file: a digest of all it depends on.
+    """Return a result with the name of its file: a digest of all it depends on, the source of
+    Panchroma and its networks included.
 
     Parameters
     ----------
@@ -137,13 +129,12 @@ def name_cell(
         None for a Bayer camera's method.
     """
     parts = {
-        "measuring": MEASURING,
-        "protocol": [level.name, level.version],
+        "source": source_digest(),
+        "protocol": level.name,
         "level": level.level,
         "seed": seed if level.level else 0,  # without noise any seed is the same
         "pattern": asdict(tile.pattern) if tile else None,
         "scene": scene.digest,
-        "channels": RGB,
         "neutral": scene.neutral if method.balanced else None,
     }
     text = json.dumps(parts | method.identity, sort_keys=True).encode()
@@ -210,7 +201,7 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
         place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
         tile = cell.tile or study.tile
         cameras = _cameras(cell.scene, cell.level, tile, study.seed, study.reading)
-        measures = Measures.of(method.render(cameras), truth)
+        measures = Measures.of(method.render(cameras), truth, study.reading.channels)
     except PanchromaError as error:
         return [f"{place}{error}"]
     except MemoryError:
@@ -220,17 +211,8 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
-    """Return all results that are there, in the order of the report.
-
-    Raises
-    ------
-    InputError
-        Where there is none.
-    """
-    results = {cell: kept for cell in study.cells() if (kept := _kept(folder, cell)) is not None}
-    if not results:
-        raise InputError("nothing could be measured; the lines above say why")
-    return results
+    """Return all results that are there, in the order of the report."""
+    return {cell: kept for cell in study.cells() if (kept := _kept(folder, cell)) is not None}
 
 
 def _kept(folder: Path, cell: Cell) -> Measures | None:
@@ -249,8 +231,7 @@ def _checked(study: Study, cell: Cell) -> tuple[Method, FloatArray]:
     """
     method = study.method(cell.method)
     if name_cell(cell.scene, cell.level, method, cell.tile, study.seed) != cell:
-        packages = ", ".join(("Panchroma", *method.packages))
-        reason = f"the process that measures has other versions of {packages}"
+        reason = "the process that measures has another source of Panchroma, or other packages"
         raise InputError(f"{cell.method}: {reason}; install the same ones")
     return method, study.reading.scene(cell.scene).rgb
 

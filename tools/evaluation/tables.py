@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...offline.version import ALGORITHM
+from ..batch.cluster import source_digest
 from ..batch.console import one_line
 from .figures import CRITERIA, Figure, Figures, Place
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
@@ -78,8 +80,8 @@ def describe(figures: Figures) -> str:
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
     return (
-        f"{count} scene{'s' * (count != 1)} before this camera ({tiles}) and a Bayer camera under "
-        "the same light."
+        f"{count} scene{'s' * (count != 1)} before this camera ({tiles})"
+        f"{' and a Bayer camera under the same light' if study.rivals else ''}."
     )
 
 
@@ -118,9 +120,9 @@ def _cell(value: Any) -> Any:
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
 
 
-def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
-    """Return the content of the JSON file, one object: protocol, scenes, methods, verdict, figures,
-    failures; no NaN.
+def encode_json(figures: Figures, program: str, failures: list[str], command: object) -> bytes:
+    """Return the content of the JSON file, one object: program, with versions and command,
+    protocol, scenes, methods, verdict, figures, failures; no NaN.
 
     Parameters
     ----------
@@ -130,11 +132,14 @@ def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
         Name and version.
     failures
         A line for each scene or result that is missing.
+    command
+        The arguments of the command.
     """
     study, methods, patterns = figures.study, {}, {}
     for name in study.methods:
         method = study.method(name)
         methods[name] = {"title": method.title, "ours": method.ours, "bayer": not method.ours}
+        methods[name] |= {"source": method.source, **method.identity}
     for tile in study.tiles:
         letters = "/".join(tile.pattern.tile)
         light = round(tile.light, 6)
@@ -144,6 +149,7 @@ def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
         "seed": study.seed,
         "level": study.levels[0].unit,
         "levels": [level.level for level in study.levels],
+        "channels": study.reading.channels,
         "pattern": study.tile.name,
         "patterns": patterns,
         "patch": PSNR_PATCH,
@@ -153,6 +159,9 @@ def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
     }
     document = {
         "program": program,
+        "algorithm": ALGORITHM,
+        "source": source_digest(),
+        "command": command,
         "protocol": protocol,
         "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
         "methods": methods,

@@ -68,7 +68,7 @@ class Team:
         Raises
         ------
         InputError
-            As `expand` does, and where no scene can be read.
+            As `expand` does.
         """
         names, left_out = expand(sources, output)
         scenes, failures = [], []
@@ -87,7 +87,7 @@ class Team:
         self.console.note(*left_out, *remarks)
         if not scenes:
             expected = "a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT"
-            raise InputError(f"no scene could be read; {expected}")
+            self.console.error(f"no scene could be read; {expected}")
         return scenes, failures
 
     def measure(

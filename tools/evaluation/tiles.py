@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...shared import CfaPattern
-from ..io.scene import RGB, Scene
+from ..io.scene import RGB, Scene, scene_channels
 from ..simulation.bayer import ORDER
 from ..simulation.filters import Filters, filters_for
 
@@ -70,13 +70,23 @@ class Tile:
         return 3 - (3 - colour) * len(self.pattern.sites) / self.pattern.period**2
 
 
+def channels_of(pattern: CfaPattern) -> str:
+    """The channels of the scenes for a pattern: red, green and blue if its filters are made of
+    these.
+    """
+    channels = scene_channels(pattern.channels)
+    return RGB if set(channels) <= set(RGB) else channels
+
+
 @lru_cache(maxsize=256)
 def filters_of(pattern: CfaPattern) -> Filters:
-    """The filters of a pattern before any scene in red, green and blue.
+    """The filters of a pattern before any scene with its channels.
 
     Raises
     ------
     InputError
         As `filters_for` does.
     """
-    return filters_for(pattern, Scene(np.zeros((1, 1, len(RGB)), np.float32), ""))
+    channels = channels_of(pattern)
+    dark = np.zeros((1, 1, len(channels)), np.float32)
+    return filters_for(pattern, Scene(dark, "", channels=channels))

@@ -27,8 +27,8 @@ def judge(figures: Figures, group: str) -> Verdict:
     levels = figures.study.levels
     leads = [lead for level in levels if (lead := figures.lead(Place(group, level)))]
     if not leads:
-        text = "There is no Bayer camera to compare with: measure a method of ours and a rival."
-        return Verdict("care", (text,))
+        needed = "a method of ours, a rival, and scenes in red, green and blue"
+        return Verdict("care", (f"There is no Bayer camera to compare with: that needs {needed}.",))
     together = [lead.value for lead in leads]
     alone = [lead.value for level in levels for lead in figures.leads(group, level)]
     if min(*together, *alone) >= EVEN:
@@ -77,7 +77,7 @@ def _caveats(figures: Figures, group: str) -> str:
     if count < FEW:
         chance = f"with fewer than {FEW} even being ahead on all of them may be chance"
         limits.append(f"{_scenes(count)} only, and {chance}")
-    if not study.networks:
+    if not any(study.method(name).source for name in study.rivals):
         limits.append("no rival is learned")
         if study.levels[-1].level and _DENOISER not in study.rivals:
             limits.append(f"no rival denoises, such as {_DENOISER}")

@@ -54,8 +54,6 @@ class Protocol:
 
     level: float
 
-    version: ClassVar[int] = 1
-    """Raised whenever shots change, so that kept results of an evaluation are made again."""
     name: ClassVar[str]
     option: ClassVar[str]
     metavar: ClassVar[str]

@@ -1,6 +1,7 @@
 """`panchroma evaluate`, as a person or a script uses it."""
 
 import json
+from importlib.metadata import version
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -8,7 +9,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from panchroma.offline import PAPER, render
+from panchroma.offline.version import ALGORITHM
+from panchroma.tools.batch.cluster import source_digest
 from panchroma.tools.commands import evaluate
+from panchroma.tools.evaluation.metrics import BORDER, psnr
+from panchroma.tools.io.scene import Scene
+from panchroma.tools.io.versions import program_version
+from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.pattern_text import read_pattern
+from panchroma.tools.simulation.simulated_camera import SimulatedCamera
 from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene
 from tests.tools.evaluation.rivals.test_network import QUADS, of_quads
@@ -140,3 +150,106 @@ def test_two_patterns_of_one_name_are_refused(tmp_path: Path) -> None:
     patterns = f"--pattern {tmp_path}/a/mine.txt,{tmp_path}/b/mine.txt"
     outcome = run("evaluate builtin:60x60 -o", tmp_path / "out", patterns, code=2)
     assert "different patterns are called 'mine'" in outcome.err
+
+
+BANDS = "VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
+
+
+def five_bands(path: Path) -> str:
+    bands = np.dstack([small_scene(66, 72, 0), small_scene(66, 72, 1)[..., :2]])
+    np.save(path, bands)
+    return str(path)
+
+
+def test_scenes_with_five_channels_are_compared_by_methods_of_ours(
+    out: Path, tmp_path: Path
+) -> None:
+    scene = five_bands(tmp_path / "bands.npy")
+    Image.fromarray((small_scene(60, 66, 1) * 255).astype(np.uint8)).save(tmp_path / "rgb.png")
+    options = (
+        "--methods paper,best,preview,dlmmse,dcb --sigma 0,0.01 --jobs 1",
+        "--pattern",
+        BANDS,
+    )
+    outcome = run("evaluate", scene, tmp_path / "rgb.png", "-o", out, *options, code=1)
+    assert "red, green and blue alone; left out: dlmmse, dcb" in outcome.err
+    assert outcome.errors == [
+        f"panchroma: {tmp_path}/rgb.png: its channels are RGB, and `pattern` needs VRGNU"
+    ]
+    document = json.loads((out / "evaluation.json").read_text())
+    assert document["protocol"]["channels"] == "VRGNU"
+    assert list(document["methods"]) == ["paper", "best", "preview"]
+    rows = {(row["method"], row["level"]): row for row in document["figures"] if row["scene"]}
+    assert len(rows) == 6
+    for row in rows.values():
+        assert 15 < row["psnr"] < 60
+        assert row["wrong_hue"] is None
+    assert rows["best", 0.0]["psnr"] > rows["preview", 0.0]["psnr"]
+
+    truth, pattern = np.load(scene), read_pattern(BANDS)
+    camera = SimulatedCamera.of(pattern, protocol=PaperProtocol(0.0), bits=16)
+    shot = camera.shoot(Scene(truth, "", channels="VRGNU"), np.random.default_rng(0)).mosaic
+    assert rows["paper", 0.0]["psnr"] == pytest.approx(
+        psnr(render(shot, PAPER).rgb, truth, BORDER), abs=1e-3
+    )
+    page = (out / "evaluation.html").read_text()
+    assert "There is no Bayer camera to compare with" in page
+    assert "a Bayer camera under the same light" not in page
+
+
+def test_patterns_that_no_scene_fits_together_are_refused(out: Path, tmp_path: Path) -> None:
+    scene = five_bands(tmp_path / "bands.npy")
+    refused = run("evaluate", scene, "-o", out, "--pattern", f"K=6,{BANDS}", code=2)
+    assert "no scene fits patterns for RGB and for VRGNU" in refused.err
+    three = run("evaluate", scene, "-o", out, "--sigma 0", code=1)
+    assert "has 5 channels, and the pattern the 3 channels RGB" in three.err
+
+
+def test_the_json_says_what_made_it(out: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("def mine(mosaic):\n    return 1 / 0\n")
+    methods = f"--methods=preview,dcb,{tmp_path}/mine.py:mine"
+    run("evaluate builtin:60x60 --sigma 0.01,0.02 --jobs 1 -o", out, methods, code=1)
+    document = json.loads((out / "evaluation.json").read_text())
+    assert document["source"] == source_digest()
+    assert document["algorithm"] == ALGORITHM
+    assert document["program"] == f"panchroma {program_version()}"
+    command = document["command"]
+    assert (command["verb"], command["scenes"]) == ("evaluate", ["builtin:60x60"])
+    assert (command["sigma"], command["output"]) == ([0.01, 0.02], str(out))
+    assert command["methods"] == methods.partition("=")[2].split(",")
+    preview, dcb, mine = document["methods"].values()
+    for method in (preview, dcb, mine):
+        for package in ("numpy", "scipy", "numba", "onnxruntime"):
+            assert method["packages"][package] == version(package)
+    assert dcb["packages"]["rawpy"] == version("rawpy")
+    assert mine["packages"]["pytest"] == version("pytest")  # it may import anything
+    assert mine["source"] == f"{tmp_path}/mine.py:mine"
+    (line,) = document["failed"][:1]
+    assert line == (
+        f"builtin:60x60: {list(document['methods'])[2]}, sigma 0.01: {tmp_path}/mine.py:mine, "
+        "line 2: ZeroDivisionError: division by zero"
+    )
+    page = (out / "evaluation.html").read_text()
+    assert "mine.py:mine, line 2" in page
+    assert str(tmp_path) not in page  # it is made to be shared
+
+
+def test_without_a_scene_or_a_result_it_fails_and_says_which_file(
+    out: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "text.png").write_text("no picture")
+    np.save(tmp_path / "tiny.npy", small_scene(20, 20, 0))
+    outcome = run(
+        "evaluate", tmp_path / "text.png", tmp_path / "tiny.npy", "-o", out, "--json", code=1
+    )
+    assert [record["ok"] for record in outcome.records] == [False, False]
+    for name, line in zip(("text.png", "tiny.npy"), outcome.errors, strict=False):
+        assert line.startswith(f"panchroma: {tmp_path}/{name}: ")
+    assert outcome.errors[2].startswith("panchroma: no scene could be read")
+    (tmp_path / "mine.py").write_text("def mine(mosaic):\n    return None\n")
+    mine = f"--methods={tmp_path}/mine.py:mine"
+    failed = run("evaluate builtin:60x60 --jobs 1 --sigma 0 -o", out, mine, code=1)
+    assert "returned NoneType" in failed.errors[0]
+    assert failed.errors[1].startswith("panchroma: nothing could be measured")
+    assert not (out / "evaluation.html").exists()
+    run("evaluate builtin:60x60 --sigma=-1 -o", out, code=2)

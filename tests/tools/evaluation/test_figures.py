@@ -121,7 +121,7 @@ def test_without_a_rival_or_ours_there_is_nothing_to_compare(tmp_path: Path) -> 
         figures = figures_with(study_of(tmp_path, methods=(name,)))
         (sentence,) = judge(figures, SET).sentences
         assert sentence.startswith("There is no Bayer camera to compare with")
-        document = json.loads(encode_json(figures, "p", []))
+        document = json.loads(encode_json(figures, "p", [], {}))
         assert document["verdict"] == {SET: {"tone": "care", "sentences": [sentence]}}
 
 
@@ -153,7 +153,7 @@ def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
 def test_tables_hold_every_figure(tmp_path: Path) -> None:
     tiles = (Tile.of_period(4), Tile.of_period(6), KODAK)
     figures = measured(study_of(tmp_path, methods=("paper", "bilinear"), tiles=tiles), tmp_path)
-    document = json.loads(encode_json(figures, "panchroma 1", ["a.txt: no picture"]))
+    document = json.loads(encode_json(figures, "panchroma 1", ["a.txt: no picture"], {}))
     objects = document["figures"]
     rows = list(csv.DictReader(io.StringIO(encode_csv(figures).decode())))
     # Two scenes and their pool, two levels, a rival and ours with three patterns.
@@ -189,7 +189,7 @@ def test_rows_say_what_their_level_is(tmp_path: Path, level: Protocol, noise: st
     figures = figures_with(study_of(tmp_path, count=1, levels=(level,)))
     for row in csv.DictReader(io.StringIO(encode_csv(figures).decode())):
         assert (row["level"], row["noise"]) == ("0.5", noise)
-    rows = json.loads(encode_json(figures, "p", []))["figures"]
+    rows = json.loads(encode_json(figures, "p", [], {}))["figures"]
     assert {(row["level"], row["noise"]) for row in rows} == {(0.5, noise)}
 
 

@@ -36,8 +36,11 @@ def test_share_and_light() -> None:
     assert kodak.light == 2
     assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency)
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
-    with pytest.raises(InputError, match="channels"):
-        named("AWWW/WBWW/WWWW/WWWW")
+    assert named("VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW").light == pytest.approx(
+        (30 * 3 + 6 * 3 / 5) / 36  # a site of five lets a fifth of the light through
+    )
+    with pytest.raises(InputError, match="positive weights"):
+        named("RYWW/WBWW/WWWW/WWWW")
 
 
 def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:

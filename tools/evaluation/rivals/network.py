@@ -116,7 +116,7 @@ def network(path: str) -> Method:
     Raises InputError, which names the file that is missing or wrong and says what was expected.
     """
     description = Path(path).with_suffix(".json")
-    content = _content(path)
+    digest = content(path)
     try:
         text = read_text(description, _LARGEST, "a description of a network")
         fields, known = json.loads(text), Contract.__dataclass_fields__
@@ -128,27 +128,31 @@ def network(path: str) -> Method:
     except (TypeError, ValueError, AttributeError, RecursionError) as error:
         reason = f"does not say how the network is fed: expected {_EXPECTED}"
         raise InputError(f"{description}: {reason}") from error
-    version = hashlib.sha256(f"{content} {text}".encode()).hexdigest()[:16]
-    name = f"{_UNPRINTABLE.sub('_', Path(path).stem)}-{version[:8]}"
+    version = hashlib.sha256(f"{digest} {text}".encode()).hexdigest()[:16]
+    name = printable(f"{Path(path).stem}-{version[:8]}")
     return Method(
         name,
         f"Bayer, {name}",
-        partial(_demosaic, path, content, contract),
+        partial(_demosaic, path, digest, contract),
         version,
         balanced=contract.balanced,
-        packages=("onnxruntime",),
-        file=path,
+        source=path,
     )
 
 
+def printable(name: str) -> str:
+    """Return a name with characters that plots and tables can show."""
+    return _UNPRINTABLE.sub("_", name)
+
+
 def _demosaic(
-    path: str, content: str, contract: Contract, shot: BayerShot, white: FloatArray
+    path: str, digest: str, contract: Contract, shot: BayerShot, white: FloatArray
 ) -> FloatArray:
     """The network's picture, float32 (H, W, 3), scene units. Raises InputError, naming the file.
 
     The frame is mirrored at its border, and given to the network some rows at a time.
 
-    content: what `_content` returned.
+    digest: of the network's files.
     white: what white reads, (3,).
     """
     from scipy.ndimage import gaussian_filter
@@ -172,7 +176,7 @@ def _demosaic(
     for top in range(0, picture.shape[1], _ROWS):
         end = min(top + _ROWS, picture.shape[1])
         strips = [plane[top : end + 2 * margin] for plane in planes]
-        output = _run(path, content, contract, strips)
+        output = _run(path, digest, contract, strips)
         asked, got = end - top + 2 * margin, output.shape[1]
         edge = margin - (asked - got) // 2  # of the margin, what the convolutions have left
         if not 0 <= edge <= margin:
@@ -199,8 +203,8 @@ def _pack(
     return np.ascontiguousarray(stacked[None, :, crop : height - crop, crop : width - crop])
 
 
-def _run(path: str, content: str, contract: Contract, strips: list[Any]) -> FloatArray:
-    model = _session(path, content)
+def _run(path: str, digest: str, contract: Contract, strips: list[Any]) -> FloatArray:
+    model = _session(path, digest)
     try:
         inputs = {name: _pack(form, *strips) for name, form in contract.inputs.items()}
         (output,) = model.run(None, inputs)
@@ -210,28 +214,29 @@ def _run(path: str, content: str, contract: Contract, strips: list[Any]) -> Floa
 
 
 @cache
-def _session(path: str, content: str) -> Any:
-    """A session of the network, if its files are still those that `_content` digested."""
+def _session(path: str, digest: str) -> Any:
+    """A session of the network, if its files still have this digest."""
     from ....shared.runtime import session
 
     model = session(Path(path))
-    if _content(path) != content:
+    if content(path) != digest:
         raise InputError(f"{path}: {CHANGED}")
     return model
 
 
-def _content(path: str) -> str:
-    """A digest of a network's file, and of the files beside it that hold its weights. Raises
-    InputError, which names the file.
+def content(path: str) -> str:
+    """A digest of a file, and of the files beside it that hold its weights if it is a network's.
+    Raises InputError, which names the file.
     """
-    model = _read(path)
+    model = read(path)
     names = {model[match.end() : match.end() + match[1][0]] for match in _BESIDE.finditer(model)}
     beside = [str(Path(path).parent / os.fsdecode(name)) for name in sorted(names)]
-    digests = (hashlib.sha256(data).digest() for data in (model, *map(_read, beside)))
+    digests = (hashlib.sha256(data).digest() for data in (model, *map(read, beside)))
     return hashlib.sha256(b"".join(digests)).hexdigest()
 
 
-def _read(path: str) -> bytes:
+def read(path: str) -> bytes:
+    """The content of a file. Raises InputError, which names it."""
     try:
         return read_whole(path, _LARGEST, "a network")
     except InputError as error:
