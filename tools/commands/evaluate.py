@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error("nothing could be measured; the lines above say why")
         return FAILED
     figures, program = Figures(study, results), f"panchroma {program_version()}"
-    own = (source.rpartition(":")[0] or source for _, source in study.sources)
+    own = [source.rpartition(":")[0] or source for _, source in study.sources]
     missing = [without_folders(line, [*arguments.scenes, *own]) for line in failures]
     stated = {name: value for name, value in vars(arguments).items() if value}
     contents: tuple[Callable[[], bytes], ...] = (

@@ -103,11 +103,9 @@ USAGE = {
         "--host a:80": "is not a name such as camera.example.org",
         "--scale 5": "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6",
     },
-    "evaluate -o out": {"gone.npy": "no scene could be read"},
     "evaluate builtin:60x60 -o out": {
         "--sigma 0,-1": "`sigma` is -1.0, expected 0 or more",
         "--max-memory lots": "--max-memory: 'lots' is not a size",
-        "--max-memory 1M": "no scene could be read",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
     },
     "preview shot.dng": {
