@@ -5,15 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from panchroma.offline import clean_frame, render
+from panchroma.offline.frame import BlockSums, unclipped_blocks
 from panchroma.offline.settings import BEST
 from panchroma.offline.stages.chromaticity import estimate_chromaticities
-from panchroma.offline.stages.pooling import pool_blocks
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.offline.stages.pooling import chromaticity_variance, pool_blocks, precise_sums
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials, shot
 from tests.offline.stage_tests import StageTests
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
+from tests.scenes import darker_corners
 
 SETTINGS = BEST.pooling
 
@@ -89,6 +93,56 @@ def test_dark_colour_does_not_fade() -> None:
     pooled = pool_blocks(blocks_of(mosaic, light), cleaned(mosaic), light, SETTINGS)
     grey, true = mosaic.calibration.grey, colour / light.mean()
     assert_close((pooled.mean(axis=(0, 1)) - grey) / (true - grey), np.ones(3), 0.06)
+
+
+@pytest.mark.parametrize("side", [48, 72, 96])
+def test_dark_colours_do_not_mix(side: int) -> None:
+    """Squares of many colours, less bright than the noise. If the variance forgot its prior, 0.55,
+    0.72 and 0.82 of the colour would be left.
+    """
+    kept = []
+    for seed in range(3):
+        random = np.random.default_rng(seed)
+        colours = random.uniform(0.2, 1.8, (288 // side, 288 // side, 3))
+        colours *= 0.02 / colours.mean(axis=2, keepdims=True)
+        scene = colours.repeat(side, axis=0).repeat(side, axis=1).astype(np.float32)
+        mosaic = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(), 0.03, random)
+        found, true = (rgb - rgb.mean(axis=2, keepdims=True) for rgb in (render(mosaic).rgb, scene))
+        kept.append((found * true).sum() / (true * true).sum())
+    assert np.mean(kept) > {48: 0.65, 72: 0.78, 96: 0.87}[side]
+
+
+@pytest.mark.parametrize("level", [0.01, 0.03, 0.1, 0.3, 0.6])
+def test_the_variance_of_a_chromaticity_is_its_squared_error(level: float) -> None:
+    """Colours as likely as the prior says, from dark to bright, with the noise and the clipping of
+    a sensor behind a lens with dark corners: two of three channels are free. Without the prior the
+    variance would be up to 140 times as large.
+    """
+    pattern, shape, random = CfaPattern.bayer(6), (252, 252), np.random.default_rng(0)
+    noise, lens = NoiseModel((1e-3,) * 4, (0.02,) * 4), darker_corners((252, 252))
+    camera = SensorCalibration.of_bits(12, headroom=False, noise=noise, shading=lens)
+    grey, deviation = camera.grey, 0.42 * camera.grey
+    colours = random.normal(0, deviation, (42, 42, 3))
+    colours += grey - colours.mean(axis=2, keepdims=True)  # Eq. 7
+    truth = colours.repeat(6, axis=0).repeat(6, axis=1)
+    scene = (3 * level * truth).clip(0)
+    scene[:, :40] = 3
+    mosaic = simulate_sensor(scene.astype(np.float32), pattern, camera, 1.0, random)
+    frame, gain = clean_frame(mosaic), lens.of_plane(shape)
+    rows, columns = frame.sites.pixels
+    blocks = np.full((3, *frame.sites.shape), grey, np.float32)
+    sums, _ = precise_sums(frame, (3 * level / gain).astype(np.float32), blocks, 0.0)
+    expected = np.moveaxis(blocks, 0, 2)
+    weight, product = np.moveaxis(sums.astype(np.float64).reshape(2, 3, *sums.shape[1:]), 1, 3)
+    found = BlockSums(weight, product).solved(1 / deviation, frame.gamma, expected)
+    error = np.square(found - truth[rows, columns][:, :, 0]).mean(axis=2)
+    variance = chromaticity_variance(sums, 1 / deviation)
+    unclipped = unclipped_blocks(frame)
+    assert 0.1 < np.mean(~unclipped) < 0.3
+    gains = gain[rows, columns][:, :, 0]
+    for low, high in ((1, 1.7), (1.7, 2.4), (2.4, 4)):
+        place = unclipped & (gains >= low) & (gains < high) & (columns[:, :, 0] > 52)
+        assert error[place].mean() / variance[place].mean() == pytest.approx(2 / 3, rel=0.2)
 
 
 @pytest.mark.parametrize("noise", [None, NoiseModel.gaussian(0.0, 4)])
