@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..simulation.noise import Protocol
+from .hue import colour_slopes
 from .measures import PLANES, Histogram, Measures
 from .metrics import QUANTILES
 from .scene_sets import SETS
@@ -33,6 +34,8 @@ class Criterion(NamedTuple):
         Decimals that people are shown.
     scale
         Factor from the value to what people are shown.
+    error
+        Name of the value's standard error; empty = none is shown.
     """
 
     title: str
@@ -40,6 +43,7 @@ class Criterion(NamedTuple):
     sign: int = 1
     digits: int = 1
     scale: float = 1.0
+    error: str = ""
 
     def of(self, figure: "Figure | None") -> float | None:
         """Return the number that people are shown; None if there is none."""
@@ -54,7 +58,11 @@ class Criterion(NamedTuple):
     def text(self, figure: "Figure | None") -> str:
         """Return the figure as text; a dash where there is none."""
         value = self.of(figure)
-        return "–" if value is None else f"{value:.{self.digits}f}"
+        if figure is None or value is None:
+            return "–"
+        error = figure.values.get(self.error)
+        spread = "" if error is None else f" ± {self.scale * error:.{self.digits}f}"
+        return f"{value:.{self.digits}f}{spread}"
 
 
 RGB = Criterion("RGB, dB", "rgb_q50")
@@ -69,7 +77,7 @@ CRITERIA = (
     Criterion("chrominance, 10 %", "chrominance_q10"),
     WHOLE,
     HUE,
-    Criterion("dark colour, %", "kept_1", sign=0, digits=0, scale=100.0),
+    Criterion("dark colour, %", "kept_1", 0, 0, 100.0, "kept_1_error"),
 )
 
 
@@ -97,8 +105,9 @@ class Figure(NamedTuple):
     values
         By name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of
         whole pictures (psnr, psnr_PLANE), dB; wrong_hue, the fraction of the pixels that show a
-        wrong hue, 0 to 1; kept_1 to kept_5, the slopes of `colour_kept` from dark to bright. The
-        last two are None where there is no colour, or no red, green and blue. Figures of whole
+        wrong hue, 0 to 1; kept_1 to kept_5, the slopes of `colour_slopes` from dark to bright, and
+        kept_1_error to kept_5_error, their standard errors. The last are None where there is no
+        colour, or hardly any, or no red, green and blue. Figures of whole
         pictures are means over the scenes; kept is of all their pixels.
     """
 
@@ -191,7 +200,8 @@ def _values(parts: Sequence[Measures]) -> dict[str, float | None]:
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), means, strict=True)
     hues = [part.wrong_hue for part in parts if part.wrong_hue is not None]
     values["wrong_hue"] = float(np.mean(hues)) if hues else None
-    rendered, true = np.sum([part.kept for part in parts], axis=0)
-    for place, (numerator, energy) in enumerate(zip(rendered, true, strict=True), 1):
-        values[f"kept_{place}"] = float(numerator / energy) if energy else None
+    kept = zip(*colour_slopes(np.sum([part.kept for part in parts], axis=0)), strict=True)
+    for place, (slope, error) in enumerate(kept, 1):
+        for name, value in ((f"kept_{place}", slope), (f"kept_{place}_error", error)):
+            values[name] = None if isnan(value) else float(value)
     return values

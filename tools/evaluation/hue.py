@@ -18,6 +18,10 @@ PLACES = (0.1, 0.25, 0.5, 0.75, 1.0)
 _BLUR = 8.0  # pixels: no fine detail is left, and hardly any noise
 # Scene units: three standard errors of such a mean at a sigma of 0.03.
 _LEAST_COLOUR = 3 * 0.03 / (2 * np.pi**0.5 * _BLUR)
+_LEAST_PIXELS = 0.05  # of a bin: fewer with colour say nothing about it
+_SQUARE = 48  # pixels: side of the squares whose errors count as independent
+SUMS = 7, len(PLACES)
+"""Shape of what `colour_kept` returns."""
 
 
 def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
@@ -39,13 +43,14 @@ def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
 
 
 def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
-    """Sums over the pixels of each bin, float64 (2, 5): rendered colour times true colour, and true
-    colour squared.
+    """Sums over the pixels of each bin, float64 (7, 5): rendered colour times true colour, r, and
+    true colour squared, t; r^2, r t and t^2 of the sums over squares of 48 pixels; the number of
+    pixels with colour, and of all.
 
-    Their ratio, also of the sums of several pictures, is the slope of the rendered colour on the
-    true one: 1 is right, 0 is grey. Colour is what remains of the channels without their mean, in
-    pictures that are white balanced (shades of grey of the truth) and blurred by a Gaussian. Pixels
-    with hardly any colour, and `BORDER` pixels at each side, are left out.
+    Those of several pictures add up; `colour_slopes` has the result. Colour is what remains of the
+    channels without their mean, in pictures that are white balanced (shades of grey of the truth)
+    and blurred by a Gaussian. Pixels with hardly any colour, and `BORDER` pixels at each side, are
+    left out.
 
     Parameters
     ----------
@@ -61,9 +66,41 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     luminance = blurred[1].mean(axis=2)
     colours = [picture - picture.mean(axis=2, keepdims=True) for picture in blurred]
     coloured = np.square(colours[1]).mean(axis=2) > _LEAST_COLOUR**2
-    place = np.searchsorted(np.quantile(luminance, PLACES[:-1]), luminance[coloured])
-    products = ((colour * colours[1]).sum(axis=2)[coloured] for colour in colours)
-    return np.stack([np.bincount(place, product, len(PLACES)) for product in products])
+    place = np.searchsorted(np.quantile(luminance, PLACES[:-1]), luminance)
+    down, across = (np.arange(size) // _SQUARE for size in place.shape)
+    square = down[:, None] * (across[-1] + 1) + across
+    r, t, count, whole = (
+        np.bincount(
+            (square * len(PLACES) + place).ravel(),
+            (product * used).ravel(),
+            (square[-1, -1] + 1) * len(PLACES),
+        ).reshape(-1, len(PLACES))
+        for product, used in (
+            *(((colour * colours[1]).sum(axis=2), coloured) for colour in colours),
+            (coloured, True),
+            (np.ones(place.shape), True),
+        )
+    )
+    return np.stack([plane.sum(axis=0) for plane in (r, t, r * r, r * t, t * t, count, whole)])
+
+
+def colour_slopes(sums: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+    """Slope of the rendered colour on the true one in each bin, and its standard error, float64
+    (5,); NaN where less than 5 % of the pixels have colour, or where nothing is known of an error.
+
+    1 is right, 0 is grey. The error is that of a ratio of sums over independent squares.
+
+    Parameters
+    ----------
+    sums : DoubleArray
+        What `colour_kept` returns, also of several pictures.
+    """
+    *products, coloured, pixels = sums
+    known = coloured >= np.maximum(_LEAST_PIXELS * pixels, 1)
+    rendered, true, square, product, energy = np.where(known, products, np.nan)
+    slope, number = rendered / true, true**2 / energy  # of squares, as if all had as much colour
+    variance = np.maximum(square - 2 * slope * product + slope**2 * energy, 0) / true**2
+    return slope, np.sqrt(variance * number / np.where(number > 1.5, number - 1, np.nan))
 
 
 def _balance(truth: FloatArray) -> DoubleArray:

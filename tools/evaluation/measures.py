@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...shared.arrays import DoubleArray, FloatArray
 from ...shared.errors import InputError
 from ..io.scene import RGB
-from .hue import PLACES, colour_kept, wrong_hue
+from .hue import SUMS, colour_kept, wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
 
 PLANES = ("rgb", "luminance", "chrominance")
@@ -97,7 +97,7 @@ class Measures:
             As `patch_psnr` does.
         """
         maps, share = patch_psnr(rendered, truth), None
-        kept = np.zeros((2, len(PLACES)))
+        kept = np.zeros(SUMS)
         if set(RGB) <= set(channels):
             places = [channels.index(letter) for letter in RGB]
             colours = rendered[..., places], truth[..., places]

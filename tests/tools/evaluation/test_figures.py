@@ -15,6 +15,7 @@ import pytest
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.evaluation.figures import HUE, RGB, WHOLE, Figures, Place
+from panchroma.tools.evaluation.hue import colour_slopes
 from panchroma.tools.evaluation.measures import Measures
 from panchroma.tools.evaluation.study import Cell, Study
 from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
@@ -172,7 +173,9 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     for plane, quantiles in measures.quality._asdict().items():
         titles = (f"{plane}_q{percent}" for percent in (10, 25, 50, 75))
         expected |= zip(titles, quantiles, strict=True)
-    expected["kept_1"] = measures.kept[0, 0] / measures.kept[1, 0]
+    for name, places in zip(("", "_error"), colour_slopes(measures.kept), strict=True):
+        expected |= {f"kept_{place}{name}": value for place, value in enumerate(places, 1)}
+    expected = {name: None if np.isnan(value) else value for name, value in expected.items()}
     assert {name: own[name] for name in expected} == pytest.approx(expected, abs=1e-4)
     assert own["wrong_hue"] == pytest.approx(measures.wrong_hue, abs=1e-6)
     assert float(row["rgb_q50"]) == own["rgb_q50"]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from panchroma.shared.white_balance import shades_of_grey
-from panchroma.tools.evaluation.hue import PLACES, colour_kept, wrong_hue
+from panchroma.tools.evaluation.hue import PLACES, colour_kept, colour_slopes, wrong_hue
 from panchroma.tools.io.colour import xyz_to_lab
 from panchroma.tools.io.colour_difference import delta_e_2000
 
@@ -72,25 +72,66 @@ def faded(truth: FloatArray, kept: FloatArray | float) -> FloatArray:
     return ((grey + kept * (balanced - grey)) * white).astype(np.float32)
 
 
+def slopes(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
+    return colour_slopes(colour_kept(rendered, truth))[0]
+
+
 @pytest.mark.parametrize("light", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.6)])
 def test_the_part_that_is_kept_in_every_bin(light: tuple[float, float, float]) -> None:
     truth = patches(light)
-    kept, true = colour_kept(faded(truth, 0.7), truth)
-    np.testing.assert_allclose(kept / true, 0.7, rtol=1e-4)
+    np.testing.assert_allclose(slopes(faded(truth, 0.7), truth), 0.7, rtol=1e-4)
 
 
 def test_it_shows_where_colour_fades() -> None:
     truth = patches()
     kept = np.where(np.arange(300) < 130, 0.5, 1.0)[:, None].astype(np.float32)
-    kept, true = colour_kept(faded(truth, kept), truth)
-    slopes = kept / true
-    assert slopes[0] < 0.65
-    assert slopes[-1] > 0.95
-    assert len(slopes) == len(PLACES)
+    found = slopes(faded(truth, kept), truth)
+    assert found[0] < 0.65
+    assert found[-1] > 0.95
+    assert len(found) == len(PLACES)
 
 
 def test_noise_fades_nothing_and_grey_has_no_slope() -> None:
     truth = patches()
-    kept, true = colour_kept(truth + RNG.normal(0, 0.03, truth.shape).astype(np.float32), truth)
-    np.testing.assert_allclose(kept / true, 1, atol=0.03)
-    assert not colour_kept(truth, np.repeat(truth[..., :1], 3, axis=2)).any()
+    noisy = truth + RNG.normal(0, 0.03, truth.shape).astype(np.float32)
+    np.testing.assert_allclose(slopes(noisy, truth), 1, atol=0.03)
+    assert np.isnan(slopes(truth, np.repeat(truth[..., :1], 3, axis=2))).all()
+
+
+def test_the_standard_error_is_the_scatter_of_the_slopes() -> None:
+    """Pictures of one kind, each with false colour of its own, of one picture and of four together:
+    three tests in the darkest bin, where colour is least, and two in the brightest.
+    """
+    sums = []
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        colours = gaussian_filter(random.normal(0, 1, (270, 390, 3)), (10, 10, 0))
+        false = gaussian_filter(random.normal(0, 1, (270, 390, 3)), (12, 12, 0))
+        light = np.linspace(0.1, 0.6, 390)[:, None]
+        scene = light * (1 + 0.3 * colours / colours.std())
+        sums.append(colour_kept(scene + light * 0.1 * false / false.std(), scene))
+    for together in (1, 4):
+        pooled = [np.sum(sums[i : i + together], axis=0) for i in range(0, 60, together)]
+        found, errors = np.stack([colour_slopes(each) for each in pooled], axis=1)
+        np.testing.assert_allclose(errors.mean(axis=0), found.std(axis=0), rtol=0.5)
+
+
+def test_a_bin_with_hardly_any_colour_has_no_figure() -> None:
+    """A tail-light in a grey night: it is no picture of how colour is kept in the dark."""
+    night = np.full((240, 300, 3), 0.05, np.float32) + np.linspace(0, 0.3, 300)[:, None]
+    lamp, wide = (night.astype(np.float32) for _ in range(2))
+    lamp[114:117, 20:23] += np.array([0.3, -0.04, -0.04], np.float32)
+    wide[40:200, 15:33] *= np.array([1.8, 0.6, 0.6], np.float32)
+    assert 0 < colour_kept(lamp, lamp)[-2, 0] < 0.05 * colour_kept(lamp, lamp)[-1, 0]
+    assert np.isnan(slopes(lamp, lamp)).all()
+    assert slopes(wide, wide)[0] == pytest.approx(1)
+    # of both, as of any number of pictures, all pixels count
+    assert np.isnan(colour_slopes(colour_kept(wide, wide) + 30 * colour_kept(lamp, lamp))[0]).all()
+
+
+def test_one_place_with_colour_has_a_slope_without_an_error() -> None:
+    dark = np.full((90, 90, 3), 0.1, np.float32)
+    dark[20:60, 20:60] *= np.array([1.8, 0.6, 0.6], np.float32)
+    found, errors = colour_slopes(colour_kept(faded(dark, 0.5), dark))
+    assert np.nanmin(found) == pytest.approx(0.5, abs=1e-3)
+    assert np.isnan(errors[np.isnan(found)]).all()
