@@ -36,7 +36,7 @@ class Browser:
     ) -> None:
         """A window narrower than 700 pixels is a phone's: with touch instead of a mouse."""
         if _CHROMIUM is None:
-            pytest.skip("Chromium is not installed")
+            pytest.skip("pages in a browser: Chromium is not installed: apt-get install chromium")
         commands, self._commands = os.pipe()
         self._answers, answers = os.pipe()
         # Chromium reads commands from descriptor 3 and writes answers to 4: a shell puts the pipes

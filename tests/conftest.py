@@ -11,6 +11,7 @@ With PYTHONDONTWRITEBYTECODE, each of the many processes that tests start would 
 for itself, in 1.5 seconds.
 """
 
+import collections
 import errno
 import itertools
 import multiprocessing
@@ -34,6 +35,19 @@ def pytest_configure(config: pytest.Config) -> None:
     puts last, take longest.
     """
     config.option.loadscopereorder = False
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say in a line each what was not tested, and how to get what it needs."""
+    reasons = collections.Counter(
+        str(report.longrepr[2]).removeprefix("Skipped: ")
+        for report in terminalreporter.stats.get("skipped", [])
+        if isinstance(report.longrepr, tuple)
+    )
+    if reasons:
+        terminalreporter.section("not tested here")
+    for reason, count in sorted(reasons.items()):
+        terminalreporter.write_line(f"{count:4} {reason}")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

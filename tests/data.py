@@ -13,5 +13,8 @@ def photograph(name: str) -> Path:
     if not path.exists():
         import pytest  # benchmarks, which look for photographs too, do without it
 
-        pytest.skip(f"no test photographs: {path} is missing")
+        pytest.skip(
+            f"photographs: {name} is missing: put it into {DATA}, or name another folder in "
+            "PANCHROMA_TEST_DATA (tests/README.md)"
+        )
     return path

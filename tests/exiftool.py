@@ -18,7 +18,7 @@ def fields(path: Path, *arguments: str) -> dict[str, Any]:
 def exiftool(*arguments: str | Path) -> bytes:
     """What exiftool prints. A test that asks for it is skipped where it is not installed."""
     if shutil.which("exiftool") is None:
-        pytest.skip("exiftool is not installed")
+        pytest.skip("exiftool is not installed: apt-get install libimage-exiftool-perl")
     done = subprocess.run(["exiftool", *arguments], capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout

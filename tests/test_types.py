@@ -9,7 +9,7 @@ from tests.data import ROOT
 
 
 def test_types_hold() -> None:
-    pytest.importorskip("mypy")
+    pytest.importorskip("mypy", reason="types: mypy is not installed: pip install -e '.[all,dev]'")
     checked = subprocess.run(
         [sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True, check=False
     )

@@ -10,6 +10,7 @@ base dependencies are unpacked into the user's cache. Emulation does not show ho
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -40,6 +41,14 @@ _CORE = (
     "processor\t: {}\nFeatures\t: fp asimd crc32 cpuid\nCPU implementer\t: 0x41\nCPU "
     "architecture: 8\nCPU part\t: 0xd08\n\n"
 )
+
+
+# In what apt-get and pip say without a network.
+_NO_NETWORK = re.compile("resolv|connect|unreachable|timed out", re.IGNORECASE)
+
+
+class UnreachableError(InputError):
+    """A download is out of reach: nothing is wrong here."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -115,6 +124,7 @@ def _system(cache: Path) -> Path:
     settings = {
         "APT::Architecture": "arm64",
         "APT::Architectures": "arm64",
+        "APT::Update::Error-Mode": "any",  # without a network it would succeed
         "Dir::State::lists": apt / "lists",
         "Dir::State::status": apt / "status",
         "Dir::Cache": apt,
@@ -206,7 +216,9 @@ def _run(
     )
     if done.returncode:
         said = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
-        raise failure(f"{' '.join(command[:6])} ...: {said[0]}")
+        out_of_reach = failure is InputError and _NO_NETWORK.search(done.stderr)
+        kind = UnreachableError if out_of_reach else failure
+        raise kind(f"{' '.join(command[:6])} ...: {said[0]}")
     return done.stdout
 
 

@@ -322,7 +322,9 @@ def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
     Then the first convolution rounds as well. The last one never does. Three sites look the same in
     one orientation only.
     """
-    onnx, options = pytest.importorskip("onnx"), onnxruntime.SessionOptions()
+    remedy = "pip install -e '.[all,dev]'"
+    onnx = pytest.importorskip("onnx", reason=f"files of networks: onnx is not installed: {remedy}")
+    options = onnxruntime.SessionOptions()
     options.optimized_model_filepath = str(tmp_path / path.name)
     options.log_severity_level = 3  # such a file is for this processor alone
     onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])

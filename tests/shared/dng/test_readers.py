@@ -106,7 +106,9 @@ def test_a_rebuild_from_nothing_costs_nothing(tmp_path: Path, case: int) -> None
 def test_adobe_reads_the_very_samples(
     tmp_path: Path, original: Mosaic, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    dngpy = pytest.importorskip("dngpy", reason="Adobe's DNG SDK is not installed")
+    dngpy = pytest.importorskip(
+        "dngpy", reason="Adobe's DNG SDK: its bindings dngpy are not installed: build them"
+    )
     write_dng(tmp_path / "shot.dng", original, preview())
     samples = np.squeeze(dngpy.Dng(str(tmp_path / "shot.dng")).raw_pixels)
     np.testing.assert_array_equal(samples, original.codes)

@@ -21,7 +21,9 @@ from tests.dask_cluster import SOURCE, cluster, scheduler, worker
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import assert_refused, contents, ended, run, start
 
-pytest.importorskip("distributed")
+pytest.importorskip(
+    "distributed", reason="dask: distributed is not installed: pip install -e '.[all,cluster]'"
+)
 
 
 def line_with(stream: IO[str] | None, words: str) -> str:

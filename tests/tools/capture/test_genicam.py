@@ -43,7 +43,7 @@ def missing() -> str:
 
 
 MISSING = missing()
-needs_camera = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+needs_camera = pytest.mark.skipif(bool(MISSING), reason=f"GenICam: {MISSING}")
 
 
 @pytest.fixture

@@ -45,7 +45,10 @@ def test_the_commands_print_what_the_page_says(tmp_path: Path) -> None:
     assert shot.pattern.letters_from() == ("WRWG", "BWGW", "WGWB", "GWRW")
 
 
-@pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="systemd is not installed")
+@pytest.mark.skipif(
+    not shutil.which("systemd-analyze"),
+    reason="the unit file: systemd is not installed: apt-get install systemd",
+)
 def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
     unit = tmp_path / "panchroma.service"
     unit.write_text(UNIT.replace("/opt/panchroma/.venv/bin/panchroma", sys.executable))

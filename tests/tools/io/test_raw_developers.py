@@ -67,7 +67,9 @@ def test_a_raw_developer_shows_our_colours(
     source, ours = rendered
     command = developer(source, tmp_path / "theirs.tif", tmp_path)
     if shutil.which(command[0]) is None:
-        pytest.skip(f"{command[0]} is not installed")
+        pytest.skip(
+            f"raw developers: {command[0]} is not installed: apt-get install rawtherapee darktable"
+        )
     environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
     done = subprocess.run(command, capture_output=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr

@@ -41,7 +41,10 @@ PHOTOGRAPHS = sorted(
 )
 
 
-@pytest.mark.skipif(not PHOTOGRAPHS, reason="no test photographs")
+@pytest.mark.skipif(
+    not PHOTOGRAPHS,
+    reason=f"photographs: none is in {DATA}: tests/README.md says where they are from",
+)
 @pytest.mark.parametrize("path", PHOTOGRAPHS, ids=lambda path: path.name)
 def test_every_test_photograph_loads(path: Path) -> None:
     scene = load_scene(str(path))

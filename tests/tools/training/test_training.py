@@ -24,7 +24,7 @@ from panchroma.tools.io.samples import quantise
 from panchroma.tools.simulation.load import load_scene
 
 torch = pytest.importorskip(
-    "torch", reason="PyTorch is not installed: pip install 'panchroma[training]'"
+    "torch", reason="training: PyTorch is not installed: pip install -e '.[training]'"
 )
 
 from panchroma.tools.training import run  # noqa: E402

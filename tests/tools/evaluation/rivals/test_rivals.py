@@ -49,7 +49,8 @@ def test_nothing_below_black_or_above_white_is_clipped(name: str, level: float) 
 
 
 def test_denoising_lowers_noise_and_keeps_the_light() -> None:
-    pytest.importorskip("bm3d", reason="the extra `rivals` is not installed")
+    remedy = "pip install -e '.[rivals]' (for non-commercial use only)"
+    pytest.importorskip("bm3d", reason=f"BM3D: bm3d is not installed: {remedy}")
     truth = sample_bayer(smooth_scene(40, 40))
     rng = np.random.default_rng(0)
     shot, read = 2e-3, 5e-3
