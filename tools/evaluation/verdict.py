@@ -27,8 +27,8 @@ def judge(figures: Figures, group: str) -> Verdict:
     levels = figures.study.levels
     leads = [lead for level in levels if (lead := figures.lead(Place(group, level)))]
     if not leads:
-        needed = "a method of ours, a rival, and scenes in red, green and blue"
-        return Verdict("care", (f"There is no Bayer camera to compare with: that needs {needed}.",))
+        needed = "best, unlearned, paper or preview, a rival, and scenes in red, green and blue"
+        return Verdict("care", (f"There is no verdict: it needs {needed}.",))
     together = [lead.value for lead in leads]
     alone = [lead.value for level in levels for lead in figures.leads(group, level)]
     if min(*together, *alone) >= EVEN:

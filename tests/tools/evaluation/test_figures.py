@@ -121,7 +121,7 @@ def test_without_a_rival_or_ours_there_is_nothing_to_compare(tmp_path: Path) -> 
     for name in ("paper", "bilinear"):
         figures = figures_with(study_of(tmp_path, methods=(name,)))
         (sentence,) = judge(figures, SET).sentences
-        assert sentence.startswith("There is no Bayer camera to compare with")
+        assert sentence.startswith("There is no verdict: it needs best, ")
         document = json.loads(encode_json(figures, "p", [], {}))
         assert document["verdict"] == {SET: {"tone": "care", "sentences": [sentence]}}
 
