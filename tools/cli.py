@@ -4,16 +4,21 @@ import argparse
 import importlib
 import io
 import os
+import re
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
 from .batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
 from .batch.signals import INTERRUPTED, Terminated, orderly_end
+from .commands.spelling import spelled
 from .io.versions import program_version
 
 # Verb -> what it does, in the order of work. Each is a module of `tools.commands` that has
@@ -34,38 +39,6 @@ VERBS = {
     "figures, and a page to look at",
     "doctor": "check the installation, and say how to repair it",
 }
-GONE = {
-    "design": "panchroma evaluate SCENE ... --pattern TILE,TILE compares tiles; "
-    "offline/README.md, Which tile?, has the figures",
-    "export-preview": "panchroma preview SHOT --export FILE.onnx",
-    "--aberration": "a sparse-colour sensor hardly sees lateral chromatic aberration",
-    "--defects": "list the pixels under defects in a camera.json, and use --camera",
-    "--edges": "a sparse-colour sensor hardly sees lateral chromatic aberration",
-    "--covered": "--unchecked is for frames of a covered lens, too",
-    "--height": "--size 4056x3040",
-    "--layout": "-f raw writes the samples alone",
-    "--max-pixels": "the environment variable PANCHROMA_MAX_PIXELS sets the limit",
-    "--moving": "the scene of a burst stands still",
-    "--no-chart": "gamma is measured from a chart",
-    "--no-page": "the page is always written",
-    "--period": "--pattern K=4 is the paper's pattern with the period 4",
-    "--port": "--bind ADDRESS:PORT",
-    "--protocol": "--sigma or --light says which noise is meant",
-    "--report": "panchroma burst --json says what became of each frame",
-    "--rotation": "--motion moves the frames of a burst",
-    "--scheduler-file": "--scheduler takes the address of the scheduler",
-    "--sensor-bits": "--bits N",
-    "--shard": "several runs with --resume share one folder",
-    "--show": "the page shows the squares where methods differ most",
-    "--threads": "-j sets processes; the environment variable PANCHROMA_THREADS sets the threads "
-    "of each",
-    "--uncertainty": "how far a pixel may be off is no longer stated",
-    "--width": "--size 4056x3040",
-    "--wait": "a recording waits by itself: panchroma capture - < FILE",
-    "--workers": "-j N",
-}
-"""Verbs and options of earlier versions -> what to use instead, or why they are not needed."""
-_STILL = {"--report": ("calibrate",)}  # verbs that have an option that others have lost
 FAILED, USAGE = 1, 2
 
 
@@ -98,16 +71,24 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     console = Console(verbose=not {"-v", "--verbose"}.isdisjoint(arguments))
     try:
         with orderly_end(last=argv is None), warnings.catch_warnings():
-            code = 0
+            code, common = 0, list(takewhile(lambda word: word.startswith("-"), arguments))
+            verb, *words = arguments[len(common) :] or [""]
             try:
-                parser = build_parser(next((word for word in arguments if word in VERBS), ""))
-                _refuse_removed(parser, arguments)
-                parsed = parser.parse_args(arguments)
-                options = {"quiet": parsed.quiet, "verbose": parsed.verbose}
-                console = Console(json=getattr(parsed, "json", False), **options)
+                parser, own = build_parser(verb)
+                _refuse_misspelt(parser, common, _options(parser))
+                if verb and verb not in VERBS:
+                    parser.error(f"there is no verb {verb}{_likeliest(verb, VERBS)}")
+                options = _options(own)
+                console = Console(verbose=console.verbose, spell=partial(spelled, options=options))
+                _refuse_misspelt(own, words, options)
+                parsed, unexpected = parser.parse_known_args(arguments)
+                if unexpected:
+                    own.error(f"unexpected argument: {unexpected[0]}")
+                console.json = getattr(parsed, "json", False)
+                console.quiet, console.verbose = parsed.quiet, parsed.verbose
                 note_warnings(console.note)
-                code, verb = FAILED, _module(parsed.verb)
-                code = verb.run(parsed, console)
+                code = FAILED
+                code = _module(verb).run(parsed, console)
             finally:
                 if code:
                     from .batch import jobs  # not at the top: it imports NumPy
@@ -128,8 +109,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
-def build_parser(verb: str) -> argparse.ArgumentParser:
-    """Return the parser of the command line.
+def build_parser(verb: str) -> tuple[argparse.ArgumentParser, argparse.ArgumentParser]:
+    """Return the parser of the command line, and that of the verb, the same without a verb.
 
     Parameters
     ----------
@@ -147,6 +128,7 @@ def build_parser(verb: str) -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     _add_common(parser, quiet=False, verbose=False)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, prog="panchroma")
+    own: argparse.ArgumentParser = parser
     for name, summary in VERBS.items():
         child = verbs.add_parser(
             name,
@@ -156,13 +138,14 @@ def build_parser(verb: str) -> argparse.ArgumentParser:
             usage=f"panchroma {name} ...",
         )
         if name == verb:
+            own = child
             module = _module(name)
             child.description = module.__doc__
             child.usage = " ".join(f"panchroma {name} {module.USAGE} [options]".split())
             child.epilog = f"example:\n  {module.EXAMPLE}"
             module.add_arguments(child)
             _add_common(child, quiet=argparse.SUPPRESS, verbose=argparse.SUPPRESS)
-    return parser
+    return parser, own
 
 
 def _add_common(parser: argparse.ArgumentParser, quiet: object, verbose: object) -> None:
@@ -173,17 +156,36 @@ def _add_common(parser: argparse.ArgumentParser, quiet: object, verbose: object)
     parser.add_argument("-v", "--verbose", action="store_true", default=verbose, help=more)
 
 
-def _refuse_removed(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
-    """End with usage and what to use instead if a verb or an option is one of earlier versions."""
-    verb = next((word for word in arguments if not word.startswith("-")), "")
-    if verb in GONE:
-        parser.error(f"there is no verb {verb} any more: {GONE[verb]}")
-    for word in arguments:
-        option = word.partition("=")[0]
-        if word == "--":
-            return
-        if option.startswith("--") and option in GONE and verb not in _STILL.get(option, ()):
-            parser.error(f"there is no option {option} any more: {GONE[option]}")
+def _options(parser: argparse.ArgumentParser) -> list[str]:
+    """Return the options of a parser, which its help lists."""
+    listed = re.findall(r"^ {2}(-.*?)(?: {2}|$)", parser.format_help(), re.MULTILINE)
+    return [option for line in listed for option in re.findall(r"(?:^|, )(--?[\w-]+)", line)]
+
+
+def _refuse_misspelt(
+    parser: argparse.ArgumentParser, words: Sequence[str], options: Sequence[str]
+) -> None:
+    """End with usage, and the likeliest option, if one of the words is an option that is not among
+    these. Nothing else is complained of before.
+    """
+    before = list(takewhile(lambda word: word != "--", words))
+    if {"-h", "--help"} & {*before}:
+        return
+    for word in before:
+        name = word.partition("=")[0]
+        is_short = name[:2] in options and f"-{name}" not in options  # -o DIR, -oDIR, -qv
+        is_option = re.match("--|-[A-Za-z]", name) and " " not in word
+        if is_option and not is_short and name not in options:
+            parser.error(f"there is no option {name}{_likeliest(name, options)}")
+
+
+def _likeliest(name: str, known: Iterable[str]) -> str:
+    """Return words that ask for what was meant, "" if nothing is like it."""
+    plain = {word.lstrip("-"): word for word in known}
+    name = name.lstrip("-").replace("_", "-").lower()
+    begun = [word for word in plain if word.startswith(name)]
+    likely = (begun or get_close_matches(name, plain, 1))[:1]
+    return f"; did you mean {plain[likely[0]]}?" if likely else ""
 
 
 def _module(verb: str) -> ModuleType:

@@ -172,7 +172,7 @@ class _Check:
             rows = f"frames have another number of rows than {layout.height}"
             self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
         if shown is False or (shown and has_longer_period(tiles, pattern)):
-            places = "the colour sites are not where `pattern`, `period` and `origin` say"
+            places = "the colour sites are not where `pattern` and `origin` say"
             rows = "or rows do not begin where `stride` and `width` say"
             self._refuse(frame, f"{places}, {rows}")
         if shown is None:

@@ -56,12 +56,21 @@ class Console:
         Standard output is for machines; what people read goes to standard error.
     quiet : bool, optional
         Standard error is for errors alone.
+    spell : Callable[[str], str], optional
+        Writes messages in the words of the command line.
     verbose : bool, optional
         An error is followed by the traceback of what caused it.
     """
 
-    def __init__(self, *, json: bool = False, quiet: bool = False, verbose: bool = False) -> None:
-        self._json, self._quiet, self._verbose = json, quiet, verbose
+    def __init__(
+        self,
+        *,
+        json: bool = False,
+        quiet: bool = False,
+        verbose: bool = False,
+        spell: Callable[[str], str] = str,
+    ) -> None:
+        self.json, self.quiet, self.verbose, self.spell = json, quiet, verbose, spell
         self._display: RichProgress | None = None
 
     def say(self, *lines: str) -> None:
@@ -69,17 +78,17 @@ class Console:
 
         Raises StandardOutputError.
         """
-        if not self._json:
-            to_stdout(*(one_line(line) for line in lines))
-        elif not self._quiet:
+        if not self.json:
+            to_stdout(*(one_line(self.spell(line)) for line in lines))
+        elif not self.quiet:
             for line in lines:
-                to_stderr(line)
+                to_stderr(self.spell(line))
 
     def note(self, *texts: str) -> None:
         """Print remarks to stderr."""
-        if not self._quiet:
+        if not self.quiet:
             for text in texts:
-                to_stderr(text)
+                to_stderr(self.spell(text))
 
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
         """Print remarks on sources to stderr, each once, with the first source that it is about.
@@ -105,8 +114,8 @@ class Console:
             What was raised.
         """
         for text in texts:
-            to_stderr(f"panchroma: {text}")
-        for line in traceback_of(cause).splitlines() if cause and self._verbose else ():
+            to_stderr(f"panchroma: {self.spell(text)}")
+        for line in traceback_of(cause).splitlines() if cause and self.verbose else ():
             to_stderr(line)
 
     def record(self, **facts: Any) -> None:
@@ -114,7 +123,10 @@ class Console:
 
         Raises StandardOutputError.
         """
-        if self._json:
+        if self.json:
+            for name, value in facts.items():
+                if isinstance(value, str):
+                    facts[name] = self.spell(value)
             # the only control character that JSON leaves as it is
             to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))
 
@@ -123,7 +135,7 @@ class Console:
         # Imported here, because it loads NumPy, which `panchroma --help` does not need.
         from .progress import BarProgress, LineProgress, StageProgress, rich_display
 
-        if self._quiet:
+        if self.quiet:
             return StageProgress(note=self.note)
         title = one_line(title)
         if self._display is None and sys.stderr.isatty():

@@ -67,7 +67,7 @@ class Job:
                 raise OutputError(f"{folder}: {why}") from None
 
 
-State = Literal["made", "planned", "current", "foreign", "failed"]
+State = Literal["made", "planned", "current", "foreign", "failed", "nothing"]
 _WORDS: dict[State, str] = {
     "planned": "to be made",
     "current": "up to date",
@@ -170,7 +170,12 @@ def run_jobs(
     possible = possible_jobs(jobs, console, overwrite=overwrite)
     listen = listen or (lambda _: StageProgress(note=console.note))
     states = do_jobs(one_by_one(work, possible, listen), console)
-    return FAILED if states["failed"] or len(possible) < len(jobs) else 0
+    return FAILED if len(possible) < len(jobs) else exit_code(states)
+
+
+def exit_code(states: Counter[State]) -> int:
+    """The exit code of jobs that ended in these states."""
+    return FAILED if states["failed"] or states["nothing"] else 0
 
 
 def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> list[Job]:
@@ -200,7 +205,8 @@ def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> 
 def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
     """Report each result as it comes, by a line and a record.
 
-    Each failed frame counts as failed too.
+    Each failed frame counts as failed too. It is an error if all files are of another kind, so that
+    nothing was made.
 
     Returns
     -------
@@ -208,15 +214,21 @@ def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
         How many ended in which state.
     """
     states: Counter[State] = Counter()
+    folders = set[str]()
     for job, result in results:
+        folders.add(os.path.dirname(job.source))  # noqa: PTH120  as the user wrote it
         states[_report(job, result, console)] += 1
         states["failed"] += len(result.errors) if isinstance(result, Outcome) else 0
+    if states["foreign"] and states["foreign"] == states.total():
+        states["nothing"] += 1
+        found = f"nothing was done: all {states['foreign']} files found are of another kind"
+        fail(Job(os.path.commonpath(folders)), found, console)
     return states
 
 
 def counted(states: Counter[State]) -> str:
     """The states of jobs in words, for example "3 made, 1 failed"."""
-    order: tuple[State, ...] = ("made", *_WORDS, "failed")
+    order: tuple[State, ...] = ("made", *_WORDS, "failed")  # "nothing" has been said
     return ", ".join(
         f"{states[state]} {_WORDS.get(state, state)}" for state in order if states[state]
     )
@@ -233,7 +245,8 @@ def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
         return "failed"
     console.error(*result.errors)
     console.say(*result.lines)
-    console.record(source=job.source, ok=True, **result.facts)
+    failed = {"error": "; ".join(result.errors)} if result.errors else {}
+    console.record(source=job.source, ok=not failed, **failed, **result.facts)
     return result.state
 
 
@@ -261,9 +274,9 @@ def fail(job: Job, message: str, console: Console, cause: Exception | None = Non
 def write_report(
     path: Path, make: Callable[[], bytes], console: Console, *, overwrite: bool
 ) -> bool:
-    """Make and write a file about results, which stay if that fails; True if it is there."""
+    """Make and write a text about results, which stay if that fails; True if it is there."""
     try:
-        write_durably(path, make(), overwrite=overwrite)
+        write_durably(path, console.spell(make().decode()).encode(), overwrite=overwrite)
     except Exception as error:  # drawing it may raise anything
         fail(Job(str(path)), reason(error), console, error)
         return False

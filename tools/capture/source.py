@@ -177,8 +177,7 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
         camera, pattern = described(plugged.pattern)
         if plugged.pattern not in (None, pattern):
             raise InputError(
-                f"{source}: the camera says where its filters are; leave `pattern`, `period` and "
-                "`origin` out"
+                f"{source}: the camera says where its filters are; leave `pattern` and `origin` out"
             )
         sensor, notes = _described(options, plugged.layout, plugged.bits, camera, pattern)
         return FrameSource(

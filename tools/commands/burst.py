@@ -16,7 +16,7 @@ from ...shared.errors import InputError
 from ..batch.burst import BurstOrder, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
-from ..batch.jobs import FAILED, Job, possible_jobs
+from ..batch.jobs import FAILED, Job, exit_code, possible_jobs
 from ..batch.run import render_all
 from .options import add, numbers
 from .picture_options import add_picture, add_run, order_fields
@@ -75,4 +75,4 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     job = Job(names[0], (output,), from_folder, tuple(names))
     jobs = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
     states = render_all(order, jobs, console, jobs=1, memory=arguments.max_memory)
-    return FAILED if states["failed"] or not jobs else 0
+    return exit_code(states) if jobs else FAILED

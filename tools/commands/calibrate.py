@@ -116,8 +116,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         check_same(output, old, measurements.base)
     if measurements.base is None or measurements.empty:
         console.note(*measurements.remarks)
-        console.error("no frame could be used, and no camera file was written")
-        return FAILED
+        error = "no frame could be used, and no camera file was written"
+        return _refuse(output, error, console)
     is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)
     if (files["shots"] or lights) and not is_known:
         error = (
@@ -193,6 +193,7 @@ def _write(
     sensor, gamma = calibration.sensor or "unnamed sensor", figures(calibration.gamma)
     described = f"{sensor}, gamma {gamma}, measured: {parts}, id {calibration.id}"
     console.say(f"{output}: {described}; {verdict}")
-    facts = {"verdict": verdict, "warnings": [*result.contradictions, *result.warnings]}
+    warnings = map(console.spell, (*result.contradictions, *result.warnings))
+    facts = {"verdict": verdict, "warnings": [*warnings]}
     console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)
     return FAILED if result.measured.skipped else 0

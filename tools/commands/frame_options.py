@@ -69,7 +69,7 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     exposure = "such as 1/100 or 0.01 (default: as it is set)"
     settings.add_argument("--exposure-time", metavar="SECONDS", type=factor, help=exposure)
     gain = "in the camera's unit, mostly dB (default: as it is set)"
-    settings.add_argument("--gain", metavar="N", type=float, help=gain)
+    settings.add_argument("--gain", metavar="N", type=factor, help=gain)
     rate = "frames a second (default: as it is set)"
     settings.add_argument("--fps", metavar="N", type=amount, help=rate)
 

@@ -17,7 +17,7 @@ from ...shared.networks import network_for
 from ...shared.processors import processors
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
-from ..batch.jobs import FAILED, Job, Outcome, do_jobs, run_jobs
+from ..batch.jobs import FAILED, Job, Outcome, do_jobs, exit_code, run_jobs
 from ..batch.parallel import follow, in_threads
 from ..batch.progress import StageProgress
 from .options import add, add_shots, pixel_limit
@@ -74,7 +74,7 @@ def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
         states = do_jobs(follow(results, jobs, progress), console)
     foreign = f", {states['foreign']} of other programs" if states["foreign"] else ""
     console.say(f"{states['made']} whole, {states['failed']} damaged or unreadable{foreign}")
-    return FAILED if states["failed"] else 0
+    return exit_code(states)
 
 
 def _camera(source: str) -> Contents:

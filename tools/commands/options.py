@@ -71,7 +71,7 @@ def _row_and_column(text: str) -> tuple[int, int]:
 
 count = value(int, "a whole number from 1 on", lambda number: number >= 1)
 natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
-amount = value(float, "a number from 0 on", lambda number: 0 <= number < float("inf"))
+amount = value(_fraction, "a number from 0 on", lambda number: 0 <= number < float("inf"))
 factor = value(_fraction, "a number, or a fraction such as 1/4")
 file_name = value(str, "the name of a file", bool)  # an empty variable of a shell
 letters = value(str, "letters such as RGB", str.isalpha)

@@ -11,7 +11,7 @@ from ..batch.jobs import output_folder
 from ..batch.white_balance import WhiteBalance
 from ..io.formats import FORMATS, OTHER_NAMES
 from ..io.kind import PictureKind
-from .options import add, pixel_limit
+from .options import add, factor, numbers, pixel_limit
 
 
 def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
@@ -29,7 +29,8 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     bits = "bits per sample (default: the usual ones of the format)"
     group.add_argument("--bits", type=int, choices=(8, 16, 32), help=bits)
     lossy = ", ".join(kind.name for kind in kinds if kind.has_quality)
-    add(group, "quality", help=f"for {lossy}: 1 (small) to 100 (default: 95)")
+    quality = f"for {lossy}: 1 (small) to 100 (default: 95; of jxl 100, without loss)"
+    add(group, "quality", help=quality)
     spaces = tuple(dict.fromkeys(space for kind in kinds for space in kind.spaces))
     space = "colour space; camera: scene units (default: the usual one of the format)"
     group.add_argument("--space", choices=spaces, help=space)
@@ -37,13 +38,12 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
         "brighten the picture by this many stops; negative ones darken it, and what is "
         "clipped stays white (default: 0)"
     )
-    group.add_argument("--exposure", metavar="STOPS", type=float, default=0.0, help=exposure)
+    group.add_argument("--exposure", metavar="STOPS", type=factor, default=0.0, help=exposure)
     balance = (
         "white balance: camera (as shot, the default), auto (estimated from the picture), "
         "or multipliers such as 2.1,1,1.6"
     )
-    parse = WhiteBalance.parse
-    group.add_argument("--wb", metavar="BALANCE", type=parse, default="camera", help=balance)
+    group.add_argument("--wb", metavar="BALANCE", type=_balance, default="camera", help=balance)
     add(group, "recalibrate")
     published = "; paper: the published method, literally" if "paper" in presets else ""
     preset = (
@@ -51,6 +51,10 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
         f"colour{published}"
     )
     group.add_argument("--preset", choices=presets, default=presets[0], help=preset)
+
+
+def _balance(text: str) -> WhiteBalance:
+    return WhiteBalance.parse(numbers()(text) if "," in text else text)
 
 
 def _format(name: str) -> str:

@@ -15,7 +15,7 @@ from ...shared.errors import InputError
 from ..batch.cluster import SchedulerGoneError
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
-from ..batch.jobs import FAILED, counted, possible_jobs
+from ..batch.jobs import FAILED, counted, exit_code, possible_jobs
 from ..batch.order import Order
 from ..batch.run import render_all
 from .options import add, add_shots
@@ -58,4 +58,4 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     if len(shots) > 1:
         console.note(counted(states))
-    return FAILED if states["failed"] or len(shots) < len(planned) or not searched else 0
+    return exit_code(states) if searched and len(shots) == len(planned) else FAILED

@@ -42,7 +42,8 @@ def _host_and_port(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon or (":" in host and not host.startswith("[")):
         host, port = text, str(_PORT)
-    return host.strip("[]") or _HOST, int(port)
+    host = host.strip("[]")
+    return _HOST if host in ("", "localhost") else host, int(port)
 
 
 _address = value(_host_and_port, f"an address and a port, such as {_HOST}:{_PORT}")

@@ -110,7 +110,9 @@ class Team:
         measure = partial(work, replace(study, scenes=()), folder.absolute())
         results = self.together("measuring", measure, todo, pixels, scheduler)
         failures = list(dict.fromkeys(line for lines in results for line in lines))
-        self.console.error(*failures)
+        for line in failures:
+            self.console.error(line)
+            self.console.record(source=line.partition(": ")[0], ok=False, error=line)
         return failures
 
     def together(

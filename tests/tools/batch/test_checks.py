@@ -86,7 +86,7 @@ def test_what_does_not_fit_is_refused_with_what_would_be_enough(
     options = f"-f {name} --preset paper --max-memory"
     outcome = run("render", shot, "-o", out, f"{options} {need - 1}")
     enough = format_bytes(need).replace(" ", "").removesuffix("B")
-    assert_refused(outcome, f"set `max_memory={enough}`", name=str(shot))
+    assert_refused(outcome, f"set --max-memory {enough}", name=str(shot))
     assert names(out) == set()
     run("render", shot, "-o", out, f"{options} {-(-need // 2**20)}M", code=0)
 

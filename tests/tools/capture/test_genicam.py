@@ -163,10 +163,10 @@ def test_cameras_are_listed_and_what_they_cannot_do_is_said(plug: Plug, out: Pat
     line = "genicam:Aravis-Fake-GV01  Aravis, Fake, GigEVision, 127.0.0.1\n"
     assert capture(camera, source="genicam:", code=0).out == line
     for wrong, words in (
-        (["--pixel-format", "RGB8"], "'RGB8' cannot be used; choose one with `pixel_format`: Mono"),
-        (["--gain", "-3"], "`gain` is -3; the camera takes 0 to 48"),
-        (["--exposure-time", "1000"], "`exposure_time` is 1000; the camera takes 1e-05 to 10"),
-        (["--size", "64x48"], "`width` does not go with genicam:127.0.0.1: the camera says it"),
+        (["--pixel-format", "RGB8"], "'RGB8' cannot be used; choose one with --pixel-format: Mono"),
+        (["--gain", "-3"], "--gain is -3; the camera takes 0 to 48"),
+        (["--exposure-time", "1000"], "--exposure-time is 1000; the camera takes 1e-05 to 10"),
+        (["--size", "64x48"], "--size does not go with genicam:127.0.0.1: the camera says it"),
     ):
         assert words in capture(camera, "-o", out, *wrong, code=2).err
     refused = capture(camera, "-o", out, source="genicam:another", code=2)

@@ -190,7 +190,7 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     assert results(out) == {f"{STEM}.tif"}
     assert_refused(merged(frames, out, "--dry-run --overwrite", code=1), name=str(cut))
     outcome = merged(frames, out, "--overwrite --reference", cut, code=1)
-    assert_refused(outcome, "name another `reference`", name=str(cut))
+    assert_refused(outcome, "name another --reference", name=str(cut))
 
 
 # --- what is there already -----------------------------------------------------------------------

@@ -140,7 +140,7 @@ def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) ->
     grey = save(tmp_path / "grey.dng", frame(halves))
     dark = folder / "dark0.dng"
     copy = save(tmp_path / "copy.dng", read_dng(dark))
-    said = r"no ColorChecker was found.*give its corners: `corners` x,y x,y x,y x,y\n.*absent.dng"
+    said = r"no ColorChecker was found.*give its corners: --corners x,y x,y x,y x,y\n.*absent.dng"
     for words, why in (
         ([grey, tmp_path / "absent.dng"], said),
         ([grey, *repeated("--dark", (dark, copy))], "copy.dng: it is the same shot as .*dark0.dng"),

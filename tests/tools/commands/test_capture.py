@@ -95,7 +95,7 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     assert {read_dng(path).calibration for path in shots(out)} == {CALIBRATION}
     assert latest.resolve() == shots(out)[-1]
     levels = "black level 256 and white level 4095 are taken"
-    assert f"no `camera`: {levels}, and the white balance is estimated\n" in done.err
+    assert f"no --camera: {levels}, and the white balance is estimated\n" in done.err
     assert done.err.endswith("\n3 saved, 0 dropped\n")
 
 
@@ -116,9 +116,9 @@ def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path) -> None:
     data = 6 * photographed(builtin_scene(*SHOWN[::-1]).rgb, stride=224)
     done = from_recording(data, "-o", out, DESCRIBED, code=1)
     assert f"; run `panchroma identify FRAME {DESCRIBED} --stride 192`" in done.err
-    assert "If the description is right, add `unchecked`" in done.err
+    assert "If the description is right, add --unchecked" in done.err
     done = from_recording(bytes(256 * 96), "-o", out, DESCRIBED, code=2)
-    assert "likely `stride=256`" in done.err
+    assert "likely --stride 256" in done.err
     assert shots(out) == []
     from_recording(data, "-o", out, DESCRIBED, "--unchecked", code=0)
     assert len(shots(out)) == len(data) // (96 * 192)
@@ -130,7 +130,7 @@ def test_the_black_level_of_a_sensor_can_be_stated(out: Path) -> None:
     from_recording(data, "-o", out, DESCRIBED, code=1)
     done = from_recording(data, "-o", out, DESCRIBED, "--black 16", code=0)
     assert read_dng(shots(out)[0]).calibration.black_level == (16.0,) * 4
-    assert "no `camera`: black level 16 and white level 4095 are taken" in done.err
+    assert "no --camera: black level 16 and white level 4095 are taken" in done.err
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_a_signal_ends_a_silent_camera(
     process = start("capture - -o", out, LAYOUT + burst, stdin=subprocess.PIPE)
     process.stdin.buffer.write(frame(0))  # type: ignore[attr-defined]
     process.stdin.flush()
-    assert "no `camera`" in process.stderr.readline()
+    assert "no --camera" in process.stderr.readline()
     assert "the frame " in process.stderr.readline()  # the first has come
     assert burst or "dropped 0" in process.stdout.readline()
     assert ended(process, number, code=code).err == said
@@ -199,7 +199,7 @@ def test_the_camera_file_is_the_calibration_of_shots_of_its_size_alone(
     assert 'take a copy of this one without "size", "shading"' in done.err
     done = from_recording(frame(0), *options, LAYOUT, code=0)
     assert read_dng(shots(out)[0]).calibration == read_camera(file).calibration
-    assert "no `camera`" not in done.err
+    assert "no --camera" not in done.err
 
 
 def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> None:

@@ -84,7 +84,7 @@ def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> No
     light = np.array(record["light"])
     assert np.corrcoef(corners.ravel(), light.ravel())[0, 1] > 0.999
     again = run("identify", "-o", out, tmp_path / "sony.npy")
-    assert "exists already; use `overwrite=True`" in again.errors[0]
+    assert "exists already; use --overwrite" in again.errors[0]
 
 
 def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
@@ -99,8 +99,8 @@ def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("sent", "padding", "described", "words"),
     [
-        ("mono12p", 6, "raw12", "`pixel_format=mono12p` `stride=330`, which shows the tile Sony"),
-        ("u16", 0, "u16be", "`pixel_format=u16`, which shows the tile Sony"),
+        ("mono12p", 6, "raw12", "--pixel-format mono12p --stride 330, which shows the tile Sony"),
+        ("u16", 0, "u16be", "--pixel-format u16, which shows the tile Sony"),
     ],
 )
 def test_another_packing_or_stride_is_named_and_fails(

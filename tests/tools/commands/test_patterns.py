@@ -49,7 +49,7 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
     run("preview", shot, "-o", tmp_path, code=0)
     with Image.open(tmp_path / "bands.jpg") as grey:
         assert np.ptp(np.asarray(grey, int), axis=2).max() <= 2  # nobody knows its colours
-    words = "no colour matrix for the channels VRGNU", '`space="camera"`, as tif, exr or npy'
+    words = "no colour matrix for the channels VRGNU", "--space camera, as tif, exr or npy"
     assert_refused(run("render", shot, "-o", out), *words, name=str(shot))
     refused = run("render", shot, "-f dng -o", tmp_path)
     assert_refused(refused, "has VRGNU; use tif, exr or npy", name=str(shot))

@@ -13,36 +13,43 @@ import pytest
 import tifffile
 
 from panchroma.shared import Camera, CfaPattern, SensorCalibration
-from panchroma.tools.cli import GONE
 from tests.tools.command import contents, run
+from tests.tools.commands.test_spelling import ARGUMENT
 
 FRAMES = "--size 128x96 --pixel-format raw12"
 
 # Wrong arguments: words of the line after that of usage.
 MISSPELT = {
     "": {
-        "rendr shots -o out": "panchroma: error: argument VERB: invalid choice: 'rendr'",
+        "rendr shots -o out": "panchroma: error: there is no verb rendr; did you mean render?",
+        "renderings": "panchroma: error: there is no verb renderings; did you mean render?",
+        "design -o x": "panchroma: error: there is no verb design",
+        "--verbos render": "panchroma: error: there is no option --verbos; did you mean --verbose?",
         "render shots": "panchroma render: error: the following arguments are required:",
-        "demo x.dng": "panchroma: error: unrecognized arguments: x.dng",
-        "design -o x": "there is no verb design any more: panchroma evaluate SCENE",
-        "burst x -o y --report": f"there is no option --report any more: {GONE['--report']}",
-        "evaluate x -o y --show": f"there is no option --show any more: {GONE['--show']}",
-        "simulate x -o y --aberration": GONE["--aberration"],
-        "inspect shot '--\x1b[2J\nall_is_well'": r"arguments: --\x1b[2J all_is_well",
+        "demo x.dng": "panchroma demo: error: unexpected argument: x.dng",
+        "inspect shot '--\x1b[2J\nall_is_well'": r"there is no option --\x1b[2J all_is_well",
+        "render --widht 3": "panchroma render: error: there is no option --widht",
+        "render --exposre x --bits 9": "there is no option --exposre; did you mean --exposure?",
+        "capture --siez": "panchroma capture: error: there is no option --siez; did you mean --size?",
+        "simulate -sigma 1": "simulate: error: there is no option -sigma; did you mean --sigma?",
+        "view --latest x -output x": "there is no option -output; did you mean --output?",
+        "identify --Pixel_Format=raw": "there is no option --Pixel_Format; did you mean --pixel-format?",
+        "calibrate --corner 1,2": "there is no option --corner; did you mean --corners?",
+        "evaluate --sigma x --scence": "panchroma evaluate: error: there is no option --scence",
     },
     "render shots -o out": {
-        "--overwr": "unrecognized arguments: --overwr",  # no abbreviations
+        "--overwr": "there is no option --overwr; did you mean --overwrite?",  # no abbreviations
         "-f pgn": "argument -f/--format: invalid choice: 'pgn'",
     },
 }
 # Command -> what is added to it -> words of the only line that says what is wrong.
 USAGE = {
     "simulate builtin:24x18 -o out": {
-        "--pattern K=2": "`pattern` 'K=2': the tile has no panchromatic pixel",
-        "--sigma -1": "`sigma` is -1.0, expected 0 or more",
-        "--light 2 --sigma 0": "`sigma` and `light` set different kinds of noise; give one of them",
+        "--pattern K=2": "--pattern 'K=2': the tile has no panchromatic pixel",
+        "--sigma -1": "--sigma is -1.0, expected 0 or more",
+        "--light 2 --sigma 0": "--sigma and --light set different kinds of noise; give one of them",
         "--motion 2": "--motion needs --burst",
-        "--burst 99999999999": "`burst` is 99999999999, expected 1 to 1000 frames",
+        "--burst 99999999999": "--burst is 99999999999, expected 1 to 1000 frames",
         "--camera=": "argument --camera: '' is not the name of a file",
         "--burst 2 --motion -1": "argument --motion: '-1' is not a number from 0 on",
         "--burst 2 --bracket 0,x": "--bracket: '0,x' is not a list of numbers with commas",
@@ -56,17 +63,17 @@ USAGE = {
         "--bits 16 --space camera": "tif does not hold camera with 16 bits; it holds",
         "--quality 90": "the quality is 90, but tif is not compressed with loss; use jpg, jxl",
         "-f jpg --quality 0": "the quality is 0, expected 1 to 100",
-        "--wb auto --space camera": "`wb` is no choice here: this is the scene as measured",
-        "--wb daylight": "`wb` is 'daylight', expected camera, auto or multipliers R,G,B",
+        "--wb auto --space camera": "--wb is no choice here: this is the scene as measured",
+        "--wb daylight": "--wb is 'daylight', expected camera, auto or multipliers R,G,B",
         "--wb 2,0,1": "such as 2.1,1,1.6, between 0.001 and 1000",
-        "--exposure 1 --space camera": "`exposure` is 1 stops, but this is the scene as measured",
-        "--exposure 1 -f dng": "`exposure` is 1 stops, but this is the scene as measured",
+        "--exposure 1 --space camera": "--exposure is 1 stops, but this is the scene as measured",
+        "--exposure 1 -f dng": "--exposure is 1 stops, but this is the scene as measured",
         "--jobs 2 --scheduler tcp://a:1": "--jobs cannot be used with a scheduler",
     },
-    "preview shot.dng -o out": {"--scale 0": "`scale` is 0, expected 1 or more"},
+    "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
     "burst frames -o out": {
         "--shifts '0,0 2,0'": "--shifts has 2 places for 3 shots, expected one for each",
-        "--shifts '0,0 nan,0 1,1'": "`shifts` are ((0.0, 0.0), (nan, 0.0)",
+        "--shifts '0,0 nan,0 1,1'": "--shifts are ((0.0, 0.0), (nan, 0.0)",
         "--shifts '0,0 -2,-1e9 1,1'": "expected 1000 pixels at most",
         "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the shots",
     },
@@ -75,25 +82,25 @@ USAGE = {
         "two": "rose-1.dng; name the files of one",
     },
     "capture builtin:64x48@9 -o out": {
-        "--size 64x48": "`width` does not go with builtin:64x48@9",
+        "--size 64x48": "--size does not go with builtin:64x48@9",
         "--size 64": "argument --size: '64' is not a width and a height, such as 4056x3040",
-        "--new": "`new` does not go with builtin:64x48@9: only a folder can already contain frames",
+        "--new": "--new does not go with builtin:64x48@9: only a folder can already contain frames",
         "--burst 2 --frames 2": "--frames does not go with --burst",
-        "--black 0": "`black` does not go with builtin:64x48@9",
-        "--gain 3": "`gain` does not go with builtin:64x48@9",
+        "--black 0": "--black does not go with builtin:64x48@9",
+        "--gain 3": "--gain does not go with builtin:64x48@9",
         "--latest .": "exists and is no link",
         "--camera six.json --pattern K=8": "six.json: the pattern is RGB period 8",
     },
     "capture -o out": {
-        ".": ".: frames have no header; describe them with `width`, `height`, `pixel_format`",
+        ".": ".: frames have no header; describe them with --size, --pixel-format",
         "builtin:64x48": "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS",
         "builtin:4000x3000@9 --burst 999999": "that many frames of 4000 x 3000 need 22351.8 GB",
         "nowhere": "nowhere: is not a folder; SOURCE is such a folder, -, genicam:ID",
-        ". --gain 3": "`gain` does not go with .",
+        ". --gain 3": "--gain does not go with .",
     },
     f"capture . -o out {FRAMES}": {
-        "--black 2048": "`black` is 2048, expected a code from 0 to 2047",
-        "--black 16 --camera camera.json": "`black` does not go with `camera`",
+        "--black 2048": "--black is 2048, expected a code from 0 to 2047",
+        "--black 16 --camera camera.json": "--black does not go with --camera",
     },
     "view builtin:64x48@9": {
         "--latest latest": "--latest needs -o DIR",
@@ -104,7 +111,7 @@ USAGE = {
         "--scale 5": "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6",
     },
     "evaluate builtin:60x60 -o out": {
-        "--sigma 0,-1": "`sigma` is -1.0, expected 0 or more",
+        "--sigma 0,-1": "--sigma is -1.0, expected 0 or more",
         "--max-memory lots": "--max-memory: 'lots' is not a size",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
     },
@@ -185,7 +192,7 @@ FILES = {
         "float.npy": "float.npy: its samples are float32",
         "none.dng": "none.dng: there is no such file",
         "text.json": "a frame without a header needs --size and --pixel-format",
-        "text.json --size 9x9": "describe them with `pixel_format`",
+        "text.json --size 9x9": "describe them with --pixel-format",
     },
 }
 
@@ -233,6 +240,7 @@ def test_it_is_refused(
     outcome = run(*shlex.split(line), code=code)
     *before_it, said = outcome.err.splitlines()
     assert words in said
+    assert not ARGUMENT.search(said)
     assert said.startswith("panchroma")
     program, error, _ = said.partition(": error: ")
     if error:  # of the command line itself

@@ -183,8 +183,9 @@ def render(
     shot : Shot | str | Path
         A `Shot`, or the name of its file.
     preset : str | RenderSettings, optional
-        "best"; "unlearned": best without the network that corrects colour; "paper": the method as
-        published; or settings of your own, such as dataclasses.replace(offline.BEST, ...).
+        "best"; "unlearned": best without the networks that correct luminance and colour; "paper":
+        the method as published; or settings of your own, such as
+        dataclasses.replace(offline.BEST, ...).
     wb : str | Sequence[float], optional
         White balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or
         multipliers (2.1, 1, 1.6); it does not change `Picture.rgb`.
