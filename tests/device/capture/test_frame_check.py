@@ -27,7 +27,7 @@ TWO_BLOCKS = CfaPattern.of_letters(
     "RGWWWWWW/GBWWWWWW/WWWWWWWW/WWWWWWWW/WWWWBGWW/WWWWGRWW/WWWWWWWW/WWWWWWWW", (3, 1)
 )
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG")
-PLACE = "the colour sites are not where `pattern`, `period` and `origin` say"
+PLACE = "the colour sites are not where `pattern` and `origin` say"
 OPEN = "the frame does not show whether size, format and pattern are right"
 
 
