@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 _refuse_misspelt(own, words, options)
                 parsed, unexpected = parser.parse_known_args(arguments)
                 if unexpected:
-                    own.error(f"unexpected argument: {unexpected[0]}")
+                    own.error(f"unexpected argument: {unexpected[0]!r}")
                 console.json = getattr(parsed, "json", False)
                 console.quiet, console.verbose = parsed.quiet, parsed.verbose
                 note_warnings(console.note)

@@ -26,7 +26,7 @@ MISSPELT = {
         "design -o x": "panchroma: error: there is no verb design",
         "--verbos render": "panchroma: error: there is no option --verbos; did you mean --verbose?",
         "render shots": "panchroma render: error: the following arguments are required:",
-        "demo x.dng": "panchroma demo: error: unexpected argument: x.dng",
+        "demo x.dng": "panchroma demo: error: unexpected argument: 'x.dng'",
         "inspect shot '--\x1b[2J\nall_is_well'": r"there is no option --\x1b[2J all_is_well",
         "render --widht 3": "panchroma render: error: there is no option --widht",
         "render --exposre x --bits 9": "there is no option --exposre; did you mean --exposure?",
