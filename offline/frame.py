@@ -397,6 +397,18 @@ class Cleaned:
         """The weights of Eq. 7, (C,)."""
         return np.array(self.mosaic.calibration.gamma)
 
+    def colour_gains(self, rows: slice, channels: IndexArray) -> NDArray[Any]:
+        """Gains by which samples of some channels in rows of whole blocks have the shading of
+        panchromatic ones, float64 (rows, columns, channels); (1,) where there is no shading.
+        """
+        if self.shading is None:
+            return np.ones(1)
+        place = self.sites.at(rows)[0]
+        *gains, panchromatic = (
+            self.shading.of_plane(self.mosaic.shape, plane, *place) for plane in (*channels, -1)
+        )
+        return np.stack(gains, axis=2, dtype=np.float64) / panchromatic[..., None]
+
     def with_samples(self, signal: FloatArray) -> "Cleaned":
         """The frame with other samples, which become read-only."""
         signal.flags.writeable = False

@@ -20,8 +20,10 @@ blocks: none measures its light or its colour. Such places are lost, and the ren
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
 from ...shared.mosaic import Mosaic
@@ -105,8 +107,9 @@ def restore_highlights(
     def restore(rows: slice) -> None:
         means = sites.means(samples[rows])
         measured = means.take(read, axis=2)
-        clipped = clipped_share(measured, clipping, settings.shoulder)
-        measured = raised_to_white(measured, clipped, clipping, neutral[read])
+        limits: NDArray[Any] = clipping * frame.colour_gains(rows, read)
+        clipped = clipped_share(measured, limits, settings.shoulder)
+        measured = raised_to_white(measured, clipped, limits, neutral[read])
         # a channel without sites: as in white of the mean brightness of the others
         raised = neutral * (measured / neutral[read]).mean(axis=2, keepdims=True)
         raised[..., read] = measured

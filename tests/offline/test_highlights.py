@@ -17,6 +17,7 @@ from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 from tests.offline.stage_tests import StageTests
+from tests.scenes import darker_corners
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0
@@ -68,6 +69,24 @@ def pictures(mosaic: Mosaic, stops: float) -> tuple[FloatArray, FloatArray]:
     return display.apply(display.whitened(rendering.rgb, rendering.lost), stops), display.apply(
         rendering.rgb, stops
     )
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.3])
+def test_burnt_light_is_white_and_lost_where_filters_are_shaded_differently(colour: float) -> None:
+    shape = 120, 180
+    camera = SensorCalibration.of_bits(
+        12, headroom=False, neutral=NEUTRAL, shading=darker_corners(shape, colour=colour)
+    )
+    scene = np.full((*shape, 3), 0.2, np.float32)
+    corner, inside = np.s_[4:40, 4:40], np.s_[9:35, 9:35]
+    scene[corner] = np.array(NEUTRAL) * 40
+    taken = simulate_sensor(scene, SPARSE[1], camera, 1.0, np.random.default_rng(0))
+    rendering = render(taken, BEST)
+    white = rendering.rgb[inside] / NEUTRAL
+    assert white.min() > 3
+    assert np.abs(white / white.mean(axis=2, keepdims=True) - 1).max() < 0.01
+    assert rendering.lost is not None
+    assert np.median(rendering.lost[inside]) == 255
 
 
 class TestHighlights(StageTests):
