@@ -225,7 +225,11 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     mean, contrast = _means(weight, _WIDE, np.clip(difference, -cap, cap), contrast)
     scatter = DEVIATIONS**2 * _noise_left(_WIDE) * noise
     np.maximum(largest, mean * mean / (_FAR**2 * contrast + even + scatter + TINY), out=largest)
-    down, across = (np.asarray(slope, np.float32) for slope in np.gradient((r + f) / 2))
+    # nothing slopes across a single row or column
+    down, across = (
+        np.gradient((r + f) / 2, axis=axis) if size > 1 else np.zeros_like(r)
+        for axis, size in enumerate(r.shape)
+    )
     products = down * difference, across * difference
     dd, da, aa, d, a = _means(
         weight, _SHIFTED, down * down, down * across, across * across, *products

@@ -8,7 +8,9 @@ gives local shifts.
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from threading import Lock
 from typing import Any, NamedTuple
 
 import cv2
@@ -16,6 +18,7 @@ import numpy as np
 
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.calibration import NoiseModel
+from ...shared.processors import threads
 from ..numerics.gaussian import smoothed
 from .motion import Motion, displaced
 
@@ -110,6 +113,22 @@ class Alignment:
     agreement: float = 1.0
 
 
+_opencv = Lock()  # has one number of threads for all threads of the program
+
+
+@contextmanager
+def _opencv_threads() -> Iterator[None]:
+    """Let OpenCV use `threads()` threads; then it has the number that it had."""
+    with _opencv:
+        before = cv2.getNumThreads()
+        cv2.setNumThreads(threads())
+        try:
+            yield
+        finally:
+            cv2.setNumThreads(before)
+
+
+@_opencv_threads()
 def align(reference: View, frame: View) -> Alignment | str:
     """Find the motion of a frame, compared with the reference.
 

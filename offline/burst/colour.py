@@ -20,6 +20,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
 from ...shared.arrays import ByteArray, FloatArray, IndexArray
+from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.gaussian import smoothed
@@ -236,10 +237,13 @@ class Spreading(RowStage):
         Of all frames.
     measured : Measured
         The reference.
+    progress : Progress
+        Hears what the solver did.
     """
 
     samples: ColourSamples
     measured: Measured
+    progress: Progress = SILENT
 
     name = "samples"
     kernels = ("solve_tiles",)
@@ -276,7 +280,7 @@ class Spreading(RowStage):
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = fitted(part.luminance, samples, prior, extent, "samples")
+        fields = fitted(part.luminance, samples, prior, extent, "samples", self.progress)
         fields = np.moveaxis(fields, 0, 2)
         light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)
@@ -297,13 +301,16 @@ def samples_of(
         (N,), of each.
     """
     rows, columns = part.luminance.shape
-    places = (samples.places[near] - (part.first, 0)).clip(0, (rows - 1, columns - 1))
-    first = np.minimum(places.astype(np.intp), (rows - 2, columns - 2))
-    (down, across), corner = (places - first).T, first @ (columns, 1)
+    last = rows - 1, columns - 1
+    places = (samples.places[near] - (part.first, 0)).clip(0, last)
+    first = places.astype(np.intp)
+    (down, across), (top, left) = (places - first).T, first.T
+    bottom, right = np.minimum(first + 1, last).T
     shares = np.stack(
         [(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1
     )
-    pixels = corner[:, None] + (0, 1, columns, columns + 1)
+    corners = [(top, left), (top, right), (bottom, left), (bottom, right)]
+    pixels = np.stack([columns * row + column for row, column in corners], axis=1)
     channels = samples.channels[near].astype(np.intp)
     colour = (
         part.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares

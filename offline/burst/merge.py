@@ -212,12 +212,13 @@ def _start(frames: Frames, area: Area, core: Area, noise_ratio: Floats2, extents
 @kernel
 def _measured(panchromatic: Bools2, y: float, x: float) -> float:
     """Share of the light interpolated at a place of a frame that is measured there, 0 to 1."""
-    y = min(max(y, 0.0), panchromatic.shape[0] - 1.001)
-    x = min(max(x, 0.0), panchromatic.shape[1] - 1.001)
+    height, width = panchromatic.shape
+    y, x = min(max(y, 0.0), height - 1.0), min(max(x, 0.0), width - 1.0)
     top, left = int(y), int(x)
+    bottom, right = min(top + 1, height - 1), min(left + 1, width - 1)
     down, across = y - top, x - left
-    upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, left + 1]
-    lower = (1 - across) * panchromatic[top + 1, left] + across * panchromatic[top + 1, left + 1]
+    upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, right]
+    lower = (1 - across) * panchromatic[bottom, left] + across * panchromatic[bottom, right]
     light: float = (1 - down) * upper + down * lower
     return light
 
@@ -303,9 +304,10 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
 @kernel
 def _splat(plane: Floats2, y: Scalar, x: Scalar, value: Scalar) -> None:
     """Add a value to the four places around (y, x)."""
-    top, left = min(int(y), plane.shape[0] - 2), min(int(x), plane.shape[1] - 2)
+    top, left = int(y), int(x)
+    bottom, right = min(top + 1, plane.shape[0] - 1), min(left + 1, plane.shape[1] - 1)
     down, across = y - np.float32(top), x - np.float32(left)
     plane[top, left] += (_ONE - down) * (_ONE - across) * value
-    plane[top, left + 1] += (_ONE - down) * across * value
-    plane[top + 1, left] += down * (_ONE - across) * value
-    plane[top + 1, left + 1] += down * across * value
+    plane[top, right] += (_ONE - down) * across * value
+    plane[bottom, left] += down * (_ONE - across) * value
+    plane[bottom, right] += down * across * value

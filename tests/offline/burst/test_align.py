@@ -3,11 +3,14 @@ refused.
 """
 
 import sys
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from panchroma.offline import threads, use_threads
 from panchroma.offline.burst import Alignment, Motion, View, align
 from panchroma.offline.settings import BEST
 from panchroma.offline.stages.luminance import recover_luminance
@@ -95,6 +98,36 @@ def test_what_moves_does_not_pull() -> None:
     found = aligned(reference, frame)
     assert error(found.motion, MOVED).max() < 2 * BETWEEN
     assert 0.5 < found.agreement < 0.9
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_opencv_has_the_threads_of_the_render_and_then_its_own_again(
+    count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, interrupted, before, own = list[int](), list[bool](), threads(), cv2.getNumThreads()
+    search = cv2.findTransformECC
+
+    def noting(*arguments: Any) -> Any:
+        found.append(cv2.getNumThreads())
+        if interrupted:
+            raise KeyboardInterrupt
+        return search(*arguments)
+
+    monkeypatch.setattr(cv2, "findTransformECC", noting)
+    cv2.setNumThreads(3)
+    use_threads(count)
+    views = View(seen(Motion())), View(seen(Motion((1.3, -0.4))))
+    try:
+        align(*views)
+        assert cv2.getNumThreads() == 3
+        interrupted.append(True)
+        with pytest.raises(KeyboardInterrupt):
+            align(*views)
+        assert cv2.getNumThreads() == 3
+    finally:
+        use_threads(before)
+        cv2.setNumThreads(own)
+    assert set(found) == {count}
 
 
 @pytest.mark.parametrize("gain", [4.0, 0.25])

@@ -191,6 +191,27 @@ def test_one_frame_alone_is_a_single_render() -> None:
         assert np.abs(found - render(frame, settings).rgb).max() < rounding
 
 
+@pytest.mark.parametrize("shape", [(1, 40), (40, 1), (1, 9), (9, 1), (2, 3), (13, 2), (3, 30)])
+@pytest.mark.parametrize("block", [("RGB",), ("R", "G", "B"), ("G",)])
+def test_frames_of_few_rows_or_columns_are_merged(
+    shape: tuple[int, int], block: tuple[str, ...]
+) -> None:
+    pattern = CfaPattern.with_block(block, 4)
+    size = len(block), len(block[0])
+    if any(side < least for side, least in zip(shape, size, strict=True)):
+        with pytest.raises(InputError):
+            Mosaic(np.ones(shape, np.float32), pattern, SensorCalibration(pattern.channels))
+        return
+    frames = shots(0.01, [Motion()] * 3, pattern, shape)
+    alone = picture(merge_burst(frames[:1]))
+    assert np.abs(alone - render(frames[0]).rgb).max() < ROUNDING_IN_STEPS
+    for shift in ((0.0, 0.0), (0.6, -0.4)):
+        motions = [Motion(), Motion(shift), Motion()]
+        found = picture(merge_burst(frames, reference=0, motions=motions))
+        assert found.shape == alone.shape
+        assert np.abs(found).max() < 10
+
+
 def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
     frames = shots(0.01, MOTIONS[:3], shape=(160, 220))  # more than `LITTLE` pixels
     results = [picture(merge_burst(frames)) for _ in each_thread_count]
@@ -247,7 +268,7 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
     for module in ("panchroma.offline.numerics.linked", "panchroma.offline.stages.affinity"):
-        monkeypatch.setattr(f"{module}.check_convergence", lambda *_: None)
+        monkeypatch.setattr(f"{module}.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))
 
