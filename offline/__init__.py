@@ -7,6 +7,7 @@ from .ahead import compile_kernel, kernels_to_compile
 from .measured import Measured
 from .memory import rendering_memory
 from .numerics.compile import compilation, kernel_cache
+from .numerics.solvers import Solved, SolverLog
 from .parts import Halo, Part, RowStage
 from .render import (
     Rendering,
@@ -20,19 +21,22 @@ from .render import (
     row_stages,
     warm_up,
 )
-from .settings import BEST, PAPER, PRESETS, RenderSettings
+from .settings import BEST, PAPER, PRESETS, UNLEARNED, RenderSettings
 from .stages.colour_network import network_name
 
 __all__ = [
     "BEST",
     "PAPER",
     "PRESETS",
+    "UNLEARNED",
     "Halo",
     "Measured",
     "Part",
     "RenderSettings",
     "Rendering",
     "RowStage",
+    "Solved",
+    "SolverLog",
     "Stages",
     "available_threads",
     "clean_frame",

@@ -19,6 +19,7 @@ DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No
 photograph changes.
 """
+_ROUNDING = 1e-4  # of the largest value: what a filter may differ by from band to band
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +149,12 @@ class RowStage(Protocol):
 
 
 def run_stages(
-    parts: Iterable[Part], stages: Iterable[RowStage], height: int, progress: Progress = SILENT
+    parts: Iterable[Part],
+    stages: Iterable[RowStage],
+    height: int,
+    progress: Progress = SILENT,
+    *,
+    check_halos: bool = False,
 ) -> Iterable[Part]:
     """Lead a picture that arrives in parts, from top to bottom, through the stages.
 
@@ -156,6 +162,9 @@ def run_stages(
     ----------
     height : int
         Its rows.
+    check_halos : bool, optional
+        Raise InputError if a stage of one's own depends on more rows than its halo has: each part
+        is made a second time, in two halves. It cannot tell from less than two rows.
 
     Examples
     --------
@@ -171,14 +180,19 @@ def run_stages(
     [0.25, 0.25]
     """
     for stage in stages:
-        parts = apply_stage(parts, stage, height, progress)
+        parts = apply_stage(parts, stage, height, progress, check_halos=check_halos)
     return parts
 
 
 def apply_stage(
-    parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT
+    parts: Iterable[Part],
+    stage: RowStage,
+    height: int,
+    progress: Progress = SILENT,
+    *,
+    check_halos: bool = False,
 ) -> Iterator[Part]:
-    """The picture after one stage, part by part.
+    """The picture after one stage, part by part; see `run_stages`.
 
     Raises
     ------
@@ -189,7 +203,30 @@ def apply_stage(
     for part, rows in regroup(parts, height, stage.halo):
         progress.part(stage.name)
         made = stage(part, rows)
-        yield made if ours else _checked(made, f"the stage {stage.name!r} returned", part, rows)
+        if not ours:
+            made = _checked(made, f"the stage {stage.name!r} returned", part, rows)
+            if check_halos:
+                _check_halo(stage, part, made)
+        yield made
+
+
+def _check_halo(stage: RowStage, part: Part, made: Part) -> None:
+    """Raise InputError if a stage makes other rows of a part that is cut in the middle, as far from
+    there as its halo says.
+    """
+    radius, alignment, offset = stage.halo
+    middle = offset + ((made.first + made.end) // 2 - offset) // alignment * alignment
+    upper = made.first, middle, part.first, min(middle + radius, part.end)
+    lower = middle, made.end, max(middle - radius, part.first), part.end
+    for first, end, *cut in (upper, lower) if made.first < middle < made.end else ():
+        again = dict(stage(part.rows(*cut), (first, end))._planes())
+        for name, plane in made.rows(first, end)._planes():
+            apart = np.abs(again[name] - plane).reshape(end - first, -1).max(axis=1)
+            if apart.max() > _ROUNDING * max(float(np.abs(plane).max()), DARK):
+                raise InputError(
+                    f"the stage {stage.name!r} looks farther than its {stage.halo}: {name} in row "
+                    f"{first + int(apart.argmax())} depends on rows beyond; state a larger radius"
+                )
 
 
 def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> Part:

@@ -6,8 +6,8 @@ in `row_stages` alone; those that look at the whole frame return what they got w
 do not use them.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from ..shared.progress import SILENT, Progress
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
 from .numerics.pieces import copy_together
+from .numerics.solvers import Solved, SolverLog
 from .parts import Halo, Part, RowStage, run_stages
 from .settings import BEST, RenderSettings
 from .stages.chromaticity import estimate_chromaticities
@@ -46,7 +47,7 @@ from .units import check_finite, check_frames
 KERNELS = ("apply_luminance",)
 """Kernels that the page itself calls."""
 
-Stages = Callable[[Measured, RenderSettings], list[RowStage]]
+Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
 """Makes the list of stages in rows, as `row_stages` does."""
 
 
@@ -63,6 +64,13 @@ class Rendering:
         float32 (H, W), what a panchromatic pixel reads at every place.
     chromaticity : FloatArray
         float32 (H, W, C), sum_i gamma_i chromaticity_i = 1.
+    solvers : Mapping[str, Solved]
+        Iterations and residual of each iterative solver, the worst of all parts of the frame:
+        "luminance" (Eqs. 3-5), residual: largest change of a sample in the last iteration, scene
+        units; "medians" (end of section 3.2), residual: share of the rows of blocks that the last
+        iteration still changed, 0 to 1; "affinity" (Eqs. 11-13), residual: norm of the residual
+        relative to the right-hand side; "pinning" (scattered colour sites) and "samples" (bursts),
+        residual: the same, scaled by the diagonal.
     lost : ByteArray | None
         uint8 (H, W), where a clipped shot does not tell how bright it was, nor of which colour: a
         picture to look at is white there. 255 = nothing is known; None = all is known.
@@ -76,17 +84,27 @@ class Rendering:
     >>> rendering = render(mosaic)
     >>> rendering.luminance.shape, rendering.chromaticity.shape
     ((24, 24), (24, 24, 3))
+    >>> rendering.solvers["affinity"].residual <= 3e-3
+    True
     """
 
     rgb: FloatArray
     luminance: FloatArray
     chromaticity: FloatArray
+    solvers: Mapping[str, Solved] = field(default_factory=dict)
     lost: ByteArray | None = None
 
 
-def row_stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
+def row_stages(
+    measured: Measured, settings: RenderSettings, progress: Progress = SILENT
+) -> list[RowStage]:
     """The stages that make a picture of what was measured, in their order. Every choice among them
     is made here.
+
+    Parameters
+    ----------
+    progress : Progress, optional
+        Hears what their solvers did.
 
     Examples
     --------
@@ -99,7 +117,7 @@ def row_stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
     """
     samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage | None] = [
-        Propagation(measured, settings.affinity, settings.propagation),  # c, Eqs. 10-14
+        Propagation(measured, settings.affinity, settings.propagation, progress),  # c, Eqs. 10-14
         # c+, Eqs. 15-16
         Refinement(measured, settings.refinement) if settings.refinement.used else None,
     ]
@@ -110,7 +128,7 @@ def row_stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
             if lines is not None and settings.lines.used
             else None,
             SiteResidual(samples, gamma),
-            Pinning(measured, samples) if pinned else None,
+            Pinning(measured, samples, progress) if pinned else None,
             Correction(samples, gamma) if settings.correction.used and not pinned else None,
             ColourNetwork(network, samples, gamma)
             if settings.learned.used and (network := network_for(measured.pattern))
@@ -126,6 +144,8 @@ def render(
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
+    *,
+    check_halos: bool = False,
 ) -> Rendering:
     """Reconstruct every channel at every pixel.
 
@@ -134,6 +154,8 @@ def render(
     stages : Stages, optional
         Makes the list of stages in rows; by default `row_stages`. One's own may add to that list,
         replace in it, or leave out.
+    check_halos : bool, optional
+        Refuse stages of one's own that look farther than their halo; see `run_stages`.
 
     Raises
     ------
@@ -154,16 +176,17 @@ def render(
     (30, 40, 3)
     >>> without_the_last = render(grey, stages=lambda *given: row_stages(*given)[:-1])
     """
-    measured = measure(mosaic, settings, progress)
+    log = SolverLog(progress)
+    measured = measure(mosaic, settings, log)
     luminance = np.empty(mosaic.shape, np.float32)
     chromaticity = np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
     rgb = np.empty_like(chromaticity)
-    for part in render_parts(measured, settings, progress, stages):
+    for part in render_parts(measured, settings, log, stages, check_halos=check_halos):
         rows = slice(part.first, part.end)
         _apply_luminance(part, rgb[rows])
         planes = (luminance, part.luminance), (chromaticity, part.chromaticity)
         copy_together([(plane[rows], source) for plane, source in planes])
-    return Rendering(rgb, luminance, chromaticity, measured.lost)
+    return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost)
 
 
 def render_bands(
@@ -173,8 +196,9 @@ def render_bands(
     bands float32 (rows, W, C).
 
     Memory: about 11 bytes per pixel while luminance is measured, then 5 (luminance, block samples);
-    all else exists for one band at a time (see `rendering_memory`). Call `measure`
-    and `colour_bands` instead of this to learn which light is lost (`Measured.lost`).
+    all else exists for one band at a time (see `rendering_memory`). Wrap `progress` in a
+    `SolverLog` to learn what the solvers did. Call `measure` and `colour_bands` instead of this to
+    learn which light is lost (`Measured.lost`).
 
     Examples
     --------
@@ -283,7 +307,7 @@ def clean_frame(
     >>> bool((clean_frame(grey).signal == grey.signal).all())
     True
     """
-    check_frames([mosaic])
+    check_frames([mosaic], settings)
     # No name keeps the samples with their defects while highlights are restored, which needs the
     # most memory.
     return restore_frame(
@@ -347,9 +371,14 @@ def estimate_colour(
     Parameters
     ----------
     luminance : FloatArray
-        (H, W), filled in and denoised, scene units.
+        (H, W), filled in and denoised, scene units; as float32 it is not copied.
     others : BurstEvidence | None, optional
         What the other frames of a burst know.
+
+    Raises
+    ------
+    InputError
+        For luminance of another shape, or that is not finite.
 
     Examples
     --------
@@ -360,6 +389,7 @@ def estimate_colour(
     >>> estimate_colour(clean_frame(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
     3
     """
+    luminance = _checked_luminance(luminance, frame.mosaic.shape)
     sums, alone = others or (None, None)
     # c_j, Eqs. 6-9
     blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)
@@ -375,20 +405,32 @@ def estimate_colour(
     return replace(measured, luminance=luminance, samples=samples)
 
 
+def _checked_luminance(luminance: FloatArray, shape: tuple[int, int]) -> FloatArray:
+    """Luminance of one's own as kernels take it."""
+    values = np.asarray(luminance)
+    if values.shape != shape or values.dtype.kind not in "fiu":
+        raise InputError(f"luminance is {values.dtype} {values.shape}, expected float32 {shape}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = np.require(values, np.float32, ["C", "W"])
+        total = values.sum(dtype=np.float64)
+    if not np.isfinite(total):
+        raise InputError("luminance holds values that are not finite (NaN or infinite)")
+    return values
+
+
 def render_parts(
     measured: Measured,
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
+    *,
+    check_halos: bool = False,
 ) -> Iterator[Part]:
     """The picture of what was measured, in parts, in scene units."""
-    made = _make_stages(stages, measured, settings)
+    made = _make_stages(stages, measured, settings, progress)
     coloured = any(isinstance(stage, Propagation) for stage in made)
-    return iter(
-        run_stages(
-            _grey_parts(measured, progress, whole=not coloured), made, measured.shape[0], progress
-        )
-    )
+    grey = _grey_parts(measured, progress, whole=not coloured)
+    return iter(run_stages(grey, made, measured.shape[0], progress, check_halos=check_halos))
 
 
 def _grey_parts(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Part]:
@@ -411,7 +453,9 @@ def _apply_luminance(part: Part, rgb: FloatArray) -> FloatArray:
     return rgb
 
 
-def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings) -> list[RowStage]:
+def _make_stages(
+    stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress
+) -> list[RowStage]:
     """The list that `stages` makes. Raises InputError if it is no function, or makes something else
     than stages.
     """
@@ -420,7 +464,7 @@ def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings) -
             f"stages is {type(stages).__name__}, expected a function that makes a list, as "
             "offline.row_stages"
         )
-    made = stages(measured, settings)
+    made = stages(measured, settings, progress)
     if not isinstance(made, list | tuple):
         raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
     for stage in made:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .stage import Switch
+from .stage import Switch, check_settings
 from .stages.affinity import AffinitySettings
 from .stages.chromaticity import ChromaticitySettings
 from .stages.colour_lines import LinesSettings
@@ -54,6 +54,10 @@ class RenderSettings:
     correction: Switch = Switch()
     pinning: Switch = Switch()
     learned: Switch = Switch()
+
+    def __post_init__(self) -> None:
+        """See `check_settings`."""
+        check_settings(self)
 
     @property
     def asks_for_codes(self) -> bool:

@@ -12,20 +12,26 @@ import numpy as np
 
 from ..shared.arrays import FloatArray
 from ..shared.errors import InputError, RangeError
+from ..shared.figures import shown
 from ..shared.mosaic import Mosaic
+from .settings import RenderSettings
 
 _FARTHEST = 2.0**10
 """Times white, or a fraction of it: the brightest sample of a frame in scene units lies within."""
 
 
-def check_frames(mosaics: Sequence[Mosaic]) -> None:
-    """Raise InputError for frames without a panchromatic pixel, and for those of floating point
-    that are not in scene units.
+def check_frames(mosaics: Sequence[Mosaic], settings: RenderSettings) -> None:
+    """Raise InputError for frames without a panchromatic pixel, for those of floating point that
+    are not in scene units, and for settings that are none.
 
     The message says by what to scale the latter. Codes always are: their calibration says what they
     mean, and a lens cap makes frames as dark as can be. So a dark frame is taken if its brightest
     sample is half a code of its sensor, and a black one too.
     """
+    if not isinstance(settings, RenderSettings):
+        raise InputError(
+            f"settings is {shown(settings)}, expected RenderSettings, such as offline.PAPER"
+        )
     for pattern, (height, width) in ((mosaic.pattern, mosaic.shape) for mosaic in mosaics):
         if not pattern.panchromatic_mask(
             (min(height, pattern.period), min(width, pattern.period))

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 
+from ...shared.errors import InputError
 from .frames import RawFrame
 
 _POLL = 0.1  # seconds between two calls of `stopped`, and from the last frame to the end
@@ -23,13 +24,18 @@ class FrameQueue:
     frames : Iterable[RawFrame]
         The source.
     depth : int
-        Number of frames that may wait. When one more arrives, the oldest is dropped whole: pictures
-        stay close to the present, and memory holds at most `depth` + 2 frames (one arriving, one in
-        use).
+        Number of frames that may wait, 1 or more. When one more arrives, the oldest is dropped
+        whole: pictures stay close to the present, and memory holds at most `depth` + 2 frames (one
+        arriving, one in use).
     wait : bool, optional
         Let the source wait instead of dropping frames; for a recording.
     stopped : Callable[[], bool], optional
         Returns True to end before the next frame; polled every 0.1 s.
+
+    Raises
+    ------
+    InputError
+        For a depth below 1, with which no frame would ever be dropped.
     """
 
     def __init__(
@@ -40,6 +46,8 @@ class FrameQueue:
         wait: bool = False,
         stopped: Callable[[], bool] = lambda: False,
     ) -> None:
+        if depth < 1:
+            raise InputError(f"`depth` is {depth}, expected 1 or more")
         self.dropped = 0
         self._frames: queue.Queue[RawFrame] = queue.Queue(depth)
         self._wait, self._stopped = wait, stopped

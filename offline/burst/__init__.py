@@ -118,7 +118,7 @@ def merge_burst(
     copied = copies(frames, reference)
     distinct = [number for number in range(len(frames)) if number not in copied]
     shots = [frames[number] for number in distinct]
-    check_frames(shots)
+    check_frames(shots, settings)
     first = None if reference is None else distinct.index(reference)
     comparison = compare_frames(
         shots, settings, progress, first, motions and [motions[number] for number in distinct]
@@ -152,10 +152,10 @@ def render_burst_bands(
         Rather than yield a value that is not finite.
     """
 
-    def stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
-        stages = row_stages(measured, settings)
+    def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
+        stages = row_stages(measured, settings, progress)
         place = len(stages) - isinstance(stages[-1], ShadingCorrection)  # shading is undone last
-        stages.insert(place, Spreading(merged.samples, measured))
+        stages.insert(place, Spreading(merged.samples, measured, progress))
         return stages
 
     return colour_bands(merged.measured, settings, progress, stages)

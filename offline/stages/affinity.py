@@ -30,6 +30,7 @@ import numpy as np
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
+from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import (
@@ -44,11 +45,14 @@ from ..numerics.conjugate_gradients import (
 )
 from ..numerics.functions import exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
-from ..numerics.solvers import check_convergence
+from ..numerics.solvers import report
 from ..stage import Between, Count, Range, StageSettings
 from ..tiling import HALO, core_patches, domain_places, patches_of
 
-_SCALES = Range(lambda value: min(value, default=0) > 0, "one or more positive scales")
+_SCALES = Range(
+    lambda value: min(value, default=0) > 0 and max(value) <= 64,
+    "one or more scales, each more than 0, 64 at most",
+)
 CLASSES = 4
 """Parities of block row and column: the blocks around a pixel are one of each."""
 _SOLVED = CLASSES - 1
@@ -151,6 +155,7 @@ def solve_affinities(
     pattern: CfaPattern,
     settings: AffinitySettings,
     rows: tuple[int, int] | None = None,
+    progress: Progress = SILENT,
 ) -> FloatArray:
     """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks with
     row parity p, column parity q.
@@ -183,7 +188,7 @@ def solve_affinities(
     limits = Limits(settings.tolerance, settings.iterations)
     pins = _pins(pattern, grid, (along + 2 * HALO) * period)
     solve_regions(Frame(luminance, *places), regions, pins, filters, limits, solutions)
-    check_convergence("affinity", solutions.used, solutions.residuals, settings.tolerance)
+    report(progress, "affinity", solutions.used, solutions.residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
 

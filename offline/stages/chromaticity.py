@@ -31,7 +31,7 @@ from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import ORIENTATIONS, mirrored
 from ..numerics.gaussian import smoothed
 from ..numerics.pieces import BLOCK_ROWS, in_strips
-from ..stage import CountOrNone, Finite, Range, StageSettings
+from ..stage import CountOrNone, NotNegative, Range, StageSettings
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ class ChromaticitySettings(StageSettings):
         Length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
     repetitions : CountOrNone
         Largest number of repetitions of the medians ("till convergence" in the paper).
-    detail : Finite
+    detail : NotNegative
         How much of what the medians removed is returned where blocks add up to their luminance, 0
         or more; 0 = nothing.
     """
 
     taps: Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
     repetitions: CountOrNone = 20
-    detail: Finite = 0.0
+    detail: NotNegative = 0.0
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -188,16 +188,17 @@ def oriented_medians(
         Largest number of repetitions.
     """
     (rows, columns), half = chromaticity.shape[:2], taps // 2
+    iterations = 0
     wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (half, half)), mode=BORDER)
     before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
     after = np.empty_like(before)
-    for _ in range(repetitions):
-        if not changed.any():
-            break
+    while iterations < repetitions and changed.any():
         changes = np.zeros_like(changed)
         oriented_median(before, after, taps, changed, changes)
         before, after, changed = after, before, changes
+        iterations += 1
         progress.advance()
+    progress.solved("medians", iterations, float(changed.mean()))
     return np.ascontiguousarray(before[:, :, half : half + columns].transpose(1, 2, 0))
 
 

@@ -54,8 +54,8 @@ class PoolingPass(NamedTuple):
     Attributes
     ----------
     blur : float
-        Standard deviation of the Gaussian that smooths the chromaticities compared, blocks, 0 or
-        more.
+        Standard deviation of the Gaussian that smooths the chromaticities compared, blocks, 0 to
+        64.
     tolerance : float
         Squared difference that chromaticities may have, as a multiple of the variance that noise
         has left in them, > 0.
@@ -70,10 +70,10 @@ class PoolingPass(NamedTuple):
 
 _PASSES = Range(
     lambda passes: all(
-        len(step) == 3 and step[0] >= 0 and step[1] > 0 and 1 <= step[2] <= WIDEST_WINDOW
+        0 <= step[0] <= WIDEST_WINDOW and step[1] > 0 and 1 <= step[2] <= WIDEST_WINDOW
         for step in passes
     ),
-    "for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to "
+    f"for each pass a blur, 0 to {WIDEST_WINDOW}, a tolerance, more than 0, and a radius, 1 to "
     f"{WIDEST_WINDOW}",
 )
 

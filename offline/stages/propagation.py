@@ -16,12 +16,13 @@ import numpy as np
 
 from ...shared.arrays import FloatArray
 from ...shared.pattern import CfaPattern
+from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import unset
 from ..parts import Halo, Part, RowStage
-from ..stage import Finite, StageSettings
+from ..stage import NotNegative, StageSettings
 from ..tiling import core_patches, domain_places, patches_of
 from .affinity import CLASSES, AffinitySettings, solve_affinities
 
@@ -36,8 +37,8 @@ class PropagationSettings(StageSettings):
     pixel; both 0 or more.
     """
 
-    softness: Finite = 0.0
-    likeness: Finite = 0.0
+    softness: NotNegative = 0.0
+    likeness: NotNegative = 0.0
 
 
 @dataclass(eq=False)
@@ -47,6 +48,7 @@ class Propagation(RowStage):
     measured: Measured
     affinity: AffinitySettings
     settings: PropagationSettings
+    progress: Progress = SILENT
 
     name = "propagation"
     kernels = "solve_regions", "mix"
@@ -69,7 +71,7 @@ class Propagation(RowStage):
         """
         luminance, pattern = self.measured.luminance, self.measured.pattern
         # alpha, Eqs. 11-13
-        fields = solve_affinities(luminance, pattern, self.affinity, rows)
+        fields = solve_affinities(luminance, pattern, self.affinity, rows, self.progress)
         # c, Eqs. 10 and 14
         colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)
         return Part(rows[0], part.rows(*rows).luminance, colour)

@@ -15,7 +15,7 @@ offset (down, across) has the number down * side + across; the opposite one has 
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from ..numerics.gaussian import gaussian
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
 from ..numerics.pieces import tiles
 from ..parts import Halo, Part, RowStage
-from ..stage import CountOrNone, NotNegative, Positive, StageSettings
+from ..stage import NotNegative, Positive, Range, StageSettings
 
 
 @dataclass(frozen=True)
@@ -42,17 +42,17 @@ class RefinementSettings(StageSettings):
         Lambda in h = lambda sigma_z, 40 in the paper.
     floor : Positive
         The least h, scene units, > 0; it makes sigma_z = 0 defined and the average harmless there.
-    blur : Positive
-        Standard deviation of G in periods (K/8 in the paper).
-    repetitions : CountOrNone
-        0 or more ("multiple times" in the paper).
+    blur : float
+        Standard deviation of G in periods (K/8 in the paper), more than 0, 8 at most.
+    repetitions : int
+        0 to 64 ("multiple times" in the paper).
     """
 
     asked_by = ("repetitions",)
     strength: NotNegative = 40.0
     floor: Positive = 1e-3
-    blur: Positive = 1 / 8
-    repetitions: CountOrNone = 2
+    blur: Annotated[float, Range(lambda value: 0 < value <= 8, "more than 0, 8 at most")] = 1 / 8
+    repetitions: Annotated[int, Range(lambda value: 0 <= value <= 64, "0 to 64")] = 2
 
 
 @dataclass(eq=False)

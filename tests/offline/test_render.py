@@ -2,7 +2,7 @@
 
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,10 @@ from panchroma.offline import (
     PAPER,
     PRESETS,
     RenderSettings,
+    SolverLog,
     clean_frame,
+    colour_bands,
+    estimate_colour,
     render,
     render_bands,
 )
@@ -23,7 +26,11 @@ from panchroma.offline.burst import merge_burst
 from panchroma.offline.parts import Part, run_stages
 from panchroma.offline.settings import UNLEARNED
 from panchroma.offline.stages.affinity import AffinitySettings
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.offline.stages.chromaticity import ChromaticitySettings
+from panchroma.offline.stages.denoising import denoise_luminance
+from panchroma.offline.stages.luminance import LuminanceSettings, recover_luminance
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
+from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError, RangeError
 from panchroma.shared.progress import Progress
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -32,6 +39,7 @@ from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
+from tests.scenes import darker_corners, leaves
 
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5)
 # leads.
@@ -214,8 +222,8 @@ def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
 def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
     mosaic = shot(*CASES["odd"])
 
-    def spoilt(*arguments: Any) -> Iterator[Part]:
-        for part in run_stages(*arguments):
+    def spoilt(*arguments: Any, **options: Any) -> Iterator[Part]:
+        for part in run_stages(*arguments, **options):
             part.chromaticity[5, 7, 1] = np.nan
             part.chromaticity[6, 2, 0] = np.inf
             yield part
@@ -313,3 +321,81 @@ def test_progress_is_reported_stage_by_stage() -> None:
     assert listener.done["luminance"] == listener.steps["luminance"]
     assert listener.done["colour"] == listener.steps["colour"]
     assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())
+
+
+@pytest.mark.parametrize("case", ["paper", "period 3"])
+def test_solvers_say_what_they_did(case: str) -> None:
+    """As often as they were asked to, or until nothing was left to do; the same for bands, of which
+    the worst counts.
+    """
+    pattern, _ = CASES[case]
+    mosaic, log = shot(pattern, (500, 40)), SolverLog()
+    found, bands = render(mosaic, PAPER).solvers, list(render_bands(mosaic, PAPER, log))
+    assert len(bands) > 1
+    assert found == log.solvers
+    assert list(found) == ["luminance", "medians", "affinity"]
+    assert found["luminance"].iterations == PAPER.luminance.iterations
+    assert 0 < found["luminance"].residual < FILLED
+    assert (found["medians"].residual == 0) == (
+        found["medians"].iterations < PAPER.chromaticity.repetitions
+    )
+    assert 0 < found["affinity"].residual <= PAPER.affinity.tolerance
+    tight = render(mosaic, TIGHT).solvers["affinity"]
+    assert found["affinity"].iterations < tight.iterations <= PAPER.affinity.iterations
+    assert tight.residual <= TIGHT.affinity.tolerance
+    few = render(
+        mosaic,
+        replace(
+            PAPER,
+            luminance=LuminanceSettings(iterations=3),
+            chromaticity=ChromaticitySettings(repetitions=1),
+        ),
+    )
+    assert few.solvers["luminance"].residual > 10 * found["luminance"].residual
+    assert few.solvers["medians"].iterations == 1
+    assert 0 < few.solvers["medians"].residual <= 1
+
+
+LENS = darker_corners((72, 90))
+
+
+@pytest.mark.parametrize("shading", [None, LENS])
+def test_the_public_pieces_make_the_picture_of_a_render(shading: Shading | None) -> None:
+    camera = SensorCalibration(shading=shading)
+    taken = simulate_additive(
+        leaves(72, 90), CfaPattern.bayer(6), camera, 0.02, np.random.default_rng(0)
+    )
+    mosaic = replace(taken, samples=taken.codes)
+    frame = clean_frame(mosaic)
+    filled = recover_luminance(frame.mosaic, BEST.luminance)
+    luminance = denoise_luminance(filled, frame.mosaic, BEST.denoising)
+    expected, given = render(mosaic).rgb, luminance.copy()
+    read_only = luminance.copy()
+    read_only.flags.writeable = False
+    double: Any = luminance.astype(np.float64)
+    for own in (luminance, double, np.asfortranarray(luminance), read_only):
+        bands = list(colour_bands(estimate_colour(frame, own)))
+        assert np.array_equal(np.concatenate(bands), expected)
+    assert np.array_equal(luminance, given)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda plane: plane[:-1], r"float32 \(71, 90\), expected float32 \(72, 90\)"),
+        (lambda plane: plane[..., None], r"float32 \(72, 90, 1\), expected"),
+        (lambda plane: plane.T, r"float32 \(90, 72\), expected"),
+        (lambda plane: plane.astype(complex), "complex128"),
+        (lambda plane: plane.astype(str), "<U"),
+        (lambda plane: None, "object"),
+        (lambda plane: np.where(plane > plane.mean(), np.nan, plane), "not finite"),
+        (lambda plane: np.where(plane > plane.mean(), np.inf, -np.inf), "not finite"),
+        (lambda plane: plane.astype(np.float64) * 1e300, "not finite"),
+    ],
+)
+def test_luminance_that_a_render_cannot_use_is_refused(
+    spoil: Callable[[FloatArray], Any], words: str
+) -> None:
+    mosaic = Mosaic(leaves(72, 90).sum(axis=2), CfaPattern.bayer(6), SensorCalibration())
+    with pytest.raises(InputError, match=f"luminance .*{words}"):
+        estimate_colour(clean_frame(mosaic), spoil(mosaic.signal.copy()))

@@ -2,10 +2,14 @@ from dataclasses import FrozenInstanceError, fields, replace
 from math import inf, nan
 from typing import Any
 
+import numpy as np
 import pytest
 
+from panchroma.offline import BEST, render
+from panchroma.offline.burst import merge_burst
 from panchroma.offline.settings import PAPER
 from panchroma.offline.stage import Switch
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.errors import InputError
 
 IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
@@ -47,6 +51,71 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
 def test_impossible_settings_are_refused_by_name(part: str, knob: str, value: Any) -> None:
     with pytest.raises(InputError, match=rf"settings: {part}\.{knob} is .*, expected"):
         replace(getattr(PAPER, part), **{knob: value})
+
+
+WRONG: list[Any] = [None, "1", True, inf, nan, -inf, [0.5], 1j, (0.5,), Switch]
+NUMBERS = [
+    (part.name, knob.name)
+    for part in fields(PAPER)
+    for knob in fields(getattr(PAPER, part.name))
+    if type(getattr(getattr(BEST, part.name), knob.name)) in (int, float)
+]
+
+
+@pytest.mark.parametrize(("part", "knob"), NUMBERS)
+def test_what_is_no_number_is_refused_where_one_belongs(part: str, knob: str) -> None:
+    settings = getattr(BEST, part)
+    is_whole = type(getattr(settings, knob)) is int
+    for value in [*WRONG, *([2.5, 3.0, np.float32(3)] if is_whole else [])]:
+        with pytest.raises(InputError, match=rf"settings: {part}\.{knob} is .*, expected a "):
+            replace(settings, **{knob: value})
+    value = getattr(settings, knob)
+    kind = np.int64 if is_whole else np.float64
+    assert replace(settings, **{knob: kind(value)}) == settings
+
+
+@pytest.mark.parametrize(
+    ("part", "knob", "value"),
+    [
+        *[(part.name, "used", value) for part in fields(PAPER) for value in (1, None, "yes")],
+        ("luminance", "relative", 1),
+        ("denoising", "sizes", [4, 12]),
+        ("denoising", "sizes", (4.0, 12)),
+        ("denoising", "sizes", "4"),
+        ("affinity", "scales", (0.5, True)),
+        ("affinity", "scales", (inf,)),
+        ("affinity", "scales", (1e4,)),
+        ("affinity", "scales", 0.5),
+        ("pooling", "passes", [(1.0, 0.1, 5)]),
+        ("pooling", "passes", ((1.0, 0.1, 5.0),)),
+        ("pooling", "passes", ((1.0, nan, 5),)),
+        ("pooling", "passes", ((1e9, 0.1, 5),)),
+        ("refinement", "blur", 1e9),
+        ("refinement", "repetitions", 10**9),
+    ],
+)
+def test_other_types_and_what_no_memory_holds_are_refused(part: str, knob: str, value: Any) -> None:
+    if knob not in {field.name for field in fields(getattr(PAPER, part))}:
+        return
+    name = "switch" if type(getattr(PAPER, part)) is Switch else part
+    with pytest.raises(InputError, match=rf"settings: {name}\.{knob} is .*, expected "):
+        replace(getattr(BEST, part), **{knob: value})
+
+
+@pytest.mark.parametrize("part", [field.name for field in fields(PAPER)])
+def test_a_part_of_another_stage_is_refused(part: str) -> None:
+    other = PAPER.noise if part != "noise" else PAPER.defects
+    for value in (None, True, other):
+        with pytest.raises(InputError, match=rf"settings: {part} is .*, expected \w*(Settings|Sw)"):
+            replace(PAPER, **{part: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("settings", [None, "paper", PAPER.luminance])
+def test_a_render_with_something_else_than_settings_is_refused(settings: Any) -> None:
+    mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
+    for work in (render, lambda *given: merge_burst([given[0]], given[1])):
+        with pytest.raises(InputError, match=r"settings is .*, expected RenderSettings"):
+            work(mosaic, settings)
 
 
 def test_settings_are_frozen_values() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
 from panchroma.offline import (
     BEST,
@@ -227,3 +228,48 @@ class TestPinning(RowStageTests):
 
 class TestLearned(RowStageTests):
     name = "learned"
+
+
+class Mean(RowStage):
+    """Mean over rows, as far as `radius`, with a halo that says something."""
+
+    name = "mean"
+
+    def __init__(self, radius: int, *halo: int, residual: bool = False) -> None:
+        self._radius, self._halo, self._residual = radius, Halo(*halo), residual
+
+    @property
+    def halo(self) -> Halo:
+        return self._halo
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        plane = part.luminance if self._residual else part.chromaticity
+        mean = uniform_filter1d(plane, 2 * self._radius + 1, axis=0)
+        changed = {"residual" if self._residual else "chromaticity": mean}
+        return replace(part, **changed).rows(*rows)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("rows", [50, 300])
+@pytest.mark.parametrize("halo", [(0,), (2,), (2, 6, 1)])
+@pytest.mark.parametrize("residual", [False, True])
+def test_a_halo_that_is_too_small_is_found(
+    rows: int, halo: tuple[int, ...], residual: bool
+) -> None:
+    mosaic = shot(rows)
+
+    def stages(radius: int) -> Callable[..., list[RowStage]]:
+        own = Mean(radius, *halo, residual=residual)
+        return lambda *arguments: [*row_stages(*arguments), own]
+
+    render(mosaic, stages=stages(3))  # nobody asks
+    with pytest.raises(InputError, match=r"the stage 'mean' looks farther than its Halo.*in row"):
+        render(mosaic, stages=stages(3), check_halos=True)
+    checked, plain = (
+        render(mosaic, stages=stages(halo[0]), check_halos=each) for each in (True, False)
+    )
+    assert np.array_equal(checked.rgb, plain.rgb)
+
+
+def test_halos_of_the_stages_of_a_render_pass_the_check() -> None:
+    mosaic = shot(300)
+    assert np.array_equal(render(mosaic, check_halos=True).rgb, render(mosaic).rgb)

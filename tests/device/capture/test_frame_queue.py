@@ -26,6 +26,12 @@ def until(condition: Callable[[], bool]) -> None:
     raise AssertionError("waited in vain")
 
 
+@pytest.mark.parametrize("depth", [0, -1])
+def test_a_queue_without_an_end_is_refused(depth: int) -> None:
+    with pytest.raises(InputError, match=f"`depth` is {depth}, expected 1 or more"):
+        FrameQueue([frame(0)], depth)
+
+
 def test_the_oldest_is_dropped_when_nobody_takes_them() -> None:
     sent = threading.Event()
 
