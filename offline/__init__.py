@@ -7,7 +7,6 @@ from .ahead import compile_kernel, kernels_to_compile
 from .measured import Measured
 from .memory import rendering_memory
 from .numerics.compile import compilation, kernel_cache
-from .numerics.solvers import Solved, SolverLog
 from .parts import Halo, Part, RowStage
 from .render import (
     Rendering,
@@ -35,8 +34,6 @@ __all__ = [
     "RenderSettings",
     "Rendering",
     "RowStage",
-    "Solved",
-    "SolverLog",
     "Stages",
     "available_threads",
     "clean_frame",

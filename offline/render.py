@@ -6,8 +6,8 @@ in `row_stages` alone; those that look at the whole frame return what they got w
 do not use them.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -23,7 +23,6 @@ from ..shared.progress import SILENT, Progress
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
 from .numerics.pieces import copy_together
-from .numerics.solvers import Solved, SolverLog
 from .parts import Halo, Part, RowStage, run_stages
 from .settings import BEST, RenderSettings
 from .stages.chromaticity import estimate_chromaticities
@@ -47,7 +46,7 @@ from .units import check_finite, check_frames
 KERNELS = ("apply_luminance",)
 """Kernels that the page itself calls."""
 
-Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
+Stages = Callable[[Measured, RenderSettings], list[RowStage]]
 """Makes the list of stages in rows, as `row_stages` does."""
 
 
@@ -64,13 +63,6 @@ class Rendering:
         float32 (H, W), what a panchromatic pixel reads at every place.
     chromaticity : FloatArray
         float32 (H, W, C), sum_i gamma_i chromaticity_i = 1.
-    solvers : Mapping[str, Solved]
-        Iterations and residual of each iterative solver, the worst of all parts of the frame:
-        "luminance" (Eqs. 3-5), residual: largest change of a sample in the last iteration, scene
-        units; "medians" (end of section 3.2), residual: share of the rows of blocks that the last
-        iteration still changed, 0 to 1; "affinity" (Eqs. 11-13), residual: norm of the residual
-        relative to the right-hand side; "pinning" (scattered colour sites) and "samples" (bursts),
-        residual: the same, scaled by the diagonal.
     lost : ByteArray | None
         uint8 (H, W), where a clipped shot does not tell how bright it was, nor of which colour: a
         picture to look at is white there. 255 = nothing is known; None = all is known.
@@ -84,27 +76,17 @@ class Rendering:
     >>> rendering = render(mosaic)
     >>> rendering.luminance.shape, rendering.chromaticity.shape
     ((24, 24), (24, 24, 3))
-    >>> rendering.solvers["affinity"].residual <= 3e-3
-    True
     """
 
     rgb: FloatArray
     luminance: FloatArray
     chromaticity: FloatArray
-    solvers: Mapping[str, Solved] = field(default_factory=dict)
     lost: ByteArray | None = None
 
 
-def row_stages(
-    measured: Measured, settings: RenderSettings, progress: Progress = SILENT
-) -> list[RowStage]:
+def row_stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
     """The stages that make a picture of what was measured, in their order. Every choice among them
     is made here.
-
-    Parameters
-    ----------
-    progress : Progress, optional
-        Hears what their solvers did.
 
     Examples
     --------
@@ -117,7 +99,7 @@ def row_stages(
     """
     samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage | None] = [
-        Propagation(measured, settings.affinity, settings.propagation, progress),  # c, Eqs. 10-14
+        Propagation(measured, settings.affinity, settings.propagation),  # c, Eqs. 10-14
         # c+, Eqs. 15-16
         Refinement(measured, settings.refinement) if settings.refinement.used else None,
     ]
@@ -128,7 +110,7 @@ def row_stages(
             if lines is not None and settings.lines.used
             else None,
             SiteResidual(samples, gamma),
-            Pinning(measured, samples, progress) if pinned else None,
+            Pinning(measured, samples) if pinned else None,
             Correction(samples, gamma) if settings.correction.used and not pinned else None,
             ColourNetwork(network, samples, gamma)
             if settings.learned.used and (network := network_for(measured.pattern))
@@ -176,17 +158,16 @@ def render(
     (30, 40, 3)
     >>> without_the_last = render(grey, stages=lambda *given: row_stages(*given)[:-1])
     """
-    log = SolverLog(progress)
-    measured = measure(mosaic, settings, log)
+    measured = measure(mosaic, settings, progress)
     luminance = np.empty(mosaic.shape, np.float32)
     chromaticity = np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
     rgb = np.empty_like(chromaticity)
-    for part in render_parts(measured, settings, log, stages, check_halos=check_halos):
+    for part in render_parts(measured, settings, progress, stages, check_halos=check_halos):
         rows = slice(part.first, part.end)
         _apply_luminance(part, rgb[rows])
         planes = (luminance, part.luminance), (chromaticity, part.chromaticity)
         copy_together([(plane[rows], source) for plane, source in planes])
-    return Rendering(rgb, luminance, chromaticity, log.solvers, measured.lost)
+    return Rendering(rgb, luminance, chromaticity, measured.lost)
 
 
 def render_bands(
@@ -196,9 +177,8 @@ def render_bands(
     bands float32 (rows, W, C).
 
     Memory: about 11 bytes per pixel while luminance is measured, then 5 (luminance, block samples);
-    all else exists for one band at a time (see `rendering_memory`). Wrap `progress` in a
-    `SolverLog` to learn what the solvers did. Call `measure` and `colour_bands` instead of this to
-    learn which light is lost (`Measured.lost`).
+    all else exists for one band at a time (see `rendering_memory`). Call `measure`
+    and `colour_bands` instead of this to learn which light is lost (`Measured.lost`).
 
     Examples
     --------
@@ -427,7 +407,7 @@ def render_parts(
     check_halos: bool = False,
 ) -> Iterator[Part]:
     """The picture of what was measured, in parts, in scene units."""
-    made = _make_stages(stages, measured, settings, progress)
+    made = _make_stages(stages, measured, settings)
     coloured = any(isinstance(stage, Propagation) for stage in made)
     grey = _grey_parts(measured, progress, whole=not coloured)
     return iter(run_stages(grey, made, measured.shape[0], progress, check_halos=check_halos))
@@ -453,9 +433,7 @@ def _apply_luminance(part: Part, rgb: FloatArray) -> FloatArray:
     return rgb
 
 
-def _make_stages(
-    stages: Stages, measured: Measured, settings: RenderSettings, progress: Progress
-) -> list[RowStage]:
+def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings) -> list[RowStage]:
     """The list that `stages` makes. Raises InputError if it is no function, or makes something else
     than stages.
     """
@@ -464,7 +442,7 @@ def _make_stages(
             f"stages is {type(stages).__name__}, expected a function that makes a list, as "
             "offline.row_stages"
         )
-    made = stages(measured, settings, progress)
+    made = stages(measured, settings)
     if not isinstance(made, list | tuple):
         raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
     for stage in made:

@@ -35,7 +35,7 @@ from .reading import MAX_PIXELS
 from .shading import Shading
 
 SCHEMA = 1
-OPTIONAL = "neutral_estimated", "shading", "aberration", "lights"
+OPTIONAL = "neutral_estimated", "shading", "lights"
 """Fields that a JSON object has only where they are not empty."""
 BITS = range(8, 17)
 _ANY = (-math.inf, math.inf)
@@ -184,9 +184,6 @@ class SensorCalibration:
     shading : Shading | None
         Of lens and sensor; None = unknown, treated as none. Noise and levels are those before its
         gain.
-    aberration : str
-        JSON text of the lateral chromatic aberration that a file names; "" = none. It is kept in
-        files, and not used.
     lights : Lights | None
         The colours under two lights; None = one. `camera_to_xyz` follows from them and from
         `neutral`, see `colours_under`.
@@ -215,7 +212,6 @@ class SensorCalibration:
     sensor: str = ""
     camera: str = ""
     shading: Shading | None = None
-    aberration: str = ""
     lights: Lights | None = None
 
     def __post_init__(self) -> None:
@@ -287,15 +283,10 @@ class SensorCalibration:
         return cls(**{**levels, **fields})
 
     def remarks(self, focal_length: float | None) -> tuple[str, ...]:
-        """Remarks on a shot at this focal length, millimetres: shading from another one, an
-        aberration that is ignored, and a picture of two colours.
+        """Remarks on a shot at this focal length, millimetres: shading from another one, and a
+        picture of two colours.
         """
         remarks = [self.shading.zoomed(focal_length)] if self.shading else []
-        if self.aberration:
-            remarks.append(
-                "its calibration names a lateral chromatic aberration, which is ignored: the "
-                "sensor hardly sees it"
-            )
         if is_pair(self.channels):
             own, rest = tuple(self.channels)
             remarks.append(
@@ -357,11 +348,9 @@ class SensorCalibration:
     def to_json(self) -> dict[str, Any]:
         """The calibration as a JSON object; `from_json` turns it back."""
         document = {"schema": SCHEMA, **asdict(self)}
-        for name in OPTIONAL:  # so that ids and files from before there were these stay the same
+        for name in OPTIONAL:
             if not document[name]:
                 del document[name]
-        if self.aberration:
-            document["aberration"] = json.loads(self.aberration)
         if self.lights:
             del document["camera_to_xyz"]
         return document
@@ -393,8 +382,6 @@ class SensorCalibration:
             given["noise"] = built(NoiseModel, given["noise"], "calibration: noise")
         if "shading" in given:
             given["shading"] = built(Shading, given["shading"], "calibration: shading")
-        if "aberration" in given:
-            given["aberration"] = json.dumps(given["aberration"])
         if (lights := given.get("lights")) is not None:
             if given.get("camera_to_xyz") is not None:
                 raise InputError(

@@ -20,9 +20,9 @@ from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_text
 from .white_balance import balanced, estimate_neutral
 
-MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading", "aberration")
+MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading")
 """The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral,
-or lights. Nothing measures "aberration" any more.
+or lights.
 """
 
 
@@ -106,7 +106,7 @@ class Camera:
         measured = None if of_picture else white.neutral
         # What this camera's file does not state stays that of the shot; what was measured to be
         # absent does not.
-        unknown = {"noise", "defects", "sensor", "shading", "aberration"} - self.measured.keys()
+        unknown = {"noise", "defects", "sensor", "shading"} - self.measured.keys()
         kept = {name: getattr(known, name) or getattr(own, name) for name in unknown}
         calibration = replace(
             known,

@@ -188,11 +188,10 @@ def mixed(
     own: Sequence[DoubleArray] | None = None,
 ) -> DoubleArray:
     """Return the matrix from CIE XYZ to channels, (C, 3), at a share of the way from the first of
-    two lights, 0, to the second, 1. lights, own: see `between`.
+    two lights, 0, to the second, 1; or for the only one. lights, own: see `between`.
     """
-    first, second = (to_one(matrix) for _, matrix in lights)
-    matrix = (1 - share) * first + share * second
-    return np.asarray(((1 - share) * own[0] + share * own[1]) @ matrix if own else matrix)
+    matrix = (1 - share) * to_one(lights[0][1]) + share * to_one(lights[-1][1])
+    return np.asarray(((1 - share) * own[0] + share * own[-1]) @ matrix if own else matrix)
 
 
 def share_of(white: Chromaticity, lights: Sequence[tuple[Chromaticity, DoubleArray]]) -> float:

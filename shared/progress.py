@@ -19,19 +19,6 @@ class Progress:
         no parts never call this.
         """
 
-    def solved(self, solver: str, iterations: int, residual: float) -> None:
-        """An iterative solver has finished, for the whole frame or for one band of it.
-
-        Parameters
-        ----------
-        solver : str
-            Its name.
-        iterations : int
-            How many it used.
-        residual : float
-            What was left after them; the solver defines the unit.
-        """
-
 
 SILENT = Progress()
 """A listener that ignores everything."""

@@ -152,10 +152,10 @@ def render_burst_bands(
         Rather than yield a value that is not finite.
     """
 
-    def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
-        stages = row_stages(measured, settings, progress)
+    def stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
+        stages = row_stages(measured, settings)
         place = len(stages) - isinstance(stages[-1], ShadingCorrection)  # shading is undone last
-        stages.insert(place, Spreading(merged.samples, measured, progress))
+        stages.insert(place, Spreading(merged.samples, measured))
         return stages
 
     return colour_bands(merged.measured, settings, progress, stages)

@@ -20,7 +20,6 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
 from ...shared.arrays import ByteArray, FloatArray, IndexArray
-from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.gaussian import smoothed
@@ -237,13 +236,10 @@ class Spreading(RowStage):
         Of all frames.
     measured : Measured
         The reference.
-    progress : Progress
-        Hears what the solver did.
     """
 
     samples: ColourSamples
     measured: Measured
-    progress: Progress = SILENT
 
     name = "samples"
     kernels = ("solve_tiles",)
@@ -280,7 +276,7 @@ class Spreading(RowStage):
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = fitted(part.luminance, samples, prior, extent, "samples", self.progress)
+        fields = fitted(part.luminance, samples, prior, extent, "samples")
         fields = np.moveaxis(fields, 0, 2)
         light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)

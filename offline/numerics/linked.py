@@ -15,12 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...shared.arrays import FloatArray
-from ...shared.progress import Progress
 from .arrays import Doubles1, Floats1, Floats2, Floats3, Frozen2, Ints1, Scalar
 from .compile import Pieces, kernel, parallel_kernel
 from .conjugate_gradients import BORDER, TOGETHER, Limits, System, linked_sum, planes, solve
 from .functions import tile_at, zeros
-from .solvers import report
+from .solvers import check_convergence
 
 TILE = 128
 """Rows and columns of a tile, which is solved at a time. Chosen for speed."""
@@ -80,7 +79,6 @@ def fitted(
     prior: Prior,
     extent: Extent,
     solver: str,
-    progress: Progress,
 ) -> FloatArray:
     """Fields of some rows of a part of the picture, float32 (F, rows, W).
 
@@ -89,7 +87,7 @@ def fitted(
     luminance : FloatArray
         (rows, W), of the part.
     solver : str
-        Its name, for progress. Raises ConvergenceError when conjugate gradients do not reach their
+        Its name. Raises ConvergenceError when conjugate gradients do not reach their
         tolerance.
     """
     rows, width = extent.end - extent.first, luminance.shape[1]
@@ -101,7 +99,7 @@ def fitted(
     )
     contiguous = Samples(*map(np.ascontiguousarray, samples))
     solve_tiles(np.ascontiguousarray(luminance), contiguous, prior, extent, solution)
-    report(progress, solver, solution.used, solution.residuals, extent.tolerance)
+    check_convergence(solver, solution.used, solution.residuals, extent.tolerance)
     return solution.fields
 
 

@@ -30,7 +30,6 @@ import numpy as np
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
-from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import (
@@ -45,7 +44,7 @@ from ..numerics.conjugate_gradients import (
 )
 from ..numerics.functions import exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
-from ..numerics.solvers import report
+from ..numerics.solvers import check_convergence
 from ..stage import Between, Count, Range, StageSettings
 from ..tiling import HALO, core_patches, domain_places, patches_of
 
@@ -155,7 +154,6 @@ def solve_affinities(
     pattern: CfaPattern,
     settings: AffinitySettings,
     rows: tuple[int, int] | None = None,
-    progress: Progress = SILENT,
 ) -> FloatArray:
     """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks with
     row parity p, column parity q.
@@ -188,7 +186,7 @@ def solve_affinities(
     limits = Limits(settings.tolerance, settings.iterations)
     pins = _pins(pattern, grid, (along + 2 * HALO) * period)
     solve_regions(Frame(luminance, *places), regions, pins, filters, limits, solutions)
-    report(progress, "affinity", solutions.used, solutions.residuals, settings.tolerance)
+    check_convergence("affinity", solutions.used, solutions.residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
 

@@ -188,17 +188,16 @@ def oriented_medians(
         Largest number of repetitions.
     """
     (rows, columns), half = chromaticity.shape[:2], taps // 2
-    iterations = 0
     wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (half, half)), mode=BORDER)
     before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
     after = np.empty_like(before)
-    while iterations < repetitions and changed.any():
+    for _ in range(repetitions):
+        if not changed.any():
+            break
         changes = np.zeros_like(changed)
         oriented_median(before, after, taps, changed, changes)
         before, after, changed = after, before, changes
-        iterations += 1
         progress.advance()
-    progress.solved("medians", iterations, float(changed.mean()))
     return np.ascontiguousarray(before[:, :, half : half + columns].transpose(1, 2, 0))
 
 

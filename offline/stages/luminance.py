@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, strips
+from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
@@ -132,7 +132,7 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
         progress.stage("luminance", -(-len(rows) // _PIECE))
-        luminance, change = _fill_isolated(
+        luminance = _fill_isolated(
             copy_array(signal) if start is signal else start,
             pattern,
             (rows, columns),
@@ -141,15 +141,14 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
         )
     else:
         progress.stage("luminance", settings.iterations)
-        luminance, change = fill(start, holes, thresholds, progress)
-    progress.solved("luminance", settings.iterations, change)
+        luminance = fill(start, holes, thresholds, progress)
     return luminance
 
 
 def fill(
     start: FloatArray, holes: BoolArray, thresholds: FloatArray, progress: Progress = SILENT
-) -> tuple[FloatArray, float]:
-    """Fill the holes of a plane by one iteration of Eqs. 3-5 per threshold.
+) -> FloatArray:
+    """Fill the holes of a plane, float32 (H, W), by one iteration of Eqs. 3-5 per threshold.
 
     Parameters
     ----------
@@ -159,11 +158,6 @@ def fill(
         True at a hole, bool (rows, W); the rows repeat down the plane.
     thresholds : FloatArray
         One per iteration, scene units.
-
-    Returns
-    -------
-    tuple[FloatArray, float]
-        The filled plane, float32 (H, W), and the largest change of a sample in the last iteration.
     """
     plane = np.ascontiguousarray(np.pad(start, ((0, 0), (REACH, REACH)), mode=BORDER))
     result, holes = plane.copy(), np.ascontiguousarray(holes)
@@ -171,8 +165,7 @@ def fill(
         shrink_once(plane, result, holes, _TAPS, threshold)
         plane, result = result, plane
         progress.advance()
-    change = max(float(np.abs(plane[rows] - result[rows]).max()) for rows in strips(len(plane)))
-    return plane[:, REACH:-REACH].copy(), change
+    return plane[:, REACH:-REACH].copy()
 
 
 def _first_threshold(brightest: float, settings: LuminanceSettings) -> float:
@@ -224,11 +217,9 @@ def _fill_isolated(
     isolated: tuple[IndexArray, IndexArray],
     thresholds: FloatArray,
     progress: Progress,
-) -> tuple[FloatArray, float]:
-    """Fill the holes of `start`, in its place, where blocks are isolated but for those near the
-    frame's edge.
-
-    isolated: see `_isolated`. Returns what `fill` does.
+) -> FloatArray:
+    """Fill the holes of `start`, in place, and return it; blocks are isolated except near the
+    frame's edge. isolated: see `_isolated`.
     """
     (rows, columns), (down, across) = isolated, pattern.block_shape
     # Blocks near the edge are mirrored there. They lie in four margins that end where isolated
@@ -240,23 +231,22 @@ def _fill_isolated(
     for corner, edge in zip(corners, edges, strict=True):
         part, holes = start[edge], _holes(pattern, start[edge].shape, corner)
         if len(part) > part.shape[1]:  # rows are long, for speed
-            filled, change = fill(part.T, holes.T, thresholds)
-            margins.append((filled.T, change))
+            margins.append(fill(part.T, holes.T, thresholds).T)
         else:
             margins.append(fill(part, holes, thresholds))
-    for edge, (filled, _) in zip(edges, margins, strict=True):
+    for edge, filled in zip(edges, margins, strict=True):
         start[edge] = filled
     places, extent = np.array([site[:2] for site in pattern.sites]), pattern.block_shape
     inner = np.ones((3, down + 3, across + 3))
     inside = np.flatnonzero(np.pad(inner, ((0, 0), (1, 1), (1, 1))))
-    changes = np.empty(len(rows), np.float32)
     kind = extent, places, _FILTERS, _response(extent, places), inside
     for first in range(0, len(rows), _PIECE):
         corner = int(rows[first]), int(columns[0])
-        blocks = Blocks(corner, len(columns), pattern.period, *kind)
-        fill_blocks(start, blocks, thresholds, changes[first : first + _PIECE])
+        down = min(_PIECE, len(rows) - first)
+        blocks = Blocks(corner, (down, len(columns)), pattern.period, *kind)
+        fill_blocks(start, blocks, thresholds)
         progress.advance()
-    return start, max(float(changes.max()), *(change for _, change in margins))
+    return start
 
 
 def _response(extent: Pair, holes: IndexArray) -> FloatArray:
@@ -391,8 +381,8 @@ class Blocks(NamedTuple):
     first : Pair
         Row and column of the first one's top left pixel. All lie `REACH` or more pixels from the
         frame's edges.
-    across : int
-        Blocks in a row.
+    grid : Pair
+        Rows of blocks, and blocks in a row.
     period : int
         Pixels from one to the next, at least `extent` + `REACH` in both directions.
     extent : Pair
@@ -409,7 +399,7 @@ class Blocks(NamedTuple):
     """
 
     first: Pair
-    across: int
+    grid: Pair
     period: int
     extent: Pair
     holes: Ints2
@@ -418,10 +408,8 @@ class Blocks(NamedTuple):
     inside: Ints1
 
 
-@parallel_kernel()
-def fill_blocks(
-    pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: Floats1, changes: Floats1
-) -> None:
+@parallel_kernel(pieces=lambda luminance, blocks, thresholds: blocks.grid[0])
+def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: Floats1) -> None:
     """Fill the holes of isolated blocks in place, sixteen at a time.
 
     Parameters
@@ -430,8 +418,6 @@ def fill_blocks(
         (H, W), scene units, with the start in the holes.
     thresholds : Floats1
         One per iteration, at least one, scene units.
-    changes : Floats1
-        (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
     (rows, columns), holes = blocks.extent, blocks.holes
     response, inside = blocks.response, blocks.inside
@@ -440,14 +426,13 @@ def fill_blocks(
     for row in range(pieces[0], pieces[1]):
         window, squares = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
         known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
-        values, before = zeros(chunks * CHUNK, WIDTH), zeros(chunks * CHUNK, WIDTH)
+        values = zeros(chunks * CHUNK, WIDTH)
         outermost, largest = zeros(1, WIDTH), zeros(1, WIDTH)
         flat = squares.reshape(-1, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
-        changes[row] = _ZERO
-        for group in range(0, blocks.across, WIDTH):
+        for group in range(0, blocks.grid[1], WIDTH):
             for lane in range(WIDTH):  # the spare ones of the last group repeat the last block
-                number = min(group + lane, blocks.across - 1)
+                number = min(group + lane, blocks.grid[1] - 1)
                 places[lane] = blocks.first[1] + blocks.period * number
             for i in range(tall):
                 for j in range(wide):
@@ -460,8 +445,6 @@ def fill_blocks(
             _decompose_blocks(window, blocks.filters, squares, known, outermost)
             all_removed = True  # while the threshold is large
             for threshold in thresholds:
-                for hole in range(len(values)):
-                    store(before, (hole, 0), load(values, (hole, 0)))
                 most = _respond(values, known, response, removed, flat, inside, outermost)
                 if all_removed:  # no norm of nine coefficients reaches the threshold
                     store(largest, (0, 0), most)
@@ -474,7 +457,6 @@ def fill_blocks(
             for hole in range(len(holes)):
                 i, j = top + holes[hole, 0], holes[hole, 1]
                 for lane in range(WIDTH):
-                    changes[row] = max(changes[row], abs(values[hole, lane] - before[hole, lane]))
                     luminance[i, places[lane] + j] = values[hole, lane]
 
 

@@ -25,7 +25,6 @@ import numpy as np
 
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.calibration import derived_channel
-from ...shared.progress import SILENT, Progress
 from ..frame import mean_of_sites
 from ..measured import BlockSamples, Measured
 from ..numerics.gaussian import smoothed
@@ -76,13 +75,10 @@ class Pinning(RowStage):
         The frame.
     samples : BlockSamples
         Of all its whole tiles.
-    progress : Progress
-        Hears what the solver did.
     """
 
     measured: Measured
     samples: BlockSamples
-    progress: Progress = SILENT
 
     name = "pinning"
     kernels = "solve_tiles", "interpolate", "smooth"
@@ -170,7 +166,7 @@ class Pinning(RowStage):
         samples = Samples(of_channel * weights, of_channel * apart)
         extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
         prior = Prior(_SMOOTHNESS, _FADING, self._edge)
-        change = fitted(part.luminance, samples, prior, extent, "pinning", self.progress)
+        change = fitted(part.luminance, samples, prior, extent, "pinning")
         own, pinned = part.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
         gamma, derived = self.measured.gamma, self.measured.pattern.derived
         if derived is not None:  # Eq. 7

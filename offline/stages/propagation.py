@@ -16,7 +16,6 @@ import numpy as np
 
 from ...shared.arrays import FloatArray
 from ...shared.pattern import CfaPattern
-from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
@@ -48,7 +47,6 @@ class Propagation(RowStage):
     measured: Measured
     affinity: AffinitySettings
     settings: PropagationSettings
-    progress: Progress = SILENT
 
     name = "propagation"
     kernels = "solve_regions", "mix"
@@ -71,7 +69,7 @@ class Propagation(RowStage):
         """
         luminance, pattern = self.measured.luminance, self.measured.pattern
         # alpha, Eqs. 11-13
-        fields = solve_affinities(luminance, pattern, self.affinity, rows, self.progress)
+        fields = solve_affinities(luminance, pattern, self.affinity, rows)
         # c, Eqs. 10 and 14
         colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)
         return Part(rows[0], part.rows(*rows).luminance, colour)

@@ -43,6 +43,8 @@ NUMBERS = {
 _TIME = "%Y:%m:%d %H:%M:%S"
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
 _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
+# what tifffile, ImageJ and OME's programs write about arrays in place of a caption
+_ABOUT_ARRAYS = re.compile(r'\{"shape": |shape=\(|ImageJ=|<\?xml|<OME')
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
@@ -153,6 +155,8 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
         # XMP: see `main_directory`.
         ours = (name for name in ("make", "model") if values[name].startswith(MAKER))
         values |= {name: _xmp_text(main, name.capitalize()) for name in ours}
+    if _ABOUT_ARRAYS.match(values["description"]):
+        del values["description"]
     metadata = CaptureMetadata()
     for name, value in values.items():
         with suppress(InputError):

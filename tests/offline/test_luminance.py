@@ -36,7 +36,7 @@ class TestLuminance(StageTests):
 
 def shrink(picture: FloatArray, threshold: float) -> FloatArray:
     """One iteration with holes everywhere: l*_t of Eq. 4."""
-    return fill(picture, np.ones_like(picture, bool), np.array([threshold], np.float32))[0]
+    return fill(picture, np.ones_like(picture, bool), np.array([threshold], np.float32))
 
 
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:
@@ -107,7 +107,7 @@ def test_isolated_blocks_are_filled_as_the_whole_plane_would_be(
     thresholds = (PAPER.threshold * PAPER.decay ** np.arange(PAPER.iterations)).astype(np.float32)
     assert_close(
         recover_luminance(mosaic, PAPER),
-        fill(start, ~mask, thresholds)[0].astype(np.float64),
+        fill(start, ~mask, thresholds).astype(np.float64),
         FLOAT32,
     )
 

@@ -15,7 +15,6 @@ from panchroma.offline import (
     PAPER,
     PRESETS,
     RenderSettings,
-    SolverLog,
     clean_frame,
     colour_bands,
     estimate_colour,
@@ -26,9 +25,8 @@ from panchroma.offline.burst import merge_burst
 from panchroma.offline.parts import Part, run_stages
 from panchroma.offline.settings import UNLEARNED
 from panchroma.offline.stages.affinity import AffinitySettings
-from panchroma.offline.stages.chromaticity import ChromaticitySettings
 from panchroma.offline.stages.denoising import denoise_luminance
-from panchroma.offline.stages.luminance import LuminanceSettings, recover_luminance
+from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError, RangeError
@@ -321,39 +319,6 @@ def test_progress_is_reported_stage_by_stage() -> None:
     assert listener.done["luminance"] == listener.steps["luminance"]
     assert listener.done["colour"] == listener.steps["colour"]
     assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())
-
-
-@pytest.mark.parametrize("case", ["paper", "period 3"])
-def test_solvers_say_what_they_did(case: str) -> None:
-    """As often as they were asked to, or until nothing was left to do; the same for bands, of which
-    the worst counts.
-    """
-    pattern, _ = CASES[case]
-    mosaic, log = shot(pattern, (500, 40)), SolverLog()
-    found, bands = render(mosaic, PAPER).solvers, list(render_bands(mosaic, PAPER, log))
-    assert len(bands) > 1
-    assert found == log.solvers
-    assert list(found) == ["luminance", "medians", "affinity"]
-    assert found["luminance"].iterations == PAPER.luminance.iterations
-    assert 0 < found["luminance"].residual < FILLED
-    assert (found["medians"].residual == 0) == (
-        found["medians"].iterations < PAPER.chromaticity.repetitions
-    )
-    assert 0 < found["affinity"].residual <= PAPER.affinity.tolerance
-    tight = render(mosaic, TIGHT).solvers["affinity"]
-    assert found["affinity"].iterations < tight.iterations <= PAPER.affinity.iterations
-    assert tight.residual <= TIGHT.affinity.tolerance
-    few = render(
-        mosaic,
-        replace(
-            PAPER,
-            luminance=LuminanceSettings(iterations=3),
-            chromaticity=ChromaticitySettings(repetitions=1),
-        ),
-    )
-    assert few.solvers["luminance"].residual > 10 * found["luminance"].residual
-    assert few.solvers["medians"].iterations == 1
-    assert 0 < few.solvers["medians"].residual <= 1
 
 
 LENS = darker_corners((72, 90))

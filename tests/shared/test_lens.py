@@ -1,6 +1,4 @@
-"""Shading as a value, in shots and camera files, and in what a sensor sees; and an aberration of
-earlier versions.
-"""
+"""Shading as a value, in shots and camera files, and in what a sensor sees."""
 
 import json
 from dataclasses import replace
@@ -12,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from panchroma.offline import render
 from panchroma.shared import (
     Camera,
     CfaPattern,
@@ -34,8 +31,6 @@ SHAPE = (61, 90)
 PATTERN = CfaPattern.bayer(6, origin=(4, 1))
 BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
 DARKER = darker_corners(SHAPE)
-DOCUMENT = {"radial": [[0.001, 0.0], [0, 0], [-0.001, 0.0]], "size": [61, 90], "focal_length": 35}
-KNOWN = {"shading": DARKER, "aberration": json.dumps(DOCUMENT)}
 SHADED = replace(BARE, shading=DARKER)
 EVEN = [[[1.0] * 4] * 4] * 4
 FIGURES: dict[str, Any] = {"gain": EVEN, "size": SHAPE}
@@ -49,9 +44,8 @@ def shot_by(calibration: SensorCalibration) -> Mosaic:
     return simulate_sensor(scene(), PATTERN, calibration, 1.0, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("part", KNOWN)
-def test_files_keep_it(part: str, tmp_path: Path) -> None:
-    taken = shot_by(replace(BARE, **{part: KNOWN[part]}))  # type: ignore[arg-type]
+def test_files_keep_it(tmp_path: Path) -> None:
+    taken = shot_by(SHADED)
     write_dng(tmp_path / "shot.dng", taken, np.zeros((10, 10, 3), np.uint8))
     assert read_dng(tmp_path / "shot.dng").calibration == taken.calibration
     known = Camera(replace(taken.calibration, noise=None))
@@ -59,7 +53,7 @@ def test_files_keep_it(part: str, tmp_path: Path) -> None:
     camera = read_camera(tmp_path / "camera.json")
     stated = camera.calibrated(replace(taken, calibration=BARE)), Camera(BARE).calibrated(taken)
     for calibration in (camera.calibration, *(shot.calibration for shot in stated)):
-        assert getattr(calibration, part) == KNOWN[part]
+        assert calibration.shading == DARKER
 
 
 def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:
@@ -71,17 +65,6 @@ def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:
             shading.check(shape)
     with pytest.raises(InputError, match="frames of 90 x 61 pixels, and the frame has 90 x 90"):
         Mosaic(np.zeros((90, 90), np.float32), PATTERN, SHADED)
-
-
-def test_an_aberration_of_earlier_versions_is_ignored_with_a_remark_and_stays_in_files() -> None:
-    calibration = SensorCalibration.from_json({**BARE.to_json(), "aberration": DOCUMENT})
-    assert calibration.to_json()["aberration"] == DOCUMENT
-    (remark,) = calibration.remarks(None)
-    assert "names a lateral chromatic aberration, which is ignored" in remark
-    assert BARE.remarks(50) == ()
-    plain, named = shot_by(BARE), shot_by(calibration)
-    assert np.array_equal(plain.codes, named.codes)
-    assert np.array_equal(render(plain).rgb, render(named).rgb)
 
 
 @pytest.mark.parametrize(

@@ -32,17 +32,14 @@ from ...shared.tiff_reading import StoredDirectories, StoredField, StoredFields,
 from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .damage import guarded
-from .decoded import remark_on_unused
 from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
-_LIGHTS = [
-    [TAG[f"{name}{n}"] for name in ("ColorMatrix", "CalibrationIlluminant", "CameraCalibration")]
-    for n in (1, 2)
-]
+_OF_LIGHTS = "ColorMatrix", "CalibrationIlluminant", "CameraCalibration"
+_LIGHTS = [[TAG[f"{name}{number}"] for name in _OF_LIGHTS] for number in (1, 2)]
 _SIGNATURES = TAG["CameraCalibrationSignature"], TAG["ProfileCalibrationSignature"]
 _OTHERS = "AnalogBalance AsShotWhiteXY ColorMatrix3"
 _COLOURS = {*chain(*_LIGHTS), *_SIGNATURES, *map(TAG.__getitem__, _OTHERS.split())}
@@ -321,7 +318,7 @@ def camera_scene(
         effect = "colours can be balanced, but not matched"
         notes.append(f"the camera's colour matrix is unknown: {effect}")
     if TAG["ColorMatrix3"] in fields:
-        remark_on_unused(["the colour matrix for a third light"], notes)
+        notes.append("not used: the colour matrix for a third light")
     if gone is not None:
         rgb, clipped = with_white_highlights(rgb, neutral, gone)
         notes += clipped
@@ -368,17 +365,16 @@ def _calibrated(
     each AnalogBalance times CameraCalibration.
     """
     lights, own = dict[tuple[float, float], DoubleArray](), list[DoubleArray]()
-    balance = np.array(_numbers(tags, TAG["AnalogBalance"]))
-    is_stated = balance.shape == (3,) and np.isfinite(balance).all() and balance.min() > 0
-    gains = np.diag(balance if is_stated else np.ones(3))
     names = {tags.get(tag, StoredField(0)).data.rstrip(b"\0") for tag in _SIGNATURES}
+    gains = _usable(np.diag(_numbers(tags, TAG["AnalogBalance"])))
+    gains = np.eye(3) if gains is None else gains
     for matrix_tag, light_tag, own_tag in _LIGHTS:
         xy = illuminant_xy(_ILLUMINANTS.get((*_numbers(tags, light_tag), 0)[0], "D65"))
         matrix, factor = (_usable(_numbers(tags, tag)) for tag in (matrix_tag, own_tag))
         if matrix is not None and xy not in lights:
             lights[xy] = matrix
             # one for another profile than the file's is none
-            own.append(gains @ factor if factor is not None and len(names) == 1 else gains)
+            own.append(gains if factor is None or len(names) > 1 else gains @ factor)
     return list(lights.items()), own
 
 
@@ -388,8 +384,7 @@ def _neutral_under(tags: StoredFields) -> tuple[float, ...] | None:
     xy = _numbers(tags, TAG["AsShotWhiteXY"])
     if not (lights and len(xy) == 2 and min(xy) > 0 and sum(xy) < 1):
         return None
-    lights, own = (lights * 2)[:2], (own * 2)[:2]
-    share = share_of(xy, lights) if lights[0] is not lights[1] else 0
+    share = share_of(xy, lights) if len(lights) == 2 else 0
     reading = mixed(lights, share, own) @ xyz(*xy)
     return normalised(reading) if reading.min() > 0 else None
 

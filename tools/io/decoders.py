@@ -5,8 +5,10 @@ decoding library raises. The messages do not name the file: the caller does.
 """
 
 import zlib
+from collections.abc import Sequence
 from contextlib import suppress
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from ...shared.dng import read_metadata
 from ...shared.errors import InputError
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
+from ...shared.tiff_reading import StoredField, read_directories
 from .damage import guarded
 from .decoded import (
     Decoded,
@@ -85,7 +88,7 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # The chunks that make up the picture (PNG, third edition, 11.2 and 11.3), and those beside it, one
 # of each.
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
-_BESIDE = (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf")
+_BESIDE = (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf", b"acTL")
 _LONGEST_BESIDE = 4 << 20  # bytes
 # more chunks than this have that many bytes on average; encoders write 8 KiB
 _MOST_CHUNKS, _LEAST_CHUNK = 4096, 1024
@@ -107,6 +110,8 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
         decoded = imagecodecs.png_decode(png)
     pixels, peak = without_alpha(decoded, notes), 65535 if wide else 255
     encoding = _encoding(beside, peak, notes)
+    if b"acTL" in beside:
+        remark_on_unused(["the animation"], notes)
     return Decoded(pixels, peak, encoding, read_metadata(BytesIO(beside.get(b"eXIf", b""))), notes)
 
 
@@ -115,7 +120,7 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
 
     One that is cut short is kept as it is.
 
-    Left out is what decoders expand unasked: texts, animation, unknown chunks.
+    Left out is what decoders expand unasked: texts, frames of an animation, unknown chunks.
 
     path: the file, which begins like a PNG.
     most: bytes that may be kept.
@@ -199,6 +204,8 @@ _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
 
 _LARGEST = 1 << 30  # bytes, read whole
 _PROFILE = b"ICC_PROFILE\0"  # ICC.1:2022, B.4
+# CIPA DC-007: its segment, the field of its entries, their length, and the kind of previews
+_MULTI_PICTURE, _ENTRIES, _ENTRY, _PREVIEW = b"MPF\0", 45058, 16, 1
 _GAIN_MAPS = (
     b"http://ns.adobe.com/hdr-gain-map/",
     b"urn:iso:std:iso:ts:21496:-1",
@@ -229,15 +236,25 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     if any(mark in jpeg for mark in _GAIN_MAPS):
         plain = "this is the plain picture, whose highlights end at white"
         remark_on_unused([f"a gain map for HDR ({plain})"], notes)
+    elif others := _others(header.held(_MULTI_PICTURE)):
+        remark_on_unused([f"{others} more in the file: only the first picture is"], notes)
     return Decoded(pixels, 255, encoding, read_metadata(BytesIO(header.exif)), notes)
+
+
+def _others(segments: Sequence[bytes]) -> int:
+    """Number of pictures in a JPEG beside the first that are not its previews (CIPA DC-007)."""
+    index = b"".join(segments[:1])
+    entries = read_directories(BytesIO(index), {_ENTRIES}).main.get(_ENTRIES, StoredField(0)).data
+    kinds = entries[_ENTRY + (2 if index.startswith(b"II") else 1) :: _ENTRY]  # a byte of each
+    return len(kinds) - kinds.count(_PREVIEW)
 
 
 _JPEG = PictureFormat("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_jpeg)
 
 
 def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
-    """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file;
-    its values are linear.
+    """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file
+    that has them; its values are linear.
     """
     # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
     pixels, facts = run_limited(path, ("OpenEXR",), unpack_exr, str(path), max_pixels, channels)
@@ -246,37 +263,43 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
             f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save "
             "it as half or float"
         )
-    matrix = space_of(facts["chromaticities"])
+    matrix, more = space_of(facts["chromaticities"]), facts["parts"] - 1
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
-    return Decoded(pixels, None, encoding, channels=str(facts["channels"]))
+    notes = [f"not used: {more} more parts of the EXR"] if more else []
+    return Decoded(pixels, None, encoding, notes=notes, channels=str(facts["channels"]))
 
 
 def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any], Facts]:
-    """Return the pixels (H, W, C), their letters, and x, y of red, green, blue and white if the
-    file has them.
+    """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file
+    has them, and the number of its parts.
 
     Call it by `run_limited`.
     """
     import OpenEXR
 
     with guarded(path):
-        header = OpenEXR.File(path, header_only=True).header()
+        file = OpenEXR.File(path, header_only=True)
+        headers = [file.header(part) for part in range(len(file.parts))]
+        parts = [{channel.name for channel in header["channels"]} for header in headers]
+    # the filters' own channels before those they can be made from
+    choices = product([requested, scene_channels(requested), RGB, "Y"], range(len(parts)))
+    fitting = ((letters, part) for letters, part in choices if set(letters) <= parts[part])
+    letters, part = next(fitting, ("", 0))
+    header, names = headers[part], parts[part]
+    if not letters or "RY" in names:
+        expected = "R, G, B" if requested == RGB else f"{', '.join(requested)}, or R, G, B"
+        listed = ", ".join(sorted(set().union(*parts)))[:200]
+        raise InputError(f"the EXR has the channels {listed}; expected {expected}, or Y alone")
+    with guarded(path):
         corners = [np.asarray(corner, np.int64) for corner in header["dataWindow"]]
         width, height = (corners[1] - corners[0] + 1).tolist()
-        names = {channel.name for channel in header["channels"]}
         primaries = np.ravel(np.asarray(header.get("chromaticities", ()), np.float64)).tolist()
-    # the filters' own channels before those they can be made from
-    choices = [requested, scene_channels(requested), RGB]
-    letters = next((choice for choice in choices if set(choice) <= names), "Y")
-    if not set(letters) <= names or "RY" in names:
-        expected = "R, G, B" if requested == RGB else f"{', '.join(requested)}, or R, G, B"
-        listed = ", ".join(sorted(names))[:200]
-        raise InputError(f"the EXR has the channels {listed}; expected {expected}, or Y alone")
     check_size(width, height, 4 * len(names), data_bytes(path), max_pixels)
     with guarded(path):
-        channels = OpenEXR.File(path, separate_channels=True).channels()
+        channels = OpenEXR.File(path, separate_channels=True).channels(part)
         pixels = np.stack([channels[name].pixels for name in letters], axis=-1)
-    return pixels, {"channels": RGB if letters == "Y" else letters, "chromaticities": primaries}
+    letters = RGB if letters == "Y" else letters
+    return pixels, {"channels": letters, "chromaticities": primaries, "parts": len(parts)}
 
 
 _EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)

@@ -23,10 +23,11 @@ from ...shared.white_balance import clipped_share, normalised
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER, saturation
 from .damage import guarded
+from .decoded import remark_on_unused
 from .file_size import check_pieces, data_bytes
 from .jpegxl import declared_size
 from .scene import Scene, check_size
-from .tiff import tag_numbers
+from .tiff import beside, tag_numbers
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
 _CROP_ORIGIN, _CROP_SIZE, _BASELINE_EXPOSURE = 50719, 50720, 50730
@@ -242,7 +243,9 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
 
 
 def remark_on_corrections(path: Path) -> tuple[str, ...]:
-    """Return notes for the user on the corrections that a DNG asks for and that are not made."""
+    """Return notes for the user on what a DNG has beside its main picture, and on the corrections
+    that it asks for and that are not made.
+    """
     with path.open("rb") as stream:
         check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS, _BASELINE_EXPOSURE})
     with guarded(path):
@@ -252,7 +255,8 @@ def remark_on_corrections(path: Path) -> tuple[str, ...]:
         pages = _pictures(file)
         linear = any(page.photometric == Photometric.LINEAR_RAW for page in pages)
         names = [_LISTS[tag] for tag in _LISTS if any(tag in page.tags for page in pages)]
-    notes = []
+        notes = list[str]()
+        remark_on_unused(beside((file.pages.first, *(file.pages.first.pages or ()))), notes)
     if names:
         advice = "a linear TIFF of a raw developer has them"
         asked = f"the file asks for corrections that are not made ({', '.join(names)})"

@@ -1,6 +1,8 @@
 """TIFF pictures."""
 
+from collections.abc import Iterable
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +38,16 @@ _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own,
 # which decoders believe.
 _COMPRESSIONS = (1, 5, 8, 32946, 32773, 34925, 50000)
+# NewSubfileType (TIFF 6.0; DNG 1.7.1, chapter 4): of a page, and of what is beside pictures
+_PAGE = 2
+_BESIDE = {4: "a transparency mask", 8: "a depth map", 16: "an enhanced picture"}
+_BESIDE |= {65540: "a semantic mask"}
 _SMALL = 1 << 22  # pixels of all tiles together that are harmless, however small the picture
 
 
 def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
-    """Decode the first page of a TIFF, integer or floating point: grey, RGB, or a sample for each
-    of `channels`.
+    """Decode the first full picture of a TIFF, integer or floating point: grey, RGB, or a sample
+    for each of `channels`.
 
     Pages with one sample each, all of one size and kind, are taken together as such samples.
     """
@@ -49,20 +55,23 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
 
     size, held, notes = path.stat().st_size, data_bytes(path), list[str]()
     with path.open("rb") as stream:
-        several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *_READ})
+        read, most = {*tifffile.TIFF.TAG_LOAD, *_READ}, 1
+        if several := check_directories(stream, read):
+            with suppress(InputError):  # pages behind a damaged one are left out
+                check_directories(stream, read, MOST_PAGES)
+                several, most = False, MOST_PAGES
         with guarded(path):
             file = tifffile.TiffFile(stream, **PLAIN)
-            first: Any = file.pages[0]
+        full, others = _full_pictures(file, most)
+        first = full[0]
         check_page(first)
         if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
             raise InputError(
                 f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}; "
                 "convert it to RGB or grey"
             )
-        pages = [first]
-        if several and first.samplesperpixel == 1:
-            check_directories(stream, tifffile.TIFF.TAG_LOAD, MOST_PAGES)
-            pages = _stack(file)
+        kinds = {(page.shape, page.bitspersample, page.dtype, page.photometric) for page in full}
+        pages = full if first.samplesperpixel == 1 == len(kinds) else [first]
         samples = first.samplesperpixel
         if not samples or first.imagedepth != 1 or first.tiledepth != 1:
             raise InputError(
@@ -71,8 +80,8 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
             )
         alpha = any(kind in _ALPHA for kind in first.extrasamples)
         colour = first.photometric == tifffile.PHOTOMETRIC.RGB
-        count, kinds = samples * len(pages), {"alpha": alpha, "colour": colour}
-        letters = channels_of(count, channels, notes, pages=len(pages), **kinds)
+        count = samples * len(pages)
+        letters = channels_of(count, channels, notes, pages=len(pages), alpha=alpha, colour=colour)
         # a grey scene has three planes as well
         pixel_bytes = max(count, 3) * max(1, first.bitspersample // 8)
         check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
@@ -83,8 +92,9 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         pixels = planes[0] if len(planes) == 1 else np.concatenate(planes, axis=-1)
         if not letters:
             pixels = without_alpha(pixels, notes)
-        if several and len(pages) == 1:
+        if len(pages) == 1 and (several or len(full) > 1):
             notes.append("the file has several pages; only the first is used")
+        remark_on_unused(others, notes)
         peak = _peak(first, pixels, notes)
         with guarded(path):
             profile = bytes(first.tags.valueof(_ICC_PROFILE, b""))
@@ -151,22 +161,29 @@ def tag_numbers(page: Any, tag: int) -> DoubleArray:
         return np.asarray(values[::2] / values[1::2])
 
 
-def _stack(file: Any) -> list[Any]:
-    """The pages of a TIFF, `MOST_PAGES` at most, if all have the same size and kind; otherwise the
-    first alone.
+def _full_pictures(file: Any, most: int) -> tuple[list[Any], list[str]]:
+    """Return the full picture of each page of a TIFF, `most` at most: the largest of the page and
+    those below it that is no preview; and names of what the pages have beside them.
     """
-    pages: list[Any] = []
+    trees: list[list[Any]] = []
     # len(file.pages) would follow the directories, however many there are
     with guarded(), suppress(IndexError):
-        while len(pages) < MOST_PAGES:
-            pages.append(file.pages[len(pages)])
-    for page in pages:
-        check_page(page)
-    kinds = {
-        (page.shape, page.samplesperpixel, page.bitspersample, page.dtype, page.photometric)
-        for page in pages
-    }
-    return pages if len(kinds) == 1 else pages[:1]
+        while len(trees) < most:
+            page = file.pages[len(trees)]
+            trees.append([page, *(page.pages or ())])
+    full: list[Any] = []
+    for tree in trees:
+        pictures = [page for page in tree if page.subfiletype in (0, _PAGE)]
+        for page in pictures:
+            check_page(page)
+        full += sorted(pictures, key=lambda page: -page.imagewidth * page.imagelength)[:1]
+    return full or trees[0][:1], beside(chain(*trees))
+
+
+def beside(pages: Iterable[Any]) -> list[str]:
+    """Return names of what pages of a TIFF are, beside pictures and previews."""
+    kinds = {page.subfiletype for page in pages}
+    return [name for kind, name in _BESIDE.items() if kind in kinds]
 
 
 def _page_pixels(page: Any) -> NDArray[Any]:

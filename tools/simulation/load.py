@@ -12,7 +12,7 @@ import numpy as np
 
 from ...shared import read_dng
 from ...shared.arrays import CodeArray
-from ...shared.dng.tags import MAKER, TAG
+from ...shared.dng.tags import MAKER, TAG, Photometric
 from ...shared.errors import ForeignFileError, InputError
 from ...shared.reading import MAX_PIXELS, opened_file
 from ...shared.tiff_check import PLAIN, check_directories
@@ -42,6 +42,13 @@ _RAWS = (
     "orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw sti x3f"
 )
 _RAW_ENDINGS = tuple(f".{name}" for name in _RAWS.split())
+# in XMP; and IPTC's keywords (2:25) behind another field or before it
+_NOTED = {
+    rb"""Rating(?:=["']|>)[1-5]""": "rating",
+    rb"<dc:subject": "keywords",
+    rb"\x1c\x02[^\x1c]{2,300}\x1c\x02\x19\0": "keywords",
+    rb"\x1c\x02\x19\0[^\x1c]{1,66}\x1c\x02": "keywords",
+}
 ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *_RAW_ENDINGS)
 """Endings of the names of files that may be scenes: what is looked for in folders, but for what
 `set_aside` says.
@@ -93,15 +100,17 @@ def load_scene(
         return _draw(source, max_pixels, channels)
     path = Path(source)
     picture_format, is_dng = file_kind(path)
+    notes = _remark_on_losses(path)
     if picture_format:
         with readable():
             picture = picture_format.decode(path, max_pixels, channels)
         gehlers = gehler_shi_scene(picture, path.stem) if picture_format.name == "PNG" else None
-        return gehlers or picture_scene(picture, path.stem, linear=linear)
-    with readable():
-        notes = remark_on_corrections(path) if is_dng else ()
-        linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
-        scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
+        scene = gehlers or picture_scene(picture, path.stem, linear=linear)
+    else:
+        with readable():
+            notes += remark_on_corrections(path) if is_dng else ()
+            linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
+            scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
     return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
 
 
@@ -137,7 +146,7 @@ def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
 
 def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     """The format of a picture, by its content, None for a file that may be a camera RAW; and
-    whether that is a DNG.
+    whether that is a DNG, or another TIFF with a mosaic.
 
     Raises
     ------
@@ -225,8 +234,8 @@ def _draw(source: str, max_pixels: int, channels: str) -> Scene:
 
 
 def _inspect_tiff(path: Path) -> tuple[bool, bool]:
-    """Return whether a file that begins like a TIFF is a shot of Panchroma, and whether it is a
-    DNG.
+    """Return whether a file that begins like a TIFF is a shot of Panchroma, and whether it is a DNG
+    or has a mosaic, as cameras' files with names in .tif do beside a picture to look at.
 
     LibRaw must not get our shots: it treats a 6 x 6 pattern as X-Trans and other periods as four
     colours, and decodes them wrongly without an error. Their private data may be in the directory
@@ -242,17 +251,23 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
             directories = [first, *(first.pages or ())]
             private = (directory.tags.get(TAG["DNGPrivateData"]) for directory in directories)
             is_shot = any(tag and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
-            return is_shot, TAG["DNGVersion"] in first.tags
+            mosaic = any(page.photometric == Photometric.CFA for page in directories)
+            return is_shot, mosaic or TAG["DNGVersion"] in first.tags
     # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
     except InputError:
-        return _mentions(path, MAKER.encode()), False
+        return MAKER.encode() in _ends(path), False
 
 
-def _mentions(path: Path, word: bytes) -> bool:
-    """Return whether a file contains a word near its beginning or end, where directories and their
-    data are.
-    """
+def _ends(path: Path) -> bytes:
+    """Return the beginning and the end of a file, where directories and their data are."""
     with path.open("rb") as file:
         start = file.read(_PIECE)
-        file.seek(max(0, path.stat().st_size - _PIECE))
-        return word in start or word in file.read(_PIECE)
+        file.seek(max(len(start), path.stat().st_size - _PIECE))
+        return start + file.read()
+
+
+def _remark_on_losses(path: Path) -> tuple[str, ...]:
+    """Return a note for the user on what a photographer has noted in a file and no shot keeps."""
+    ends = _ends(path)
+    lost = {name: name for pattern, name in _NOTED.items() if re.search(pattern, ends)}
+    return (f"not kept: the {' and '.join(lost)} in the file (XMP, IPTC)",) if lost else ()

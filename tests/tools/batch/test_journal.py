@@ -139,7 +139,6 @@ MEASURED: dict[str, Any] = {
     "noise": NoiseModel.gaussian(0.01, 4),
     "defects": ((1, 2),),
     "shading": EVEN,
-    "aberration": '{"radial": [[0.001, 0], [0, 0], [0, 0.001]]}',
 }
 CALIBRATION = SensorCalibration.of_bits(12, sensor="bench", **COLOURS, **MEASURED)
 CAMERA = Camera(CALIBRATION, CfaPattern.bayer(), {"shading": {"frames": 4}}, (13, 17))

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
+from panchroma.tools.simulation.load import load_scene
 from tests.exiftool import exiftool, fields
 from tests.tools.command import run
+from tests.tools.io.files import noise, write_dng
 
 KEPT = {
     "Artist": "Jürgen Müller",
@@ -64,3 +67,52 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
         result = tmp_path / f"source.{kind}"
         assert shown(result) == expected, kind
         assert b"EOS 5D" in exiftool("-a", "-Model", result)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".dng"])
+@pytest.mark.parametrize(
+    ("written", "lost"),
+    [
+        (["-XMP:Rating=4", "-XMP:Subject=sea", "-XMP:Subject=stone"], "the rating and keywords"),
+        (["-XMP:Rating=2"], "the rating"),
+        (["-IPTC:Keywords=sea", "-IPTC:Keywords=stone", "-IPTC:City=Oban"], "the keywords"),
+        (["-XMP:Rating=0", "-XMP:Label=Red", "-IPTC:City=Oban"], ""),
+    ],
+)
+def test_what_a_photographer_has_noted_and_is_not_kept_is_told(
+    tmp_path: Path, suffix: str, written: list[str], lost: str
+) -> None:
+    if suffix == ".png" and "IPTC" in str(written):
+        pytest.skip("PNG has no place for IPTC's fields")
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".dng":
+        write_dng(path, noise(60, 80))
+    else:
+        Image.fromarray(noise(60, 80, 3, dtype=np.uint8)).save(path)
+    exiftool("-q", "-overwrite_original", *written, path)
+    notes = [note for note in load_scene(str(path)).notes if "not kept" in note]
+    assert notes == ([f"not kept: {lost} in the file (XMP, IPTC)"] if lost else [])
+
+
+@pytest.mark.parametrize("kind", ["shaped", "imagej", "ome"])
+def test_what_programs_say_of_arrays_is_no_caption(
+    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.tif"
+    options: Any = {kind: True}
+    tifffile.imwrite(path, noise(60, 80, 3, dtype=np.uint8), photometric="rgb", **options)
+    with tifffile.TiffFile(path) as file:
+        assert file.pages.first.description
+    assert load_scene(str(path)).metadata.description == ""
+    run("simulate", path, "-o", tmp_path, "--truth", "--burst 2", code=0)
+    for truth in tmp_path.glob("*.truth.tif"):
+        assert tifffile.imread(truth).ndim == 3
+    assert not [record for record in caplog.records if record.name == "tifffile"]
+
+
+def test_a_caption_is_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    caption = 'The sea. {"shape": of a wave}'
+    samples = noise(60, 80, 3, dtype=np.uint8)
+    tifffile.imwrite(path, samples, photometric="rgb", description=caption, metadata=None)
+    assert load_scene(str(path)).metadata.description == caption
