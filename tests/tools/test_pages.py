@@ -2,6 +2,8 @@
 the same elements.
 """
 
+import subprocess
+import sys
 from base64 import b64decode
 from collections.abc import Callable
 from dataclasses import replace
@@ -120,6 +122,13 @@ def test_plots_do_not_depend_on_the_users_settings(
     for name in ("MATPLOTLIBRC", "MPLCONFIGDIR", "MPLBACKEND"):
         monkeypatch.delenv(name, raising=False)
     plain = run_python(PLOT, "", "plain")
+    done = subprocess.run(
+        [sys.executable, "-W", "default", "-c", PLOT, "", "plain"],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
+    )
+    assert b"ResourceWarning" not in done.stderr
     backend, script, folder = "", PLOT, ROOT
     (tmp_path / "matplotlibrc").write_text(SETTINGS)
     if place == "folder":

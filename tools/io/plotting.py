@@ -4,6 +4,7 @@ The backend of a notebook (MPLBACKEND) need not be installed here. A list of fon
 to the user's home: without a folder of the user's choice (MPLCONFIGDIR) it goes to a temporary one.
 """
 
+import atexit
 import os
 from contextlib import suppress
 from tempfile import TemporaryDirectory
@@ -14,6 +15,7 @@ from ...shared.errors import InputError
 _fonts = os.environ.get("MPLCONFIGDIR")
 with suppress(OSError):  # no room for another
     _folder = TemporaryDirectory(prefix="panchroma-fonts-", ignore_cleanup_errors=True)
+    atexit.register(_folder.cleanup)  # -W error would complain otherwise
     _fonts = _fonts or _folder.name
 try:
     with environment("MPLBACKEND", None), environment("MPLCONFIGDIR", _fonts):
