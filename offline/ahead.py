@@ -13,7 +13,7 @@ from ..shared.calibration import SensorCalibration
 from ..shared.mosaic import Mosaic
 from ..shared.pattern import CfaPattern
 from .measured import Measured
-from .numerics.compile import ParallelKernel, kernel_cache, kernels
+from .numerics.compile import ParallelKernel, can_keep, kernels
 from .render import KERNELS, row_stages
 from .settings import RenderSettings
 
@@ -58,7 +58,7 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     Raises
     ------
     RuntimeError
-        When there is no folder to keep them in.
+        When there are some, and no folder to keep them in.
 
     Examples
     --------
@@ -66,12 +66,11 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     >>> set(kernels_to_compile(PAPER)) <= set(kernels_to_compile(PAPER, BEST))
     True
     """
-    kernel_cache()
-    return [
-        name
-        for name in used_kernels(*settings)
-        if not (kernels[name].ready or kernels[name].kept())
-    ]
+    used = used_kernels(*settings)
+    names = [name for name in used if not (kernels[name].ready or kernels[name].kept())]
+    if names and not can_keep():
+        raise RuntimeError("there is no folder that can be written to, for compiled kernels")
+    return names
 
 
 def compile_kernel(name: str) -> None:

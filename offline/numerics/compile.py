@@ -1,21 +1,28 @@
 """Kernels: loops compiled by Numba, once per machine, that run in threads; and their cache on the
 disk.
 
-Kernels are compiled for the types that their annotations name. Numba keeps the machine code in a
-file beside the source, or in the user's cache folder, and compiles again when the file of the
-kernel has changed; here also when a file of this package has, from which every kernel may take
-functions or constants.
+Kernels are compiled for the types that their annotations name. Machine code contains constants and
+functions of other files and depends on the processor, the versions and Numba's settings: a digest
+of all of these names the folder in which a kernel is kept, one file for each.
 
-Only public interfaces of Numba are used, and nothing global is changed.
+Only public interfaces of Numba are used. It reads and writes machine code in a temporary folder,
+which `numba.config` names only while a function is prepared.
 """
 
+import hashlib
+import os
+import platform
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
 from inspect import signature
+from io import BytesIO
 from pathlib import Path
+from shutil import rmtree
+from tempfile import TemporaryDirectory
 from typing import (
     Annotated,
     Any,
@@ -27,14 +34,19 @@ from typing import (
     get_origin,
     get_type_hints,
 )
+from zipfile import ZipFile
 
 import numba
 import numpy as np
+from llvmlite import binding
 from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from ...shared.errors import OutputError
 from ...shared.processors import threads
+from ...shared.source import code_digest
+from ...shared.writing import write_durably
 from .arrays import Pair
 from .pieces import in_pieces
 
@@ -64,6 +76,15 @@ costs more than it saves.
 # Elements of the largest array per call: some milliseconds, and tenths of a second for the slowest
 # kernels.
 _TOGETHER = 1 << 18
+
+_ROOT = Path(__file__).parents[2]
+_SEEN = "offline/**/*.py", "shared/arrays.py"  # by kernels
+_SOURCE = code_digest(_ROOT, *_SEEN)  # before modules with kernels are imported
+# The folder and the kinds of folder that the user has chosen, "" = none.
+_CHOSEN, _LOCATORS = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
+# Sources, processors and settings of which a folder keeps kernels, some megabytes each: those that
+# were compiled last.
+_VERSIONS = 16
 
 
 class ParallelKernel(Generic[P]):
@@ -105,51 +126,101 @@ class ParallelKernel(Generic[P]):
         return self._compiled
 
     def kept(self) -> bool:
-        """True if there is machine code on the disk that is newer than the sources, perhaps of
-        another processor.
-        """
-        newest = max(_newest_source(), Path(self._function.__code__.co_filename).stat().st_mtime)
-        return any(path.stat().st_mtime >= newest for path in self._indexes())
+        """True if there is machine code on the disk, of these sources and for this processor."""
+        return any(os.access(path, os.R_OK) for path in self._files())
+
+    def _files(self) -> list[Path]:
+        """The files in which it may be kept, the best first."""
+        name = f"{self._function.__module__}.{self._function.__name__}.zip"
+        return [folder / name for folder in _folders(len(kernels))]
 
     def _read_or_compiled(self) -> Callable[..., None]:
         parameters = signature(self._function).parameters.values()
         kinds = types.void(*(_numba_type(parameter.annotation) for parameter in parameters))
-        if not self.kept():
-            for begins in _listeners.get():
-                begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
-            self._forget()
+        for path in self._files():
+            with suppress(Exception):  # no file, a damaged one: they have no common base
+                return self._through_numba(kinds, path)
+        for begins in _listeners.get():
+            begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
         try:
-            return numba.njit(kinds, cache=True, **_OPTIONS)(self._function)
-        except Exception:  # no folder, a full disk, a damaged file: they have no common base
-            self._forget()
+            return self._through_numba(kinds)
+        except Exception:  # no temporary folder, a full disk
             return numba.njit(kinds, **_OPTIONS)(self._function)
 
-    def _indexes(self) -> list[Path]:
-        """Numba's index files of this kernel, MODULE.NAME-LINE.VERSION.nbi."""
-        try:
-            folder = _folder_of(self._function)
-        except (OSError, RuntimeError):
-            return []
-        function = self._function
-        module, line = function.__module__.rpartition(".")[2], function.__code__.co_firstlineno
-        return [*folder.glob(f"{module}.{function.__qualname__}-{line}.*.nbi")]
+    def _through_numba(self, kinds: Any, kept: Path | None = None) -> Callable[..., None]:
+        """The compiled function, read from a file or kept in one."""
+        with ExitStack() as stack:
+            archive = stack.enter_context(ZipFile(kept)) if kept else None
+            scratch = stack.enter_context(TemporaryDirectory())
+            numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = scratch, ""
+            try:
+                compiled = numba.njit(cache=True, **_OPTIONS)(self._function)
+            finally:
+                numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = _CHOSEN, _LOCATORS
+            folder = Path(compiled.stats.cache_path)
+            if archive:
+                archive.extractall(folder)  # checks it, too
+            compiled.compile(kinds)
+            compiled.disable_compile()
+            if compiled.stats.cache_misses:
+                self._keep(folder)
+        return compiled
 
-    def _forget(self) -> None:
-        for path in self._indexes():
-            path.unlink(missing_ok=True)
-
-
-def _folder_of(function: Callable[..., Any]) -> Path:
-    """The folder where Numba keeps a function. Raises RuntimeError when there is none that can be
-    written.
-    """
-    return Path(numba.njit(cache=True)(function).stats.cache_path)
+    def _keep(self, compiled: Path) -> None:
+        """Keep the files of a folder, in the first place that can be written."""
+        with ZipFile(data := BytesIO(), "w") as archive:
+            for path in compiled.iterdir():
+                archive.write(path, path.name)
+        for path in self._files():
+            with suppress(OSError, OutputError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_durably(path, data.getvalue(), overwrite=True)
+                versions = path.parent.parent.glob("[0-9a-f]" * 16)
+                for old in sorted(versions, key=lambda path: path.stat().st_mtime)[:-_VERSIONS]:
+                    rmtree(old, ignore_errors=True)
+                return
 
 
 @cache
-def _newest_source() -> float:
-    """The time, in seconds, when a file of this package was last changed."""
-    return max(path.stat().st_mtime for path in Path(__file__).parent.glob("*.py"))
+def _folders(_: int) -> list[Path]:
+    """The folders in which kernels of this version may be, up to the first that can be written.
+
+    None if the sources have changed since they were imported: kernels may be of the old ones, or of
+    both. That is looked up for each number of kernels.
+    """
+    if code_digest(_ROOT, *_SEEN) != _SOURCE:
+        return []
+    places = {"UserProvided": Path(_CHOSEN).absolute()} if _CHOSEN else {}
+    places["InTree"] = _ROOT / "offline/__pycache__"
+    with suppress(RuntimeError):  # no home
+        home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+        places["UserWide"] = home
+    allowed = (place for name, place in places.items() if name in (_LOCATORS or name))
+    folders = [place / "panchroma-kernels" / _version() for place in allowed]
+    numbers = (number for number, folder in enumerate(folders, 1) if _can_be_written(folder))
+    return folders[: next(numbers, None)]
+
+
+def _can_be_written(folder: Path) -> bool:
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    return os.access(folder, os.W_OK | os.X_OK)
+
+
+@cache
+def _version() -> str:
+    """Digest of all on which machine code depends."""
+    processor, features = numba.config.CPU_NAME, numba.config.CPU_FEATURES
+    if features is None:
+        features = binding.get_host_cpu_features().flatten()
+    facts = [_SOURCE, numba.__version__, sys.implementation.cache_tag, sys.platform]
+    facts += [platform.machine(), processor or binding.get_host_cpu_name(), features]
+    facts += sorted(
+        f"{name}={value}"
+        for name, value in os.environ.items()
+        if name.startswith("NUMBA_") and "CACHE" not in name and "THREAD" not in name
+    )
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
 
 
 def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
@@ -220,12 +291,12 @@ def parallel_kernel(
 
 
 def kernel_cache() -> Path:
-    """The folder in which compiled kernels are kept.
+    """The folder in which compiled kernels of this version are kept, or will be.
 
     Raises
     ------
     RuntimeError
-        When there is no folder that can be written.
+        When there are none, and no folder can be written to.
 
     Examples
     --------
@@ -233,7 +304,16 @@ def kernel_cache() -> Path:
     >>> kernel_cache().is_absolute()
     True
     """
-    return _folder_of(kernel)
+    folders = _folders(len(kernels))
+    usable = (folder for folder in folders if any(folder.glob("*.zip")) or _can_be_written(folder))
+    if folder := next(usable, None):
+        return folder
+    raise RuntimeError("there is no folder that can be written to, for compiled kernels")
+
+
+def can_keep() -> bool:
+    """True if a kernel that is compiled now would be kept on the disk."""
+    return any(map(_can_be_written, _folders(len(kernels))))
 
 
 @contextmanager

@@ -5,7 +5,6 @@ time: start one process per core, `dask worker --nthreads 1`. A worker that runs
 this program is refused, and ends the run.
 """
 
-import hashlib
 import logging
 import os
 import threading
@@ -16,6 +15,7 @@ from functools import cache
 from pathlib import Path
 
 from ...shared.errors import InputError, PanchromaError
+from ...shared.source import code_digest
 from ..io.versions import install_command
 from .console import one_line
 from .parallel import Executor, Function, P, R, call
@@ -107,17 +107,11 @@ def _call(source: str, function: "Function[P, R]", item: P) -> tuple[R | Excepti
 
 
 @cache
-def source_digest(root: Path = Path(__file__).parents[2]) -> str:
-    """Digest of all files of our packages below a folder, but texts (*.md) and compiled code: 16
-    hexadecimal digits.
-    """
-    total = hashlib.sha256()
-    folders = (root / package for package in ("shared", "device", "offline", "tools"))
-    for path in sorted(path for folder in folders for path in folder.rglob("*")):
-        if path.is_file() and path.suffix != ".md" and "__pycache__" not in path.parts:
-            name = path.relative_to(root).as_posix().encode()
-            total.update(name + b"\0" + hashlib.sha256(path.read_bytes()).digest())
-    return total.hexdigest()[:16]
+def source_digest() -> str:
+    """Digest of the modules and networks of this installation."""
+    packages = ("shared", "device", "offline", "tools")
+    modules = (f"{package}/**/*.py" for package in packages)
+    return code_digest(Path(__file__).parents[2], *modules, "offline/models/*.onnx")
 
 
 def absolute_path(source: str) -> str:

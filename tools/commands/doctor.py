@@ -19,6 +19,7 @@ from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 from typing import NamedTuple
 
+from ...shared.errors import InputError
 from ...shared.processors import processors
 from ..batch.compilation import CACHE_REMEDY, compile_all
 from ..batch.console import Console
@@ -91,14 +92,16 @@ class Finding(NamedTuple):
 
 def _compiled(console: Console) -> Finding:
     """Compile all kernels that are not in the cache."""
-    from ...offline import kernels_to_compile
-
     try:
+        from ...offline import kernels_to_compile
+
         names, start = kernels_to_compile(), time.monotonic()
         with console.progress("doctor") as progress:
             compiled = compile_all(names, processors(), console.note)
             errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
         missing = kernels_to_compile()
+    except InputError as error:
+        return Finding("compilation", BAD, *str(error).split("; "))
     except RuntimeError:
         reason = "there is no folder to keep compiled kernels in"
         return Finding("compilation", BAD, reason, CACHE_REMEDY)
@@ -159,7 +162,8 @@ def _package(name: str, extra: str) -> Finding:
             importlib.import_module(_MODULES.get(name, name))
     except Exception as error:  # a broken package may raise anything
         if version:
-            remedy = f"pip install --force-reinstall {name}"
+            denied = isinstance(error, PermissionError)  # told by another check
+            remedy = "" if denied else f"pip install --force-reinstall {name}"
             return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
         state = MISSING if extra else BAD
         return Finding(name, state, f"not installed: {_EXTRAS[extra]}", install_command(extra))
@@ -192,6 +196,8 @@ def _kernels() -> Iterator[Finding]:
         folder, missing = kernel_cache(), kernels_to_compile()
     except ModuleNotFoundError:  # reported with the packages
         return
+    except InputError as error:  # no machine code
+        yield Finding("kernel cache", BAD, *str(error).split("; "))
     except RuntimeError:
         reason = "there is no folder that can be written to: every run compiles for half a minute"
         yield Finding("kernel cache", BAD, reason, CACHE_REMEDY)

@@ -1,13 +1,16 @@
 """Compiling once per machine, and telling who waits."""
 
+import ctypes
 import errno
+import os
 import shutil
+import subprocess
+import sys
 import threading
+import time
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
+from unittest.mock import Mock
 
-import numba
 import numpy as np
 import pytest
 
@@ -15,6 +18,7 @@ from panchroma.offline.numerics import compile as product
 from panchroma.offline.numerics.arrays import Ints1
 from panchroma.offline.numerics.interpolation import interpolate
 from panchroma.shared.arrays import IndexArray
+from panchroma.shared.errors import OutputError
 from tests.data import ROOT
 from tests.python import run_python
 
@@ -54,22 +58,143 @@ def copied(folder: Path) -> None:
 COMPILED, KEPT = "compiling 1 True\n3 2\n", "3 2\n"
 
 
-def test_a_kernel_is_compiled_once_until_a_file_of_the_package_changes_or_it_is_kept_badly(
-    tmp_path: Path,
-) -> None:
+def hour_old(path: Path, text: str) -> None:
+    """Write a file that is older than all others, as rsync and git may leave it."""
+    path.write_text(text)
+    os.utime(path, (time.time() - 3600,) * 2)
+
+
+def kept_files(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*mirror.zip"))
+
+
+def test_a_kernel_is_compiled_once_until_a_source_changes_that_kernels_see(tmp_path: Path) -> None:
+    copied(tmp_path)
+    package = tmp_path / "panchroma"
+    assert run_python(SCRIPT, folder=tmp_path) == COMPILED
+    for name in ("shared/mosaic.py", "offline/README.md", "offline/._tiling.py", "offline/a b.py"):
+        path = package / name
+        path.write_text((path.read_text() if path.exists() else "") + "\n")
+    (package / "offline/.#lock.py").symlink_to("nowhere")
+    (package / "offline/tiling.py").touch()
+    assert run_python(SCRIPT, folder=tmp_path) == KEPT
+    before = {}
+    for name in ("shared/arrays.py", "offline/burst/motion.py", "offline/numerics/functions.py"):
+        path = package / name
+        before[path] = text = path.read_text()
+        # the kernel calls it
+        other = "\n\n@kernel\ndef mirrored(place: int, size: int) -> int:\n    return 7\n"
+        hour_old(
+            path, text + (other if "def mirrored(" in text and "@kernel" in text else "ONE = 1\n")
+        )
+        result = "7 7\n" if name.endswith("functions.py") else "3 2\n"
+        assert run_python(SCRIPT, folder=tmp_path) == "compiling 1 True\n" + result
+    for path, text in before.items():
+        path.write_text(text)  # several versions are kept
+    assert run_python(SCRIPT, folder=tmp_path) == KEPT
+
+
+def test_what_is_damaged_is_compiled_again_and_told(tmp_path: Path) -> None:
     copied(tmp_path)
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
+    (path,) = kept_files(tmp_path)
+    data = path.read_bytes()
+    middle = len(data) // 2
+    for damaged in (data[:-9], data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]):
+        path.write_bytes(damaged)
+        assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-    # from which the kernel takes a function
-    helper = tmp_path / "panchroma/offline/numerics/functions.py"
-    helper.write_text(helper.read_text() + "# changed\n")
+
+
+def test_installations_and_processors_share_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
+    for name in ("one", "two"):
+        copied(tmp_path / name)
+    assert run_python(SCRIPT, folder=tmp_path / "one") == COMPILED
+    for variable, value in (("NUMBA_CPU_NAME", "generic"), ("NUMBA_OPT", "1")):
+        with monkeypatch.context() as other:
+            other.setenv(variable, value)
+            assert run_python(SCRIPT, folder=tmp_path / "one") == COMPILED
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
+    assert run_python(SCRIPT, folder=tmp_path / "two") == KEPT
+    assert len(kept_files(tmp_path / "kept")) == 3
+    assert not kept_files(tmp_path / "one")
+
+
+def test_versions_that_were_not_compiled_lately_are_forgotten(tmp_path: Path) -> None:
+    copied(tmp_path)
+    place = tmp_path / "panchroma/offline/__pycache__/panchroma-kernels"
+    others = [place / f"{number:016x}" for number in range(20)]
+    strange = [place / "pictures", place / "0123456789abcdeX", place.parent / ("0" * 16)]
+    for number, folder in enumerate([*others, *strange]):
+        folder.mkdir(parents=True)
+        (folder / "file").touch()
+        os.utime(folder, (number, number))
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
-    for path in tmp_path.rglob("mirror*.nb[ic]"):
-        path.write_bytes(path.read_bytes()[:-9])
-    # compiled without a word, as it seemed to be there
-    assert run_python(SCRIPT, folder=tmp_path) == KEPT
+    assert [folder for folder in others if folder.exists()] == others[5:]
+    assert all(folder.exists() for folder in strange)
+
+
+def test_a_program_whose_sources_have_changed_keeps_nothing_and_reads_nothing(
+    tmp_path: Path,
+) -> None:
+    """Its kernels are those of the sources that it has imported, or of both."""
+    copied(tmp_path)
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
-    assert run_python(SCRIPT, folder=tmp_path) == KEPT
+    edit = """
+import pathlib
+path = pathlib.Path("panchroma/offline/numerics/functions.py")
+path.write_text(path.read_text() + "# changed\\n")
+"""
+    lines = SCRIPT.splitlines(keepends=True)
+    for place in (3, 4):  # before the kernel is imported, and before it is called
+        edited = "".join([*lines[:place], edit, *lines[place:]])
+        assert run_python(edited, folder=tmp_path) == COMPILED
+    assert len(kept_files(tmp_path)) == 1
+
+
+def without_root() -> None:
+    """Let permissions hold for root, too: in a program that this process starts."""
+    for capability in (1, 2, 3):  # DAC_OVERRIDE, DAC_READ_SEARCH, FOWNER
+        ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
+
+
+def run_as_user(folder: Path, script: str = SCRIPT) -> str:
+    line = [sys.executable, "-c", script]
+    done = subprocess.run(
+        line, cwd=folder, capture_output=True, text=True, check=False, preexec_fn=without_root
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="takes rights from root")
+
+
+@ON_LINUX
+def test_a_folder_that_can_be_read_alone_serves_its_kernels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied(tmp_path)
+    shared = tmp_path / "kept"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(shared))
+    monkeypatch.setenv("NUMBA_CACHE_LOCATOR_CLASSES", "UserProvidedCacheLocator")  # no other
+    assert run_python(SCRIPT, folder=tmp_path) == COMPILED
+    for path in [shared, *shared.rglob("*")]:
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    assert run_as_user(tmp_path) == KEPT
+    (path,) = kept_files(shared)
+    where = "from panchroma.offline import kernel_cache\nprint(kernel_cache())"
+    assert run_as_user(tmp_path, where) == f"{path.parent}\n"
+    path.chmod(0)  # somebody else's
+    assert run_as_user(tmp_path) == COMPILED
+    monkeypatch.setenv("NUMBA_CACHE_LOCATOR_CLASSES", "")
+    assert run_as_user(tmp_path) == COMPILED  # and kept beside the sources
+    assert run_as_user(tmp_path) == KEPT
+    for folder in [shared, *shared.rglob("*/")]:
+        folder.chmod(0o755)
 
 
 def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
@@ -77,22 +202,51 @@ def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
         numbers[place] += 1
 
 
-@pytest.mark.parametrize(
-    "error",
-    [RuntimeError("no locator available"), OSError(errno.ENOSPC, "No space left on device")],
-)
-def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(
-    error: Exception, monkeypatch: pytest.MonkeyPatch
+def test_without_a_temporary_folder_a_kernel_is_compiled_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def njit(*signatures: Any, cache: bool = False, **options: Any) -> Any:
-        if cache:
-            raise error
-        return numba.njit(*signatures, **options)
-
-    monkeypatch.setattr(product, "numba", SimpleNamespace(njit=njit))
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+    monkeypatch.setattr(product, "TemporaryDirectory", full)
     made, numbers = product.ParallelKernel(more, len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), OutputError("no permission")])
+def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(product, "write_durably", Mock(side_effect=error))
+    monkeypatch.setattr(product, "_version", lambda: "f" * 16)
+    made, numbers = product.ParallelKernel(more, len), np.arange(3)
+    made(numbers)
+    assert numbers.tolist() == [1, 2, 3]
+    assert not made.kept()
+
+
+NO_MACHINE_CODE = """
+import ctypes, sys
+from panchroma.shared.errors import InputError
+if len(sys.argv) > 1:
+    ctypes.CDLL(None).prctl(65, 1, 0, 0, 0)  # PR_SET_MDWE
+for _ in range(2):
+    try:
+        import panchroma.offline
+    except InputError as error:
+        print(error)
+"""
+
+
+def test_where_numba_may_not_compile_the_render_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    if sys.platform == "linux" and ctypes.CDLL(None).prctl(66, 0, 0, 0, 0) >= 0:  # PR_GET_MDWE
+        first, second = run_python(NO_MACHINE_CODE, "without").splitlines()
+        assert first == second
+        assert "which this system forbids" in first
+    assert run_python(NO_MACHINE_CODE) == ""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    first, second = run_python(NO_MACHINE_CODE).splitlines()
+    assert first == second
+    assert "unset NUMBA_DISABLE_JIT" in first
 
 
 def test_a_kernel_takes_what_it_is_declared_for() -> None:

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from panchroma.tools.batch import cluster as module
-from panchroma.tools.batch.cluster import source_digest
 from panchroma.tools.batch.journal import NAME
 from tests.dask_cluster import SOURCE, cluster, scheduler, worker
+from tests.python import run_python
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import assert_refused, contents, ended, run, start
 
@@ -113,18 +113,38 @@ def test_a_worker_with_another_source_ends_the_run(tmp_path: Path, out: Path) ->
     assert not list(out.iterdir())
 
 
-def test_the_digest_of_the_source_is_that_of_every_file_that_runs(tmp_path: Path) -> None:
-    digest = source_digest.__wrapped__
+PRINT_DIGEST = "from panchroma.tools.batch.cluster import source_digest\nprint(source_digest())"
 
-    def changed(name: str) -> bool:
-        before = digest(tmp_path)
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(name + before)
-        return digest(tmp_path) != before
 
-    for name in ("shared/a.py", "offline/models/a.onnx", "tools/batch/b.py", "shared/a.py"):
-        assert changed(name)
-    assert not any(map(changed, ("tools/README.md", "offline/__pycache__/a.pyc", "tests/a.py")))
+def test_the_source_is_all_that_can_be_imported_and_the_networks(tmp_path: Path) -> None:
+    # links become folders, and a wheel lacks the notebook
+    left_out = shutil.ignore_patterns("__pycache__", "notebook")
+    shutil.copytree(SOURCE, tmp_path, ignore=left_out, dirs_exist_ok=True)
+    package, before = tmp_path / "panchroma", run_python(PRINT_DIGEST, folder=SOURCE)
+
+    def changed(*names: str) -> bool:
+        for name in names:
+            with (package / name).open("ab") as file:
+                file.write(b"\n")
+        return run_python(PRINT_DIGEST, folder=tmp_path) != before
+
+    assert not changed()
+    (package / "tests").mkdir()
+    nothing = (
+        "tests/a.py",
+        "tools/README.md",
+        ".DS_Store",
+        "shared/.DS_Store",
+        "offline/models/._a.onnx",
+    )
+    copies = "tools/batch/._run.py", "tools/batch/run copy.py", "offline/models/loss-k6.png"
+    assert not changed(*nothing, *copies)
+    network = next((package / "offline/models").glob("[!.]*.onnx"))
+    weights = network.read_bytes()
+    assert changed(str(network.relative_to(package)))
+    network.write_bytes(weights)
+    assert not changed()
+    assert changed("tools/batch/new.py")
 
 
 def test_an_interrupt_leaves_no_file_of_a_worker_that_was_killed(tmp_path: Path, out: Path) -> None:

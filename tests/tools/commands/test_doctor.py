@@ -2,6 +2,8 @@
 remedy.
 """
 
+import subprocess
+import sys
 from unittest.mock import Mock
 
 import pytest
@@ -86,6 +88,19 @@ def test_what_fails_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (kernels.state, "NUMBA_CACHE_DIR" in kernels.remedy) == (BAD, True)
     monkeypatch.setattr(doctor, "available_memory", lambda: 100 * 2**20)
     assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
+
+
+def test_a_compiler_that_makes_no_machine_code_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    script = "from panchroma.tools.cli import main\nmain()"
+    for more in ([], ["--compile"]):
+        line = [sys.executable, "-c", script, "doctor", *more]
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        assert done.returncode == 1
+        report = done.stderr + done.stdout
+        assert "WRONG   kernel cache " in report
+        assert ("WRONG   compilation " in report) == bool(more)
+        assert report.count("-> unset NUMBA_DISABLE_JIT") == 1 + len(more)
 
 
 def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
