@@ -19,19 +19,18 @@ averaged over the blocks around, the share max(0, 1 - (e^2 / detail + n) / r^2) 
 """
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
 from ...shared.arrays import BORDER, DoubleArray, FloatArray
 from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned
-from ..numerics.arrays import Bools1, Doubles1, Doubles2, Doubles3
+from ..numerics.arrays import Bools1, Doubles1, Doubles3
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import ORIENTATIONS, mirrored
 from ..numerics.gaussian import smoothed
 from ..numerics.pieces import BLOCK_ROWS, in_strips
-from ..stage import CountOrNone, NotNegative, Range, StageSettings
+from ..stage import CountOrNone, NotNegative, StageSettings
 
 
 @dataclass(frozen=True)
@@ -40,23 +39,21 @@ class ChromaticitySettings(StageSettings):
 
     Attributes
     ----------
-    taps : int
-        Length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
     repetitions : CountOrNone
-        Largest number of repetitions of the medians ("till convergence" in the paper).
+        Largest number of repetitions of the medians of five blocks ("till convergence" in the
+        paper); 0 = no medians.
     detail : NotNegative
         How much of what the medians removed is returned where blocks add up to their luminance, 0
         or more; 0 = nothing.
     """
 
-    taps: Annotated[int, Range(lambda value: value >= 1 and value % 2 == 1, "an odd number")] = 5
     repetitions: CountOrNone = 20
     detail: NotNegative = 0.0
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """Kernels of the stage."""
-        return ("oriented_median",) * (self.taps > 1) + ("smooth",) * (self.detail > 0)
+        return ("oriented_median",) * (self.repetitions > 0) + ("smooth",) * (self.detail > 0)
 
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no
@@ -98,8 +95,8 @@ def estimate_chromaticities(
             sigma, gamma
         )
     unfiltered = chromaticity
-    if settings.taps > 1:
-        chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
+    if settings.repetitions:
+        chromaticity = oriented_medians(chromaticity, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors
     # back. Far off the plane, where estimates are wild (darkness), scaling would blow them up:
     # there the nearest point of the plane is the safe way back.
@@ -172,9 +169,9 @@ def sigma_z(frame: Cleaned) -> float:
 
 
 def oriented_medians(
-    chromaticity: DoubleArray, taps: int, repetitions: int, progress: Progress = SILENT
+    chromaticity: DoubleArray, repetitions: int, progress: Progress = SILENT
 ) -> DoubleArray:
-    """Replace each vector by the nearest of its 1-D medians along four orientations, and repeat
+    """Replace each vector by the nearest of its medians of five along four orientations, and repeat
     until nothing changes.
 
     Parameters
@@ -182,54 +179,47 @@ def oriented_medians(
     chromaticity : DoubleArray
         (rows, columns, C), the coarse image, mirrored at its border. Channels are filtered one by
         one.
-    taps : int
-        Length of the medians, odd, 3 or more.
     repetitions : int
         Largest number of repetitions.
     """
-    (rows, columns), half = chromaticity.shape[:2], taps // 2
-    wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (half, half)), mode=BORDER)
+    rows = len(chromaticity)
+    wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (2, 2)), mode=BORDER)
     before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
     after = np.empty_like(before)
     for _ in range(repetitions):
         if not changed.any():
             break
         changes = np.zeros_like(changed)
-        oriented_median(before, after, taps, changed, changes)
+        oriented_median(before, after, changed, changes)
         before, after, changed = after, before, changes
         progress.advance()
-    return np.ascontiguousarray(before[:, :, half : half + columns].transpose(1, 2, 0))
-
-
-_FIVE = 5  # taps, as in the paper: those have a network of comparisons of their own
+    return np.ascontiguousarray(before[:, :, 2:-2].transpose(1, 2, 0))
 
 
 @parallel_kernel()
 def oriented_median(
-    pieces: Pieces, before: Doubles3, after: Doubles3, taps: int, changed: Bools1, changes: Bools1
+    pieces: Pieces, before: Doubles3, after: Doubles3, changed: Bools1, changes: Bools1
 ) -> None:
-    """Replace each vector by whichever of its four oriented 1-D medians is nearest to it.
+    """Replace each vector by whichever of its four oriented medians of five is nearest to it.
 
     Parameters
     ----------
     before : Doubles3
-        (C, rows, taps // 2 + columns + taps // 2), with mirrored columns.
+        (C, rows, 2 + columns + 2), with mirrored columns.
     after : Doubles3
         Same shape, written, with mirrored columns.
-    taps : int
-        Length of the medians, odd, 3 or more.
     changed : Bools1
         bool (rows,), rows of `before` that the previous step changed; rows that see none of them
         are copied.
     changes : Bools1
         bool (rows,), set for the rows that this one changes.
     """
-    (channels, rows, width), half = before.shape, taps // 2
-    columns = width - 2 * half
-    lines, medians = np.empty((taps, columns)), np.empty((channels, columns))
+    channels, rows, width = before.shape
+    columns = width - 4
+    medians = np.empty((channels, columns))
     distance, nearest = np.empty(columns), np.empty(columns)
     for row in range(pieces[0], pieces[1]):
-        near = np.array([mirrored(row + step, rows) for step in range(-half, half + 1)])
+        near = np.array([mirrored(row + step, rows) for step in range(-2, 3)])
         for channel in range(channels):
             _copy(before[channel, row], after[channel, row])
         if not changed[near].any():
@@ -239,35 +229,25 @@ def oriented_median(
             distance[:] = 0.0
             for channel in range(channels):
                 plane = before[channel]
-                if taps == _FIVE:
-                    _median_of_five(
-                        plane[near[2 - 2 * down], 2 - 2 * across :],
-                        plane[near[2 - down], 2 - across :],
-                        plane[row, 2:],
-                        plane[near[2 + down], 2 + across :],
-                        plane[near[2 + 2 * down], 2 + 2 * across :],
-                        medians[channel],
-                        distance,
-                    )
-                else:
-                    for step in range(-half, half + 1):
-                        _copy(
-                            plane[near[half + step * down], half + step * across :],
-                            lines[half + step],
-                        )
-                    _sort(lines, half)
-                    _copy(lines[half], medians[channel])
-                    _add_squares(medians[channel], before[channel, row, half:], distance)
+                _median_of_five(
+                    plane[near[2 - 2 * down], 2 - 2 * across :],
+                    plane[near[2 - down], 2 - across :],
+                    plane[row, 2:],
+                    plane[near[2 + down], 2 + across :],
+                    plane[near[2 + 2 * down], 2 + 2 * across :],
+                    medians[channel],
+                    distance,
+                )
             for channel in range(channels):
-                _take_nearer(medians[channel], distance, nearest, after[channel, row, half:])
+                _take_nearer(medians[channel], distance, nearest, after[channel, row, 2:])
             for column in range(columns):
                 nearest[column] = min(nearest[column], distance[column])
         for channel in range(channels):
             mine = after[channel, row]
             changes[row] |= _differ(mine, before[channel, row])
-            for step in range(1, half + 1):
-                mine[half - step] = mine[half + mirrored(-step, columns)]
-                mine[half + columns - 1 + step] = mine[half + mirrored(columns - 1 + step, columns)]
+            for step in range(1, 3):
+                mine[2 - step] = mine[2 + mirrored(-step, columns)]
+                mine[columns + 1 + step] = mine[2 + mirrored(columns - 1 + step, columns)]
 
 
 @kernel
@@ -304,23 +284,6 @@ def _median_of_five(
         median = max(min(e[column], low), min(max(e[column], low), high))
         distance[column] += (median - c[column]) ** 2
         out[column] = median
-
-
-@kernel
-def _sort(lines: Doubles2, half: int) -> None:
-    """Bring the larger half of each column to its end, so that the median stands in the middle."""
-    for end in range(2 * half, half - 1, -1):
-        for place in range(end):
-            first, second = lines[place], lines[place + 1]
-            for column in range(len(first)):
-                a, b = first[column], second[column]
-                first[column], second[column] = min(a, b), max(a, b)
-
-
-@kernel
-def _add_squares(median: Doubles1, centre: Doubles1, distance: Doubles1) -> None:
-    for column in range(len(distance)):
-        distance[column] += (median[column] - centre[column]) ** 2
 
 
 @kernel

@@ -27,7 +27,7 @@ FIGURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominanc
 _FILLED = replace(BEST.luminance, learned=False)
 STEPS = {
     "`paper`": PAPER,
-    "`paper`, no medians": replace(PAPER, chromaticity=replace(PAPER.chromaticity, taps=1)),
+    "`paper`, no medians": replace(PAPER, chromaticity=replace(PAPER.chromaticity, repetitions=0)),
     "`paper`, no refinement": replace(PAPER, refinement=BEST.refinement),
     "`best`": BEST,
     "`best`, no network for luminance": replace(BEST, luminance=_FILLED),

@@ -105,7 +105,8 @@ def test_a_bad_colour_sample_tints_nothing(value: float) -> None:
     scene = ((0.5 + row / 500 + column / 800)[..., None] * [0.9, 0.6, 0.3]).astype(np.float32)
     sound = photographed(scene)
     best, paper = (
-        replace(preset, chromaticity=ChromaticitySettings(taps=1)) for preset in (BEST, PAPER)
+        replace(preset, chromaticity=ChromaticitySettings(repetitions=0))
+        for preset in (BEST, PAPER)
     )
     before = render(sound, best).rgb
     for down, across, _ in sound.pattern.sites:

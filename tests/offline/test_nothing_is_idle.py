@@ -47,7 +47,7 @@ MOVED: dict[str, dict[str, Change]] = {
         "sizes": ((12,), 0.02),
         "threshold": (2.0, 0.02),
     },
-    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "detail": (1e3, None)},
+    "chromaticity": {"repetitions": (1, 0.02), "detail": (1e3, None)},
     "pooling": {
         "passes": ((PoolingPass(1.0, 0.5, 5),), 0.02),
         "light": (1.0, 0.02),

@@ -24,7 +24,9 @@ SETTINGS = BEST.pooling
 
 def blocks_of(mosaic: Mosaic, light: FloatArray) -> FloatArray:
     """Chromaticities of all blocks, each by itself."""
-    return estimate_chromaticities(cleaned(mosaic), light, replace(BEST.chromaticity, taps=1))
+    return estimate_chromaticities(
+        cleaned(mosaic), light, replace(BEST.chromaticity, repetitions=0)
+    )
 
 
 def taken(scene: DoubleArray, noise: NoiseModel, pattern: CfaPattern) -> tuple[Mosaic, FloatArray]:

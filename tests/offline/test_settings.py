@@ -32,7 +32,7 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
         "light": [0.0],
         "curvature_error": [-0.1],
     },
-    "chromaticity": {"taps": [4, -1], "repetitions": [-1]},
+    "chromaticity": {"repetitions": [-1]},
     "affinity": {"scales": [(), (0.5, 0.0)], "tolerance": [0.0, 1.0], "iterations": [0]},
     "propagation": {"softness": [-0.1, inf], "likeness": [-1.0]},
     "refinement": {"strength": [-1.0], "floor": [0.0], "blur": [0.0], "repetitions": [-1]},

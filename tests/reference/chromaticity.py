@@ -68,28 +68,27 @@ def estimate(
     return np.array(rows)
 
 
-def proposals(coarse: DoubleArray, row: int, column: int, taps: int) -> list[DoubleArray]:
-    """The four 1-D medians through one block, channel by channel."""
+def proposals(coarse: DoubleArray, row: int, column: int) -> list[DoubleArray]:
+    """The four 1-D medians of five through one block, channel by channel."""
     height, width, _ = coarse.shape
     medians = []
     for down, right in ORIENTATIONS:
         line = [
             coarse[mirrored(row + step * down, height), mirrored(column + step * right, width)]
-            for step in range(-(taps // 2), taps // 2 + 1)
+            for step in range(-2, 3)
         ]
-        medians.append(np.sort(line, axis=0)[taps // 2])
+        medians.append(np.sort(line, axis=0)[2])
     return medians
 
 
 def oriented_medians(
-    coarse: DoubleArray, gamma: tuple[float, ...], taps: int, repetitions: int
+    coarse: DoubleArray, gamma: tuple[float, ...], repetitions: int
 ) -> DoubleArray:
     """Replace each vector by the nearest of its four medians until nothing changes, then scale it
     to sum_i gamma_i c_i = 1.
 
     coarse: (rows, columns, C), chromaticities of the whole blocks.
     gamma: the C weights of Eq. 7.
-    taps: length of the medians, odd.
     repetitions: largest number of repetitions.
     """
     current = coarse
@@ -99,7 +98,7 @@ def oriented_medians(
             for column in range(current.shape[1]):
                 before = current[row, column]
                 best = min(
-                    proposals(current, row, column, taps),
+                    proposals(current, row, column),
                     key=lambda value: float(np.sum((value - before) ** 2)),
                 )
                 following[row, column] = best

@@ -74,9 +74,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     light = wavelets.recover(start, measured, part.iterations, part.decay, threshold)
 
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
-    coarse = chromaticity.oriented_medians(
-        coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions
-    )
+    coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.repetitions)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
     initial = propagation.propagate(blocks, alpha, light, pattern)
