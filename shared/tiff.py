@@ -96,11 +96,9 @@ def _place(directory: Directory, strips: Iterable[bytes | memoryview], file: Bin
     """
     fields = dict(directory.fields)
     if placed := [(_append(strip, file), len(strip)) for strip in strips]:
-        offsets, sizes = (
-            (TILE_OFFSETS, TILE_BYTES) if TILE_WIDTH in fields else (STRIP_OFFSETS, STRIP_BYTES)
-        )
-        fields[offsets] = FieldType.LONG, [offset for offset, _ in placed]
-        fields[sizes] = FieldType.LONG, [size for _, size in placed]
+        tags = (TILE_OFFSETS, TILE_BYTES) if TILE_WIDTH in fields else (STRIP_OFFSETS, STRIP_BYTES)
+        for tag, numbers in zip(tags, zip(*placed, strict=True), strict=True):
+            fields[tag] = FieldType.LONG, numbers
     for tag, child in directory.children.items():
         fields[tag] = FieldType.LONG, [_place(child, child.strips, file)]
     table = bytearray(struct.pack("<H", len(fields)))

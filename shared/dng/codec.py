@@ -54,9 +54,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     stated = has_colours(pattern.channels) and pattern.period <= LONGEST_CFA_PERIOD
     photometric = Photometric.CFA if stated else Photometric.LINEAR_RAW
     with ThreadPoolExecutor(1, "samples") as pool:
-        compressed = pool.submit(
-            raw_directory, codes, max(calibration.bits, _LEAST_BITS), photometric
-        )
+        bits = max(calibration.bits, _LEAST_BITS)
+        compressed = pool.submit(raw_directory, codes, bits, photometric)
         digest = raw_digest(codes)
     raw = compressed.result()
     raw.fields.update(_levels(pattern, calibration))
@@ -64,14 +63,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     main = main_directory(preview, mosaic.metadata, camera, raw, digest)
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
-        known = (
-            calibration.camera_to_xyz,
-            calibration.neutral,
-            calibration.gamma,
-            pattern.channels,
-            calibration.lights,
-        )
-        main.fields.update(colour_fields(*known))
+        known = calibration.camera_to_xyz, calibration.neutral, calibration.gamma
+        main.fields.update(colour_fields(*known, pattern.channels, calibration.lights))
     raw.fields.update(_noise(calibration, photometric))
     record = encode_record(mosaic, digest, main.strips[0])
     main.fields[TAG["DNGPrivateData"]] = FieldType.BYTE, record
@@ -205,11 +198,8 @@ def _cfa(pattern: CfaPattern) -> Fields:
     tile = "".join(pattern.letters_from())  # from the first sample on: DNG knows no origin
     return {
         TAG["CFARepeatPatternDim"]: (FieldType.SHORT, [pattern.period] * 2),
-        TAG["CFAPattern"]: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in tile)),
-        TAG["CFAPlaneColor"]: (
-            FieldType.BYTE,
-            bytes(CFA_CODES[letter] for letter in pattern.planes),
-        ),
+        TAG["CFAPattern"]: (FieldType.BYTE, bytes(map(CFA_CODES.__getitem__, tile))),
+        TAG["CFAPlaneColor"]: (FieldType.BYTE, bytes(map(CFA_CODES.__getitem__, pattern.planes))),
         TAG["CFALayout"]: (FieldType.SHORT, [_RECTANGULAR]),
     }
 
@@ -238,15 +228,9 @@ def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
     noise, full = calibration.noise, calibration.full_scale
     if noise is None:
         return {}
-    planes = [
-        (max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2)
-        for shot, read in zip(noise.shot, noise.read, strict=True)
-    ]
     # a grey file has one plane, nearly all of it panchromatic
     first = -1 if photometric is Photometric.LINEAR_RAW else 0
-    return {
-        TAG["NoiseProfile"]: (
-            FieldType.DOUBLE,
-            [figure for plane in planes[first:] for figure in plane],
-        )
-    }
+    profile = list[float]()
+    for shot, read in zip(noise.shot[first:], noise.read[first:], strict=True):
+        profile += max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2
+    return {TAG["NoiseProfile"]: (FieldType.DOUBLE, profile)}

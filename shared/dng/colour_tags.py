@@ -11,19 +11,10 @@ from ..lights import Lights, to_one
 from ..tiff import Fields, FieldType
 from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHTS, OTHER_LIGHT, TAG
 
-_MIXTURES = {
-    "R": (1, 0, 0),
-    "G": (0, 1, 0),
-    "B": (0, 0, 1),
-    "C": (0, 0.5, 0.5),
-    "M": (0.5, 0, 0.5),
-    "Y": (0.5, 0.5, 0),
-}
+_MIXTURES = dict(zip("RGBCMY", [*np.eye(3), *(1 - np.eye(3)) / 2], strict=True))
 """Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
-_TAGS = (
-    (TAG["ColorMatrix1"], TAG["CalibrationIlluminant1"], TAG["IlluminantData1"]),
-    (TAG["ColorMatrix2"], TAG["CalibrationIlluminant2"], TAG["IlluminantData2"]),
-)
+_OF_LIGHT = "ColorMatrix", "CalibrationIlluminant", "IlluminantData"
+_TAGS = [[TAG[f"{name}{number}"] for name in _OF_LIGHT] for number in (1, 2)]
 _PARTS = 1_000_000  # denominator of chromaticities
 
 
@@ -77,23 +68,21 @@ def colour_fields(
     to_camera = np.linalg.inv(np.asarray(camera_to_xyz, np.float64))
     white = _planes(to_camera @ D50 if white is None else white, panchromatic)
     to_camera = _planes(to_camera, panchromatic)
-    from_d65 = adaptation(xyz(*D65_XY))
+    from_d65 = to_camera @ adaptation(xyz(*D65_XY))
+    brightest, most = np.abs(to_camera @ D50).max(), np.abs(white).max()  # become 1, as is usual
     fields: Fields = {
-        **{
-            tag: (FieldType.SRATIONAL, _to_one(matrix, to_camera @ D50).ravel().tolist())
-            for (tag, *_), matrix in zip(_TAGS, (to_camera, to_camera @ from_d65), strict=True)
-        },
+        TAG["ColorMatrix1"]: (FieldType.SRATIONAL, (to_camera / brightest).ravel().tolist()),
+        TAG["ColorMatrix2"]: (FieldType.SRATIONAL, (from_d65 / brightest).ravel().tolist()),
         TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHTS["D50"]]),
         TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHTS["D65"]]),
         # A matrix may make white negative in a channel; AsShotNeutral must not be.
-        TAG["AsShotNeutral"]: (FieldType.RATIONAL, _to_one(white, white).clip(1e-6).tolist()),
+        TAG["AsShotNeutral"]: (FieldType.RATIONAL, (white / most).clip(1e-6).tolist()),
     }
     for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
-        known = light.illuminant in LIGHTS
         matrix = to_one(_planes(light.xyz_to_camera, panchromatic))
         fields[color_matrix] = FieldType.SRATIONAL, matrix.ravel().tolist()
         fields[illuminant] = FieldType.SHORT, [LIGHTS.get(light.illuminant, OTHER_LIGHT)]
-        if not known:
+        if light.illuminant not in LIGHTS:
             x, y = (round(each * _PARTS) for each in light.white)
             fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _PARTS, y, _PARTS)
             fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
@@ -105,10 +94,3 @@ def _planes(readings: NDArray[Any], panchromatic: ArrayLike | None) -> NDArray[A
     if panchromatic is None:
         return readings
     return np.concatenate([readings, [np.asarray(panchromatic, np.float64) @ readings]])
-
-
-def _to_one(values: NDArray[Any], white: NDArray[Any]) -> NDArray[Any]:
-    """Scale values so that the largest reading of `white` is 1; DNG leaves the scale open, this is
-    the custom.
-    """
-    return np.asarray(values / np.abs(white).max())

@@ -4,6 +4,7 @@ the digest of the samples.
 
 import hashlib
 from html import escape
+from itertools import product
 
 import imagecodecs
 import numpy as np
@@ -73,13 +74,10 @@ def main_directory(
     main.fields |= {TAG["Make"]: (FieldType.ASCII, MAKER), TAG["Model"]: (FieldType.ASCII, named)}
     # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can
     # extract.
-    main.strips = [
-        bytes(imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420"))
-    ]
-    main.fields |= (
-        picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR) | resolution_fields()
-    )
-    main.fields |= {
+    jpeg = imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420")
+    main.strips = [bytes(jpeg)]
+    main.fields |= picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR) | {
+        **resolution_fields(),
         TAG["NewSubfileType"]: (FieldType.LONG, [1]),
         TAG["YCbCrSubSampling"]: (FieldType.SHORT, [2, 2]),
         TAG["YCbCrPositioning"]: (FieldType.SHORT, [_CENTRED]),
@@ -124,7 +122,7 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
     It is the MD5 over the MD5s of the 256 x 256 tiles in row order (cut off at the edges), samples
     little-endian, plane by plane.
     """
-    return joined_digest(tile_digests(samples))
+    return md5(tile_digests(samples))
 
 
 def tile_digests(samples: NDArray[np.uint16]) -> bytes:
@@ -133,19 +131,16 @@ def tile_digests(samples: NDArray[np.uint16]) -> bytes:
     """
     planes = samples[None] if samples.ndim == 2 else np.moveaxis(samples, -1, 0)
     rows, columns = planes.shape[1:]
-    digests = bytearray()
-    for top in range(0, rows, DIGEST_TILE):
-        for left in range(0, columns, DIGEST_TILE):
-            tile = planes[:, top : top + DIGEST_TILE, left : left + DIGEST_TILE]
-            digests += hashlib.md5(
-                tile.astype("<u2", copy=False).tobytes(), usedforsecurity=False
-            ).digest()
-    return bytes(digests)
+    digests = b""
+    for top, left in product(range(0, rows, DIGEST_TILE), range(0, columns, DIGEST_TILE)):
+        tile = planes[:, top : top + DIGEST_TILE, left : left + DIGEST_TILE]
+        digests += md5(tile.astype("<u2", copy=False).tobytes())
+    return digests
 
 
-def joined_digest(digests: bytes) -> bytes:
-    """The digest of a picture from those of its tiles."""
-    return hashlib.md5(digests, usedforsecurity=False).digest()
+def md5(data: bytes) -> bytes:
+    """The digest of a tile from its samples, and of a picture from the digests of its tiles."""
+    return hashlib.md5(data, usedforsecurity=False).digest()
 
 
 def _xmp(metadata: CaptureMetadata) -> bytes:

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
 from ..tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
-from .tags import GPS, MAKER, TAG
+from .tags import GPS, MAKER, TAG, tags_of
 
 LARGEST_SHORT = 65535
 _INCH = 2  # ResolutionUnit
@@ -27,13 +27,8 @@ _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 
 _GPS_VERSION = bytes([2, 3, 0, 0])
 # Field of CaptureMetadata -> tag of its text in the first directory.
-TEXTS = {
-    "make": TAG["Make"],
-    "model": TAG["Model"],
-    "artist": TAG["Artist"],
-    "copyright": TAG["Copyright"],
-    "description": TAG["ImageDescription"],
-}
+TEXTS = {name.lower(): TAG[name] for name in ("Make", "Model", "Artist", "Copyright")}
+TEXTS["description"] = TAG["ImageDescription"]
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
 NUMBERS = {
     "exposure_time": TAG["ExposureTime"],
@@ -53,9 +48,7 @@ _OTHERS = (
     "DateTimeOriginal SubsecTimeOriginal OffsetTimeOriginal UniqueCameraModel"
 )
 # 0 to 6: GPS
-WANTED = frozenset(
-    {*TEXTS.values(), *NUMBERS.values(), *map(TAG.__getitem__, _OTHERS.split()), *range(7)}
-)
+WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *tags_of(_OTHERS), *range(7)})
 """The tags that `metadata_from` looks at."""
 
 

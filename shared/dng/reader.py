@@ -128,11 +128,11 @@ class DngReader:
         tile = "".join(letters.get(code, "?") for code in codes)
         return tuple(tile[start : start + columns] for start in range(0, len(tile), columns))
 
-    def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
-        """The raw samples, uint16 (H, W), or (H, W, planes) if there are several; sizes are checked
-        before anything is decoded.
+    def samples(self, max_pixels: int, planes: int = 1, page: TiffPage | None = None) -> CodeArray:
+        """The samples in a directory, None = the raw ones, uint16 (H, W), or (H, W, planes) if
+        there are several; sizes are checked before anything is decoded.
         """
-        page = self.raw()
+        page = page or self.raw()
         kind, depth = page.dtype, () if planes == 1 else (planes,)
         if len(page.shape) < 2 or page.shape[2:] != depth or kind not in (np.uint8, np.uint16):
             raise damaged(

@@ -33,6 +33,11 @@ GPS: Any = TIFF.GPS_TAGS
 """Names of the tags of the GPS directory, as `TAG`."""
 
 
+def tags_of(names: str) -> set[int]:
+    """The numbers of tags, whose names are parted by blanks."""
+    return {TAG[name] for name in names.split()}
+
+
 class Compression(IntEnum):
     """Values of COMPRESSION. Lossless JPEG is the only compression of samples that every raw
     developer decodes.

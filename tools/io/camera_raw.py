@@ -23,7 +23,7 @@ from ...shared.arrays import CodeArray, DoubleArray, FloatArray
 from ...shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
 from ...shared.dng import metadata_from
 from ...shared.dng.exif import WANTED, printable
-from ...shared.dng.tags import TAG
+from ...shared.dng.tags import TAG, tags_of
 from ...shared.errors import InputError
 from ...shared.lights import between, illuminant_xy, mixed, share_of
 from ...shared.pattern import BAYER_ORDERS
@@ -41,8 +41,7 @@ _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, d
 _OF_LIGHTS = "ColorMatrix", "CalibrationIlluminant", "CameraCalibration"
 _LIGHTS = [[TAG[f"{name}{number}"] for name in _OF_LIGHTS] for number in (1, 2)]
 _SIGNATURES = TAG["CameraCalibrationSignature"], TAG["ProfileCalibrationSignature"]
-_OTHERS = "AnalogBalance AsShotWhiteXY ColorMatrix3"
-_COLOURS = {*chain(*_LIGHTS), *_SIGNATURES, *map(TAG.__getitem__, _OTHERS.split())}
+_COLOURS = {*chain(*_LIGHTS), *_SIGNATURES, *tags_of("AnalogBalance AsShotWhiteXY ColorMatrix3")}
 # Exif's LightSource values; all others are treated as D65.
 _ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 24: "3200", 23: "D50", 11: "D75", 22: "D75"}
 _ILLUMINANTS |= dict.fromkeys((1, 4, 9, 20), "D55")
@@ -182,10 +181,9 @@ def _decoding(path: str) -> Iterator[None]:
         with guarded(path):
             yield
     except InputError as error:
-        if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError | rawpy.LibRawIOError):
-            known = NO_RAW.format("that LibRaw knows, or cut short")
-            raise InputError(known) from error.__cause__
-        raise
+        if not isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError | rawpy.LibRawIOError):
+            raise
+        raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from error.__cause__
 
 
 def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:

@@ -26,9 +26,8 @@ _CLIPPED = 0.999  # share from which a sample is at the limit, but for rounding
 # out, twice
 _BESIDE = 3
 _CODES = 1 << 16
-_HIGH = (
-    0.85  # of the range up to the white level: no maker states one that is further above saturation
-)
+# of the range up to the white level: no maker states one that is further above saturation
+_HIGH = 0.85
 # Fraction of the white level over which noise of the electronics spreads samples at the limit: how
 # many times as many they are as those below, in this range of codes. The noise of light, and
 # shading, spread an even surface further: more than one of so many of its samples is beyond.

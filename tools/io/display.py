@@ -48,8 +48,6 @@ class OutputSpace:
 
     Attributes
     ----------
-    name : str
-        Key of `SPACES` and of the argument space.
     title : str
         Name for people and ICC profiles.
     primaries : tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -58,7 +56,6 @@ class OutputSpace:
         No transfer curve; otherwise that of sRGB.
     """
 
-    name: str
     title: str
     primaries: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
     linear: bool = False
@@ -71,12 +68,11 @@ class OutputSpace:
         return primaries_to_xyz(self.primaries)
 
 
-_SPACES = (
-    OutputSpace("srgb", "sRGB", SRGB_PRIMARIES),
-    OutputSpace("display-p3", "Display P3", P3_PRIMARIES),
-    OutputSpace("linear-srgb", "Linear sRGB", SRGB_PRIMARIES, linear=True),
-)
-SPACES = {space.name: space for space in _SPACES}
+SPACES = {
+    "srgb": OutputSpace("sRGB", SRGB_PRIMARIES),
+    "display-p3": OutputSpace("Display P3", P3_PRIMARIES),
+    "linear-srgb": OutputSpace("Linear sRGB", SRGB_PRIMARIES, linear=True),
+}
 
 
 @dataclass(frozen=True)

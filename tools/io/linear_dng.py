@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tifffile import TIFF, TiffFile, TiffPage
+from tifffile import TiffFile, TiffPage
 
 from ...shared.arrays import DoubleArray, FloatArray
 from ...shared.dng import metadata_from
 from ...shared.dng.reader import DngReader
-from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric
+from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric, tags_of
 from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
-from ...shared.tiff_check import PLAIN, check_directories, check_page
+from ...shared.tiff_check import check_page
 from ...shared.white_balance import clipped_share, normalised
 from .camera_raw import camera_scene, raw_directories
 from .clipped import SHOULDER, saturation
@@ -27,26 +27,17 @@ from .decoded import remark_on_unused
 from .file_size import check_pieces, data_bytes
 from .jpegxl import declared_size
 from .scene import Scene, check_size
-from .tiff import beside, tag_numbers
+from .tiff import beside, opened_tiff, tag_numbers
 
-_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
-_CROP_ORIGIN, _CROP_SIZE, _BASELINE_EXPOSURE = 50719, 50720, 50730
-_LEVELS = (
-    _LINEARIZATION_TABLE,
-    _BLACK_DELTA_H,
-    _BLACK_DELTA_V,
-    _ACTIVE_AREA,
-    TAG["BlackLevelRepeatDim"],
-    TAG["BlackLevel"],
-    _CROP_ORIGIN,
-    _CROP_SIZE,
-)
 # nothing else is, such as an original RAW inside
-_READ = {*TIFF.TAG_LOAD, *_LEVELS, TAG["WhiteLevel"], TAG["AsShotNeutral"]}
+_READ = tags_of(
+    "LinearizationTable BlackLevelRepeatDim BlackLevel BlackLevelDeltaH BlackLevelDeltaV "
+    "WhiteLevel AsShotNeutral ActiveArea DefaultCropOrigin DefaultCropSize"
+)
 _DEFLATE = (8, 32946)
 _JPEG_XL = 52546  # DNG 1.7.1, chapter 4
 # Corrections that a DNG asks for (DNG 1.7.1, chapter 7), such as a gain map against dark corners.
-_LISTS = {51008: "OpcodeList1", 51009: "OpcodeList2", 51022: "OpcodeList3"}
+_LISTS = "OpcodeList1", "OpcodeList2", "OpcodeList3"
 _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
 
 
@@ -73,25 +64,21 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     InputError
         For lossy JPEG and rare compressions, for impossible levels, and for a damaged file.
     """
-    with path.open("rb") as stream:
-        check_directories(stream, _READ)
-        with guarded(path):
-            file = TiffFile(stream)
-        with file:
-            page = _main_picture(file)
-            if page is None:
-                return None
-            _check(page, path.stat().st_size, data_bytes(path), max_pixels)
-            _check_chunks(page, stream)
-            unsigned = page.dtype is not None and page.dtype.kind == "u"
-            integers = unsigned and page.compression in (*Compression, _JPEG_XL)
-            if unsigned and page.compression in tuple(Compression):
-                samples = _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES)
-            else:
-                with guarded(path):
-                    samples = page.asarray(maxworkers=1)
-            rgb, limits = _levelled(samples, page)
-            stated = tag_numbers(file.pages.first, TAG["AsShotNeutral"])
+    with opened_tiff(path, _READ) as (stream, file, _):
+        page = _main_picture(file)
+        if page is None:
+            return None
+        _check(page, path.stat().st_size, data_bytes(path), max_pixels)
+        _check_chunks(page, stream)
+        unsigned = page.dtype is not None and page.dtype.kind == "u"
+        integers = unsigned and page.compression in (*Compression, _JPEG_XL)
+        if unsigned and page.compression in tuple(Compression):
+            samples = DngReader(stream, file).samples(max_pixels, PICTURE_PLANES, page)
+        else:
+            with guarded(path):
+                samples = page.asarray(maxworkers=1)
+        rgb, limits = _levelled(samples, page)
+        stated = tag_numbers(file.pages.first, "AsShotNeutral")
     is_stated = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
     neutral = normalised(stated) if is_stated else None
     gone = clipped_share(rgb, limits, SHOULDER) if integers else None
@@ -113,17 +100,6 @@ def _pictures(file: TiffFile) -> list[TiffPage]:
     with guarded():
         pages = (file.pages.first, *(file.pages.first.pages or ()))
     return [page for page in pages if isinstance(page, TiffPage) and page.subfiletype == 0]
-
-
-class _Reader(DngReader):
-    """Reads the samples of one directory, which need not be where ours are."""
-
-    def __init__(self, stream: Any, file: TiffFile, page: TiffPage) -> None:
-        super().__init__(stream, file)
-        self._page = page
-
-    def raw(self) -> TiffPage:
-        return self._page
 
 
 def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
@@ -183,11 +159,11 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> tuple[FloatArray, FloatA
     which each plane is clipped.
     """
     floating = samples.dtype.kind == "f"
-    table = tag_numbers(page, _LINEARIZATION_TABLE)
+    table = tag_numbers(page, "LinearizationTable")
     if table.size and not floating:
         samples = table.astype(np.float32)[np.minimum(samples, table.size - 1)]
     rgb: FloatArray = samples.astype(np.float32)
-    if (area := tag_numbers(page, _ACTIVE_AREA)).size == 4:
+    if (area := tag_numbers(page, "ActiveArea")).size == 4:
         top, left, bottom, right = area.astype(int).tolist()
         if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
             reason = "the file is damaged; copy it again"
@@ -195,7 +171,7 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> tuple[FloatArray, FloatA
         rgb = rgb[top:bottom, left:right]
     black = _black(page, rgb.shape)
     default = 1.0 if floating else float((1 << page.bitspersample) - 1)
-    stated = tag_numbers(page, TAG["WhiteLevel"])
+    stated = tag_numbers(page, "WhiteLevel")
     white = np.resize(stated, 3) if stated.size else np.full(3, default)
     lowest = black.reshape(-1, 3).max(axis=0)
     if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
@@ -214,7 +190,7 @@ def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]
     """Return the rows and columns that the file shows, of an active area of this shape (H, W, 3):
     all without a crop, or with one that does not lie inside.
     """
-    origin, size = tag_numbers(page, _CROP_ORIGIN), tag_numbers(page, _CROP_SIZE)
+    origin, size = tag_numbers(page, "DefaultCropOrigin"), tag_numbers(page, "DefaultCropSize")
     everything = slice(None), slice(None)
     if origin.size != 2 or size.size != 2 or not np.isfinite([*origin, *size]).all():
         return everything
@@ -225,9 +201,9 @@ def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]
 
 def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
-    period = tag_numbers(page, TAG["BlackLevelRepeatDim"]).astype(int).tolist() or [1, 1]
+    period = tag_numbers(page, "BlackLevelRepeatDim").astype(int).tolist() or [1, 1]
     rows, columns = (period * 2)[:2] if min(period) > 0 else (0, 0)
-    stated = tag_numbers(page, TAG["BlackLevel"])
+    stated = tag_numbers(page, "BlackLevel")
     if stated.size not in (0, 1, rows * columns * 3):
         levels = f"{stated.size} black levels for {rows} x {columns} pixels"
         raise InputError(f"{levels}: the file is damaged; copy it again")
@@ -236,8 +212,8 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
         black = stated.reshape(rows, columns, 3)
         if rows * columns > 1:
             black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
-    for tag, axis in ((_BLACK_DELTA_H, 1), (_BLACK_DELTA_V, 0)):
-        if (delta := tag_numbers(page, tag)).size == shape[axis]:
+    for name, axis in (("BlackLevelDeltaH", 1), ("BlackLevelDeltaV", 0)):
+        if (delta := tag_numbers(page, name)).size == shape[axis]:
             black = black + np.expand_dims(delta, (1 - axis, 2))
     return black
 
@@ -246,15 +222,11 @@ def remark_on_corrections(path: Path) -> tuple[str, ...]:
     """Return notes for the user on what a DNG has beside its main picture, and on the corrections
     that it asks for and that are not made.
     """
-    with path.open("rb") as stream:
-        check_directories(stream, {*TIFF.TAG_LOAD, *_LISTS, _BASELINE_EXPOSURE})
-    with guarded(path):
-        file = TiffFile(path, **PLAIN)
-    with file:
-        stops = float(tag_numbers(file.pages.first, _BASELINE_EXPOSURE).sum())
+    with opened_tiff(path, {TAG[name] for name in (*_LISTS, "BaselineExposure")}) as (_, file, _):
+        stops = float(tag_numbers(file.pages.first, "BaselineExposure").sum())
         pages = _pictures(file)
         linear = any(page.photometric == Photometric.LINEAR_RAW for page in pages)
-        names = [_LISTS[tag] for tag in _LISTS if any(tag in page.tags for page in pages)]
+        names = [name for name in _LISTS if any(TAG[name] in page.tags for page in pages)]
         notes = list[str]()
         remark_on_unused(beside((file.pages.first, *(file.pages.first.pages or ()))), notes)
     if names:

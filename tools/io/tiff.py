@@ -1,10 +1,10 @@
 """TIFF pictures."""
 
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import D65_XY
 from ...shared.dng import read_metadata
+from ...shared.dng.tags import TAG, tags_of
 from ...shared.errors import InputError
 from ...shared.tiff_check import PLAIN, check_directories, check_page
 from .damage import guarded
@@ -29,10 +30,9 @@ from .encoding import SRGB, Curve, Encoding, space_of, table_curve
 from .file_size import check_pieces, data_bytes
 from .scene import RGB, check_size
 
-# Tags of TIFF 6.0 (sections 8 and 20), and of the ICC profile.
-_LARGEST, _TRANSFER, _WHITE_POINT, _PRIMARIES = 281, 301, 318, 319
-_LARGEST_OF_KIND, _ICC_PROFILE = 341, 34675
-_READ = {_WHITE_POINT, _PRIMARIES, _ICC_PROFILE, _LARGEST, _LARGEST_OF_KIND}
+# TIFF 6.0, sections 8 and 20; the ICC profile.
+_LARGEST = "MaxSampleValue", "SMaxSampleValue"
+_READ = tags_of("WhitePoint PrimaryChromaticities InterColorProfile " + " ".join(_LARGEST))
 _RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own,
@@ -53,15 +53,12 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
     """
     import tifffile
 
-    size, held, notes = path.stat().st_size, data_bytes(path), list[str]()
-    with path.open("rb") as stream:
-        read, most = {*tifffile.TIFF.TAG_LOAD, *_READ}, 1
-        if several := check_directories(stream, read):
+    size, held, notes, most = path.stat().st_size, data_bytes(path), list[str](), 1
+    with opened_tiff(path, _READ) as (stream, file, several):
+        if several:
             with suppress(InputError):  # pages behind a damaged one are left out
-                check_directories(stream, read, MOST_PAGES)
-                several, most = False, MOST_PAGES
-        with guarded(path):
-            file = tifffile.TiffFile(stream, **PLAIN)
+                check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *_READ}, MOST_PAGES)
+                most = MOST_PAGES
         full, others = _full_pictures(file, most)
         first = full[0]
         check_page(first)
@@ -92,12 +89,12 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         pixels = planes[0] if len(planes) == 1 else np.concatenate(planes, axis=-1)
         if not letters:
             pixels = without_alpha(pixels, notes)
-        if len(pages) == 1 and (several or len(full) > 1):
+        if len(pages) == 1 and (len(full) > 1 or (several and most == 1)):
             notes.append("the file has several pages; only the first is used")
         remark_on_unused(others, notes)
         peak = _peak(first, pixels, notes)
         with guarded(path):
-            profile = bytes(first.tags.valueof(_ICC_PROFILE, b""))
+            profile = bytes(first.tags.valueof(TAG["InterColorProfile"], b""))
         encoding = profile_encoding(profile, notes) or _declared(first, notes)
         if encoding is None and peak:
             encoding = exif_encoding(stream, notes)
@@ -115,9 +112,9 @@ def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
     if pixels.dtype.kind != "u":
         return None
     peak = (1 << page.bitspersample) - 1
-    if _TRANSFER in page.tags:  # a table for all samples
+    if TAG["TransferFunction"] in page.tags:  # a table for all samples
         return peak
-    stated = max((*tag_numbers(page, _LARGEST), *tag_numbers(page, _LARGEST_OF_KIND)), default=peak)
+    stated = max(chain(*(tag_numbers(page, name) for name in _LARGEST)), default=peak)
     largest = int(stated) if 255 <= stated < peak else peak
     if largest == peak or largest & (largest + 1) or pixels.max(initial=0) > largest:
         return peak
@@ -131,11 +128,11 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
 
     notes: gets a remark for the user.
     """
-    white = tag_numbers(page, _WHITE_POINT) if _WHITE_POINT in page.tags else D65_XY
-    to_xyz = space_of((*tag_numbers(page, _PRIMARIES), *white))
+    white = tag_numbers(page, "WhitePoint") if TAG["WhitePoint"] in page.tags else D65_XY
+    to_xyz = space_of((*tag_numbers(page, "PrimaryChromaticities"), *white))
     curves: tuple[Curve, ...] = ()
-    if _TRANSFER in page.tags:
-        values, stated = 1 << page.bitspersample, tag_numbers(page, _TRANSFER)
+    if TAG["TransferFunction"] in page.tags:
+        values, stated = 1 << page.bitspersample, tag_numbers(page, "TransferFunction")
         if page.bitspersample <= 16 and stated.size in (values, 3 * values):
             tables = stated.reshape(-1, values) / 65535
             curves = tuple(table_curve(table) for table in np.broadcast_to(tables, (3, values)))
@@ -146,11 +143,28 @@ def _declared(page: Any, notes: list[str]) -> Encoding | None:
     return Encoding(curves, to_xyz or SRGB.to_xyz, "the fields of the TIFF")
 
 
-def tag_numbers(page: Any, tag: int) -> DoubleArray:
+@contextmanager
+def opened_tiff(path: Path, read: set[int]) -> Iterator[tuple[IO[bytes], Any, bool]]:
+    """In the `with` block: a file, the `tifffile.TiffFile` in it, and whether it has more than one
+    page.
+
+    Raises InputError if the fields that are read, beside those of every picture, are implausible.
+    """
+    import tifffile
+
+    with path.open("rb") as stream:
+        several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *read})
+        with guarded(path):
+            file = tifffile.TiffFile(stream, **PLAIN)
+        with file:
+            yield stream, file, several
+
+
+def tag_numbers(page: Any, name: str) -> DoubleArray:
     """Return the numbers of a field of a page of tifffile, fractions as quotients; empty if there
     is none.
     """
-    field = page.tags.get(tag)
+    field = page.tags.get(TAG[name])
     if field is None:
         return np.zeros(0)
     with guarded():

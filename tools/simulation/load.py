@@ -15,7 +15,6 @@ from ...shared.arrays import CodeArray
 from ...shared.dng.tags import MAKER, TAG, Photometric
 from ...shared.errors import ForeignFileError, InputError
 from ...shared.reading import MAX_PIXELS, opened_file
-from ...shared.tiff_check import PLAIN, check_directories
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.damage import guarded, readable
 from ..io.decoded import PictureFormat
@@ -23,7 +22,7 @@ from ..io.decoders import FORMATS
 from ..io.linear_dng import linear_dng_scene, remark_on_corrections
 from ..io.picture import gehler_shi_scene, picture_scene
 from ..io.scene import RGB, Scene, check_size, scene_channels
-from ..io.tiff import TIFF
+from ..io.tiff import TIFF, opened_tiff
 from .drawn.builtin import builtin_scene
 from .drawn.charts import chart_scene
 
@@ -241,12 +240,8 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
     colours, and decodes them wrongly without an error. Their private data may be in the directory
     of the preview or of the samples.
     """
-    import tifffile
-
     try:
-        with path.open("rb") as stream:
-            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, TAG["DNGPrivateData"]})
-        with guarded(path), tifffile.TiffFile(path, **PLAIN) as file:
+        with opened_tiff(path, {TAG["DNGPrivateData"]}) as (_, file, _), guarded(path):
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
             private = (directory.tags.get(TAG["DNGPrivateData"]) for directory in directories)

@@ -43,9 +43,8 @@ def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration)
     calibration.check_pattern(pattern)
     with np.errstate(over="ignore"):  # a mosaic refuses infinite samples
         # Eq. 7
-        samples: FloatArray = (rgb @ np.array(calibration.gamma, np.float32)).astype(
-            np.float32, copy=False
-        )
+        light = rgb @ np.array(calibration.gamma, np.float32)
+        samples: FloatArray = light.astype(np.float32, copy=False)
     for channel, rows, columns in pattern.lattices:
         samples[rows, columns] = rgb[rows, columns, channel]
     return _shaded(samples, pattern, calibration, undone=False)

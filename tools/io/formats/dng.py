@@ -15,8 +15,8 @@ from ....shared.arrays import ByteArray, CodeArray, FloatArray
 from ....shared.dng.colour_tags import colour_fields
 from ....shared.dng.container import (
     DIGEST_TILE,
-    joined_digest,
     main_directory,
+    md5,
     picture_fields,
     picture_id,
     tile_digests,
@@ -174,7 +174,7 @@ def linear_dng(
         fields[TAG["TileWidth"]] = FieldType.LONG, [width]
         fields[TAG["TileLength"]] = FieldType.LONG, [height]
     raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
-    digest = joined_digest(b"".join(part.digests for part in parts))
+    digest = md5(b"".join(part.digests for part in parts))
     main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
     main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, picture_id(shape, digest).encode()

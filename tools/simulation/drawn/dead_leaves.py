@@ -114,15 +114,10 @@ def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
     draws = np.random.default_rng((seed, octaves, 0))
     x, y, radius = draws.permutation(np.concatenate(places, axis=1), axis=1)
     tipped = draws.random(x.size) < TIPPED
-    return Leaves(
-        x=x,
-        y=y,
-        radius=radius,
-        angle=draws.random(x.size) * 2 * np.pi,
-        breadth=np.where(tipped, 0.8, 1.0) * draws.uniform(0.5, 1.0, x.size),
-        tipped=tipped,
-        reflectance=_reflectances(x / scale, y / scale, draws),
-    )
+    angle = draws.random(x.size) * 2 * np.pi
+    breadth = np.where(tipped, 0.8, 1.0) * draws.uniform(0.5, 1.0, x.size)
+    reflectance = _reflectances(x / scale, y / scale, draws)
+    return Leaves(x, y, radius, angle, breadth, tipped, reflectance)
 
 
 def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
@@ -131,9 +126,8 @@ def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) ->
     """
     likely = np.tile(np.log(_FREQUENCIES), (x.size, 1))
     for phase, across, down in draws.random((3, 3, len(MATERIALS))):
-        likely += 1.1 * np.sin(
-            2 * np.pi * (phase + np.outer(x, 9 * across - 4.5) + np.outer(y, 9 * down - 4.5))
-        )
+        place = phase + np.outer(x, 9 * across - 4.5) + np.outer(y, 9 * down - 4.5)
+        likely += 1.1 * np.sin(2 * np.pi * place)
     chosen = np.argmax(likely + draws.gumbel(size=likely.shape), axis=1)
     brightness = draws.normal(0, 0.22, (x.size, 1))
     varied = MATERIALS[chosen] * np.exp(brightness + draws.normal(0, 1, (x.size, 3)) * VARIATION)
@@ -157,12 +151,9 @@ def _paint(leaves: Leaves, top: int, bottom: int, width: int, step: int) -> Floa
     # index -1 is the ground
     reflectance = np.concatenate([leaves.reflectance, np.array([GROUND], np.float32)])
     mean = np.zeros((bottom - top, width, 3), np.float32)
-    for row in range(SAMPLES):
-        for column in range(SAMPLES):
-            mean += (
-                reflectance[index[row::SAMPLES, column::SAMPLES]]
-                * light[row::SAMPLES, column::SAMPLES, None]
-            )
+    for row, column in np.ndindex(SAMPLES, SAMPLES):
+        samples = np.s_[row::SAMPLES, column::SAMPLES]
+        mean += reflectance[index[samples]] * light[samples][..., None]
     return mean / np.float32(SAMPLES**2)
 
 
@@ -215,12 +206,10 @@ def _shading(leaves: Leaves, index: LeafArray, top: int) -> FloatArray:
     along = right * cosine + down * sine
     aside = (down * cosine - right * sine) * per_sample(1 / leaves.breadth)
     away = np.abs(aside)
-    veins = 0.06 * np.sin(18 * (along + 0.6 * away)) + np.float32(0.18) * (
-        away < 0.08 - 0.06 * np.abs(along)
-    )
+    midrib = np.float32(0.18) * (away < 0.08 - 0.06 * np.abs(along))
+    veins = 0.06 * np.sin(18 * (along + 0.6 * away)) + midrib
     curvature = 1 - 0.28 * (0.6 * right + 0.8 * down) - 0.18 * (along * along + aside * aside)
-    light: FloatArray = (curvature * (1 + veins * np.append(leaves.tipped, False)[index])).astype(
-        np.float32, copy=False
-    )
+    tipped = np.append(leaves.tipped, False)[index]
+    light: FloatArray = (curvature * (1 + veins * tipped)).astype(np.float32, copy=False)
     light[index < 0] = 1
     return light
