@@ -1,23 +1,22 @@
 """Check the installation (versions, missing packages, kernels, memory) and say how to
 repair what is wrong.
 
-With --compile, compile the renderer for this processor first, so that no render has to: for
-container images and clusters.
+It renders tiny pictures, and compiles what they need of the renderer for this processor. With
+--compile, compile all of it, so that no render has to: for container images and clusters.
 """
 
 import argparse
 import importlib
 import os
 import platform
-import re
 import sys
-import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...shared.errors import InputError
 from ...shared.processors import processors
@@ -29,6 +28,11 @@ from ..batch.parallel import follow, possible_processes
 from ..io.versions import install_command, package_version, program_version
 from .options import add
 
+if TYPE_CHECKING:
+    from packaging.requirements import Requirement
+
+    from ...shared import Mosaic
+
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
 _LEAST_MEMORY = 2**30
 
@@ -39,7 +43,7 @@ EXAMPLE = "panchroma doctor --compile"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma doctor`."""
     compiled = (
-        "first compile all of the renderer that is not compiled yet; what is compiled serves this "
+        "compile all of the renderer that is not compiled yet; what is compiled serves this "
         "version of Panchroma on processors of this model, wherever it finds the same cache folder "
         "(the line 'kernel cache' names it)"
     )
@@ -51,8 +55,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when
     something optional is missing.
     """
-    findings = [_compiled(console)] if arguments.compile else []
-    findings += [finding for check in CHECKS for finding in check()]
+    works = _works(console, arguments.compile)
+    findings = [*_program(), *_packages(), *works, *_machine()]
     width = max(len(finding.name) for finding in findings) + 2
     for finding in findings:
         console.say(f"{finding.state:8}{finding.name:{width}}{finding.found}")
@@ -90,41 +94,13 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def _compiled(console: Console) -> Finding:
-    """Compile all kernels that are not in the cache."""
-    try:
-        from ...offline import kernels_to_compile
-
-        names, start = kernels_to_compile(), time.monotonic()
-        with console.progress("doctor") as progress:
-            compiled = compile_all(names, processors(), console.note)
-            errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
-        missing = kernels_to_compile()
-    except InputError as error:
-        return Finding("compilation", BAD, *str(error).split("; "))
-    except RuntimeError:
-        reason = "there is no folder to keep compiled kernels in"
-        return Finding("compilation", BAD, reason, CACHE_REMEDY)
-    if missing:
-        reason = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
-        remedy = f"close other programs, free some disk space, or {CACHE_REMEDY}"
-        return Finding("compilation", BAD, reason, remedy)
-    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s"
-    return Finding("compilation", GOOD, took if names else "all kernels were compiled already")
-
-
 def _program() -> Iterator[Finding]:
     yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
     yield Finding("Python", GOOD, f"{platform.python_version()} ({sys.executable})")
 
 
-# Extra -> what needs its packages.
-_EXTRAS = {
-    "": "nothing works without it",
-    "offline": "render, demo, burst, evaluate, calibrate",
-    "tools": "scenes (camera RAW, JPEG, PNG, EXR), pictures, pages, progress bars",
-    "rivals": "evaluate: the rivals with bm3d (non-commercial use only)",
-}
+# Extras of pyproject.toml whose packages are looked at; "" = what nothing works without.
+_EXTRAS = "", "offline", "tools", "rivals", "cluster"
 _OPENCV = "opencv-contrib-python-headless"
 _OTHERS = "opencv-python", "opencv-contrib-python", "opencv-python-headless"
 _MODULES = {
@@ -133,20 +109,28 @@ _MODULES = {
     "Pillow": "PIL",
     _OPENCV: "cv2",
 }
-_REQUIREMENT = re.compile(r'([\w.-]+) *>=(?:.*extra *== *["\']([\w-]+)["\'])?')
 
 
 def _packages() -> Iterator[Finding]:
     """The packages that pyproject.toml asks for, as the installation knows it."""
     try:
-        matches = map(_REQUIREMENT.match, requires("panchroma") or ())
+        from packaging.requirements import Requirement
+
+        wanted = [Requirement(text) for text in requires("panchroma") or ()]
     except PackageNotFoundError:
         reason = "Panchroma is not installed here: they are not known"
         yield Finding("packages", BAD, reason, install_command())
         return
-    for name, extra in (match.groups(default="") for match in matches if match):
-        if extra in _EXTRAS:
-            yield _package(name, extra)
+    except ModuleNotFoundError:
+        reason = "not looked at: the package packaging is not installed"
+        yield Finding("packages", MISSING, reason, "pip install packaging")
+        return
+    for one in wanted:
+        marker = one.marker
+        extras = (name for name in _EXTRAS if not marker or marker.evaluate({"extra": name}))
+        extra = next(extras, None)
+        if extra is not None and one.name != "panchroma":
+            yield _package(one, extra)
     installed = [name for name in (_OPENCV, *_OTHERS) if package_version(name)]
     if len(installed) > 1:
         reason = f"{' and '.join(installed)} overwrite each other"
@@ -154,9 +138,12 @@ def _packages() -> Iterator[Finding]:
         yield Finding("OpenCV", BAD, reason, remedy)
 
 
-def _package(name: str, extra: str) -> Finding:
-    version = package_version(name)
+def _package(wanted: "Requirement", extra: str) -> Finding:
+    name, version = wanted.name, package_version(wanted.name)
     try:
+        if version and not wanted.specifier.contains(version, prereleases=True):
+            reason = f"{version} is installed, {wanted.specifier} is needed"
+            return Finding(name, BAD, reason, f"pip install '{name}{wanted.specifier}'")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # packages warn about each other
             importlib.import_module(_MODULES.get(name, name))
@@ -165,44 +152,96 @@ def _package(name: str, extra: str) -> Finding:
             denied = isinstance(error, PermissionError)  # told by another check
             remedy = "" if denied else f"pip install --force-reinstall {name}"
             return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
-        state = MISSING if extra else BAD
-        return Finding(name, state, f"not installed: {_EXTRAS[extra]}", install_command(extra))
+        reason = f"not installed, belongs to panchroma{extra and f'[{extra}]'}"
+        return Finding(name, MISSING if extra else BAD, reason, install_command(extra))
     return Finding(name, GOOD, version or "installed")
 
 
-def _preview() -> Iterator[Finding]:
-    """Run a graph on a grey wall: the picture must be grey too."""
+def _kernels(console: Console, everything: bool) -> Finding:
+    """Compile the kernels of all presets, or simply all, that are not in the cache."""
     try:
-        import numpy as np
+        from ...offline import PRESETS, kernel_cache, kernels_to_compile
 
-        from ...shared import CfaPattern, SensorCalibration
-        from ..batch.previews import Previews
-        from ..simulation.sensor import simulate_additive
-
-        wall, pattern = np.full((24, 24, 3), 0.3, np.float32), CfaPattern.bayer(6)
-        sensor, rng = SensorCalibration(), np.random.default_rng(0)
-        picture = Previews(threads=1)(simulate_additive(wall, pattern, sensor, 0.0, rng))
-        wrong = "" if np.ptp(picture.astype(int)) <= 1 else "makes a wrong picture"
-    except Exception as error:  # whatever it is, this check exists to find it
-        wrong = f"does not run: {error}"
-    remedy = "pip install --force-reinstall onnxruntime, then Panchroma" if wrong else ""
-    yield Finding("preview", BAD if wrong else GOOD, wrong or "runs", remedy)
-
-
-def _kernels() -> Iterator[Finding]:
-    try:
-        from ...offline import kernel_cache, kernels_to_compile
-
-        folder, missing = kernel_cache(), kernels_to_compile()
-    except ModuleNotFoundError:  # reported with the packages
-        return
+        folder, needed = kernel_cache(), () if everything else PRESETS.values()
+        names = kernels_to_compile(*needed)
+        with console.progress("doctor") as progress:
+            compiled = compile_all(names, processors(), console.note)
+            errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
+        missing = kernels_to_compile(*needed)
+    except ModuleNotFoundError as error:
+        reason = f"needs the package {error.name}"
+        return Finding("kernel cache", MISSING, reason, install_command("offline"))
     except InputError as error:  # no machine code
-        yield Finding("kernel cache", BAD, *str(error).split("; "))
+        return Finding("kernel cache", BAD, *str(error).split("; "))
     except RuntimeError:
         reason = "there is no folder that can be written to: every run compiles for half a minute"
-        yield Finding("kernel cache", BAD, reason, CACHE_REMEDY)
-    else:
-        yield Finding("kernel cache", GOOD, f"{folder}, {len(missing)} kernels to compile")
+        return Finding("kernel cache", BAD, reason, CACHE_REMEDY)
+    except Exception as error:  # a broken package may raise anything
+        return _broken("kernel cache", error)
+    if missing:
+        reason = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
+        remedy = f"close other programs, free some disk space, or {CACHE_REMEDY}"
+        return Finding("kernel cache", BAD, reason, remedy)
+    left = len(kernels_to_compile())
+    return Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled, {left} to compile")
+
+
+def _works(console: Console, compile_everything: bool) -> Iterator[Finding]:
+    """Open all networks (a camera has none), and make pictures of a grey wall in each way."""
+    yield _kernels(console, compile_everything)
+    yield _tried("networks", _open_networks)
+    yield _tried("preview", _preview)
+    try:
+        from ...offline import PRESETS
+    except Exception:  # reported with the kernels
+        return
+    for preset, settings in PRESETS.items():
+        yield _tried(f"render, {preset}", partial(_render, settings))
+
+
+def _open_networks() -> bool:
+    from ...shared.networks import NETWORKS, load_network
+
+    return all(map(load_network, NETWORKS.glob("*.onnx")))
+
+
+def _preview() -> bool:
+    from ..batch.previews import Previews
+
+    return _is_grey(Previews(threads=1)(_wall()))
+
+
+def _render(settings: Any) -> bool:
+    from ...offline import render
+
+    return _is_grey(render(_wall(), settings).rgb)
+
+
+def _wall() -> "Mosaic":
+    import numpy as np
+
+    from ...shared import CfaPattern, SensorCalibration
+    from ..simulation.sensor import simulate_additive
+
+    wall, rng = np.full((24, 24, 3), 0.3, np.float32), np.random.default_rng(0)
+    return simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, rng)
+
+
+def _is_grey(picture: Any) -> bool:
+    return bool(picture.max() - picture.min() < 0.02 * picture.max())
+
+
+def _tried(name: str, works: Callable[[], bool]) -> Finding:
+    try:
+        return Finding(name, GOOD, "runs") if works() else _broken(name)
+    except Exception as error:  # whatever it is, this check exists to find it
+        return _broken(name, error)
+
+
+def _broken(name: str, error: Exception | None = None) -> Finding:
+    reason = f"does not run: {error}" if error else "makes a wrong picture"
+    remedy = install_command().replace("install", "install --force-reinstall", 1)
+    return Finding(name, BAD, reason, remedy)
 
 
 def _machine() -> Iterator[Finding]:
@@ -219,6 +258,3 @@ def _machine() -> Iterator[Finding]:
     )
     found = f"{free / 2**30:.1f} GB free"
     yield Finding("memory", BAD if scarce else GOOD, found, remedy if scarce else "")
-
-
-CHECKS = _program, _packages, _preview, _kernels, _machine

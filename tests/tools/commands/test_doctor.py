@@ -6,8 +6,11 @@ import subprocess
 import sys
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
+from panchroma.offline import PRESETS
+from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.commands import doctor
 from panchroma.tools.commands.doctor import BAD, GOOD, MISSING, Finding
@@ -17,8 +20,8 @@ from tests.tools.command import run, spawn
 from tests.tools.test_base_install import camera
 
 
-def only(name: str) -> Finding:
-    (finding,) = (finding for check in doctor.CHECKS for finding in check() if finding.name == name)
+def processes() -> Finding:
+    (finding,) = (finding for finding in doctor._machine() if finding.name == "processes")
     return finding
 
 
@@ -26,7 +29,8 @@ def test_this_installation_is_well() -> None:
     outcome = run("doctor", "--json", code=0)
     states = {record["check"]: record["state"] for record in outcome.records}
     assert {name for name, state in states.items() if state == BAD} == set()
-    checked = {"Python", "onnxruntime", "rawpy", "preview", "kernel cache", "memory"}
+    checked = {"Python", "onnxruntime", "rawpy", "kernel cache", "networks", "preview", "memory"}
+    checked |= {f"render, {preset}" for preset in PRESETS}
     assert checked <= set(states)
     assert all(record["remedy"] for record in outcome.records if record["state"] != GOOD)
     lines = outcome.err.splitlines()
@@ -39,19 +43,52 @@ def test_a_camera_is_well_with_the_base_alone() -> None:
     needs does not.
     """
     report = camera("doctor").stdout.decode()
-    for name in ("numpy", "tifffile", "imagecodecs", "onnxruntime", "preview"):
+    for name in ("numpy", "tifffile", "imagecodecs", "onnxruntime", "networks", "preview"):
         assert f"\nok      {name} " in report, report
 
 
 def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "package_version", {"scipy": "1.15"}.get)
+    monkeypatch.setattr(doctor, "package_version", {"scipy": "9.9"}.get)
     for name in ("rawpy", "numpy", "scipy"):
         monkeypatch.setitem(doctor._MODULES, name, "no_such_module")
-    missing = f"not installed: {doctor._EXTRAS['tools']}"
-    assert only("rawpy") == Finding("rawpy", MISSING, missing, install_command("tools"))
-    assert (only("numpy").state, only("numpy").remedy) == (BAD, install_command(""))
-    assert only("scipy").found == "1.15 cannot be imported: No module named 'no_such_module'"
+    packages = {finding.name: finding for finding in doctor._packages()}
+    missing = "not installed, belongs to panchroma[tools]"
+    assert packages["rawpy"] == Finding("rawpy", MISSING, missing, install_command("tools"))
+    assert packages["numpy"][1:] == (
+        BAD,
+        "not installed, belongs to panchroma",
+        install_command(""),
+    )
+    assert packages["scipy"].found == "9.9 cannot be imported: No module named 'no_such_module'"
+    monkeypatch.setattr(doctor, "_works", lambda *_: [])
     run("doctor", code=1)
+
+
+@pytest.mark.parametrize(
+    ("version", "state"),
+    [("1.9", BAD), ("2.0rc1", BAD), ("2.0", GOOD), ("2.10", GOOD), ("10.1.dev3+local", GOOD)],
+)
+def test_a_package_below_its_minimum_is_wrong(
+    version: str, state: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Versions are numbers, not texts, and a package without an extra counts as one with."""
+    wanted = ["numpy>=2.0", 'rawpy>=2.0; extra == "tools"', 'torch>=99; extra == "training"']
+    wanted += ['scipy>=99; python_version < "3"', 'panchroma[offline]; extra == "tools"']
+    monkeypatch.setattr(doctor, "requires", lambda _: wanted)
+    monkeypatch.setattr(doctor, "package_version", dict.fromkeys(("numpy", "rawpy"), version).get)
+    found = list(doctor._packages())
+    assert [(one.name, one.state) for one in found] == [("numpy", state), ("rawpy", state)]
+    for one in found:
+        told = (f"{version} is installed, >=2.0 is needed", f"pip install '{one.name}>=2.0'")
+        assert one[2:] == (told if state == BAD else (version, ""))
+    monkeypatch.setattr(doctor, "_works", lambda *_: [])
+    run("doctor", code=int(state == BAD))
+
+
+def test_without_packaging_versions_are_not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "packaging.requirements", None)
+    (found,) = doctor._packages()
+    assert (found.state, found.remedy) == (MISSING, "pip install packaging")
 
 
 def test_the_backend_of_a_notebook_breaks_no_package(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,9 +99,9 @@ def test_the_backend_of_a_notebook_breaks_no_package(monkeypatch: pytest.MonkeyP
 
 
 def test_one_process_at_a_time_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert only("processes").state == GOOD
+    assert processes().state == GOOD
     without_semaphores(monkeypatch)
-    finding = only("processes")
+    finding = processes()
     assert (finding.state, "No such device" in finding.found) == (MISSING, True)
     assert "/dev/shm" in finding.remedy
 
@@ -72,22 +109,31 @@ def test_one_process_at_a_time_is_a_line(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_several_opencv_packages_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     several = dict.fromkeys(("opencv-python", "opencv-contrib-python-headless"), "5.0")
     monkeypatch.setattr(doctor, "package_version", several.get)
-    finding = only("OpenCV")
+    *_, finding = doctor._packages()
+    assert finding.name == "OpenCV"
     assert (finding.state, "overwrite each other" in finding.found) == (BAD, True)
     assert "-y opencv-contrib-python-headless opencv-python &&" in finding.remedy
 
 
 def test_what_fails_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     illegal = Mock(side_effect=RuntimeError("illegal instruction"))
-    monkeypatch.setattr("panchroma.device.Preview.run", illegal)
-    preview = only("preview")
-    assert (preview.state, preview.found) == (BAD, "does not run: illegal instruction")
-    nowhere = Mock(side_effect=RuntimeError("no locator available"))
-    monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
-    kernels = only("kernel cache")
-    assert (kernels.state, "NUMBA_CACHE_DIR" in kernels.remedy) == (BAD, True)
+    red = Mock(return_value=Mock(rgb=np.ones((24, 24, 3)) * [1, 0.9, 0.9]))
+    for path, mock in (("device.Preview.run", illegal), ("offline.render", red)):
+        monkeypatch.setattr(f"panchroma.{path}", mock)
+    monkeypatch.setattr(doctor, "_kernels", lambda *_: Finding("kernel cache", GOOD, ""))
+    damaged = Mock(side_effect=InputError("luminance.onnx: is not a network"))
+    monkeypatch.setattr("panchroma.shared.networks.load_network", damaged)
+    found = {finding.name: finding for finding in doctor._works(Console(quiet=True), False)}
+    del found["kernel cache"]
+    assert {finding.state for finding in found.values()} == {BAD}
+    assert all("install --force-reinstall" in finding.remedy for finding in found.values())
+    assert found["preview"].found == "does not run: illegal instruction"
+    assert found["networks"].found == "does not run: luminance.onnx: is not a network"
+    for preset in PRESETS:
+        assert found[f"render, {preset}"].found == "makes a wrong picture"
     monkeypatch.setattr(doctor, "available_memory", lambda: 100 * 2**20)
-    assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
+    *_, memory = doctor._machine()
+    assert (memory.name, memory.state, memory.found) == ("memory", BAD, "0.1 GB free")
 
 
 def test_a_compiler_that_makes_no_machine_code_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,18 +145,30 @@ def test_a_compiler_that_makes_no_machine_code_is_seen(monkeypatch: pytest.Monke
         assert done.returncode == 1
         report = done.stderr + done.stdout
         assert "WRONG   kernel cache " in report
-        assert ("WRONG   compilation " in report) == bool(more)
-        assert report.count("-> unset NUMBA_DISABLE_JIT") == 1 + len(more)
+        assert report.count("-> unset NUMBA_DISABLE_JIT") == 1
+
+
+def test_a_compiler_that_is_broken_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("panchroma.offline.kernel_cache", Mock(side_effect=AttributeError("numba")))
+    found = doctor._kernels(Console(quiet=True), False)
+    assert (found.state, found.found) == (BAD, "does not run: numba")
 
 
 def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
-    missing = iter([["mix"], [], [], [], ["mix"], ["mix"]])  # before and after each of three runs
-    monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda: next(missing))
-    compiled, again, kept_nowhere = (doctor._compiled(Console(quiet=True)) for _ in range(3))
-    assert (compiled.state, compiled.found[:13]) == (GOOD, "1 kernels in ")
-    assert (again.state, again.found) == (GOOD, "all kernels were compiled already")
+    # before, after and in the end of a run; of the last one only before and after
+    missing = iter([["mix"], [], [], [], [], ["merge"], ["mix"], ["mix"]])
+    monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda *_: next(missing))
+    monkeypatch.setattr(doctor, "compile_all", lambda names, *_: ((name, None) for name in names))
+    compiled, again, kept_nowhere = (
+        doctor._kernels(Console(quiet=True), everything) for everything in (True, False, True)
+    )
+    assert (compiled.state, compiled.found.split(", ")[1:]) == (
+        GOOD,
+        ["1 compiled", "0 to compile"],
+    )
+    assert (again.state, again.found.split(", ")[1:]) == (GOOD, ["0 compiled", "1 to compile"])
     assert (kept_nowhere.state, kept_nowhere.found) == (BAD, "not compiled: mix")
     nowhere = Mock(side_effect=RuntimeError("no locator available"))
-    monkeypatch.setattr("panchroma.offline.kernels_to_compile", nowhere)
-    finding = doctor._compiled(Console(quiet=True))
+    monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
+    finding = doctor._kernels(Console(quiet=True), True)
     assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)
