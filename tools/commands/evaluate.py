@@ -30,8 +30,9 @@ from ..evaluation.tiles import Tile, channels_of
 from ..io.page import without_folders
 from ..io.scene import RGB
 from ..io.versions import program_version
+from ..simulation.noise import chosen_protocol
 from ..simulation.pattern_text import read_pattern
-from .options import TILE_NAMES, add, add_noise, count, names, numbers, protocol_of
+from .options import TILE_NAMES, add, count, names, numbers
 
 _SEED = 0  # of the noise
 
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
     add(parser, "output", help="folder for the results, created if missing")
     light = parser.add_argument_group("light and noise: one or several levels, with commas")
-    add_noise(light, type=numbers(example="0,0.01"))
+    add(light, "sigma", "light", type=numbers(example="0,0.01"))
     add(light, "linear")
     what = parser.add_argument_group("what is compared: one or several, with commas")
     patterns = (
@@ -127,7 +128,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple[Study, list[str]]:
     """The requested study, with the scenes that can be read; a line for each scene that cannot."""
-    protocol, requested = protocol_of(arguments)
+    protocol, requested = chosen_protocol(arguments.sigma, arguments.light)
     levels = protocol.levels(requested)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")

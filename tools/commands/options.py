@@ -14,7 +14,6 @@ from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiles import TILES
 from ..batch.memory import parse_bytes
-from ..simulation.noise import PROTOCOLS, Protocol, chosen_protocol
 from ..simulation.pattern_text import read_pattern
 
 T = TypeVar("T")
@@ -111,6 +110,8 @@ _CHANNELS = (
     "beyond the others (default: RGB where the filters are two of these)"
 )
 _ORIGIN = "position of the first block (default: 0,0)"
+_SIGMA = "additive Gaussian noise: its standard deviation, scene units"
+_LIGHT = "shot and read noise: amount of light, 1 is a full exposure, 2 is one stop more"
 _LINEAR = "take the values of pictures as linear light, whatever the files say"
 _QUALITY = "quality of a JPEG, 1 (small) to 100 (default: 95)"
 _LATEST = "keep a symbolic link with this name to the latest shot"
@@ -130,6 +131,8 @@ _SHARED = {
     "channels": _option("--channels", "LETTERS", _CHANNELS, type=letters),
     "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
     "sensor-bits": _option("--bits", "N", _BITS, dest="sensor_bits", type=int),
+    "sigma": _option("--sigma", "S", _SIGMA, type=factor),
+    "light": _option("--light", "FACTOR", _LIGHT, type=factor),
     "linear": _switch("--linear", _LINEAR),
     "seed": _option("--seed", "N", "seed of the noise (default: 0)", type=natural, default=0),
     "quality": _option("--quality", "N", _QUALITY, type=int),
@@ -154,15 +157,6 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
         group.add_argument(*names, **settings | changed)
 
 
-def add_noise(parser: argparse._ActionsContainer, **changed: Any) -> None:
-    """Add the two options that say which noise is meant, --sigma and --light; `protocol_of` reads
-    them.
-    """
-    for kind in PROTOCOLS:
-        settings = {"metavar": kind.metavar, "type": factor, "help": kind.help, **changed}
-        parser.add_argument(f"--{kind.option}", **settings)
-
-
 def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
     """Add SHOT, one or more."""
     shots = f"a DNG written by Panchroma, {also}or a folder with DNGs in it or below"
@@ -178,18 +172,6 @@ def pixel_limit() -> int:
         variable = "the environment variable PANCHROMA_MAX_PIXELS"
         raise InputError(f"{variable} is {stated!r}, expected a number of pixels")
     return int(stated)
-
-
-def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
-    """The kind of noise, and its level or levels, None without.
-
-    Raises
-    ------
-    InputError
-        For --sigma together with --light.
-    """
-    levels = {kind.option: getattr(arguments, kind.option) for kind in PROTOCOLS}
-    return chosen_protocol(levels)
 
 
 def camera_of(

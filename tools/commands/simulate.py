@@ -39,8 +39,9 @@ from ..io.kind import PictureKind
 from ..simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
 from ..simulation.lens import Lens
 from ..simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
+from ..simulation.noise import chosen_protocol
 from ..simulation.simulated_camera import Exposed, SimulatedCamera
-from .options import add, add_noise, amount, camera_of, count, numbers, pixel_limit, protocol_of
+from .options import add, amount, camera_of, count, numbers, pixel_limit
 
 RAW = "raw"
 """A frame of samples alone."""
@@ -66,8 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     sensor.add_argument("-f", "--format", choices=("dng", RAW), default="dng", help=samples)
     light = parser.add_argument_group("light and noise (default: none)")
-    add_noise(light)
-    add(light, "seed")
+    add(light, "sigma", "light", "seed")
     shading = (
         "a lens whose corners are STOPS darker, with PERCENT less of the first channel "
         "and as much more of the last one"
@@ -100,8 +100,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a shot of each scene; returns the exit code."""
-    protocol, level = protocol_of(arguments)
-    noise = protocol(protocol.default if level is None else level)
+    protocol, level = chosen_protocol(arguments.sigma, arguments.light)
+    noise = protocol() if level is None else protocol(level)
     is_series, burst = arguments.burst is not None, _burst(arguments)
     lens = Lens.of(arguments.shading)
     measured, pattern = camera_of(arguments)

@@ -2,9 +2,9 @@
 amount of light.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, Self, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -33,70 +33,7 @@ class BayerShot(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Protocol:
-    """A kind of noise, at one strength: see `PaperProtocol` and `SensorProtocol`.
-
-    Attributes
-    ----------
-    level : float
-        How strong it is, in the unit of the kind.
-    name, option, metavar, help : str
-        Of the kind; its level's option and argument; what help texts say.
-    default, usual : float, tuple of float
-        Level of one shot where none is given; levels of an evaluation.
-    unit : str
-        Of the level, its name first.
-    headroom, bits : bool, int
-        Samples above white are kept; bits of a sample in an evaluation.
-    conditions : str
-        What the noise is, and what is equal for a Bayer camera.
-    """
-
-    level: float
-
-    name: ClassVar[str]
-    option: ClassVar[str]
-    metavar: ClassVar[str]
-    help: ClassVar[str]
-    default: ClassVar[float]
-    usual: ClassVar[tuple[float, ...]]
-    unit: ClassVar[str]
-    headroom: ClassVar[bool]
-    bits: ClassVar[int]
-    conditions: ClassVar[str]
-
-    light = 1.0
-    """Light that a shot records, as a multiple of the scene's."""
-
-    @classmethod
-    def levels(cls, wanted: Iterable[float] | None = None) -> tuple[Self, ...]:
-        """Return the noise at each level once, in order of rising noise; None = the usual ones.
-
-        Raises InputError.
-        """
-        levels = dict.fromkeys(cls.usual if wanted is None else wanted)
-        return tuple(sorted(map(cls, levels), key=lambda noise: (-noise.light, noise.level)))
-
-    @property
-    def text(self) -> str:
-        """The level in a sentence."""
-        return f"{self.unit.partition(',')[0]} {self.level:g}"
-
-    def scaled(self, unit: float) -> "Protocol":
-        """Return the same noise for a sensor with other filters, `unit` of whose scene units are
-        one of R, G and B filters'.
-        """
-        return self
-
-    def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
-        """Return the shot of a Bayer sensor, in scene units under full light, from samples without
-        noise.
-        """
-        raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class PaperProtocol(Protocol):
+class PaperProtocol:
     """Additive Gaussian noise on every sample; nothing is clipped or quantised (section 4).
 
     `level` is its standard deviation, scene units of a camera with red, green and blue filters.
@@ -107,16 +44,22 @@ class PaperProtocol(Protocol):
         For a negative one.
     """
 
-    name = "paper"
-    option = "sigma"
-    metavar = "S"
-    help = "additive Gaussian noise: its standard deviation, scene units"
-    default = 0.0
-    usual = (0.0, 0.01, 0.02, 0.03)
-    unit = "sigma, scene units"
-    headroom = True
-    bits = 16
+    level: float = 0.0
+
+    name, option, unit = "paper", "sigma", "sigma, scene units"
     conditions = "additive Gaussian, equally strong on every sample, nothing clipped or quantised"
+    light = 1.0
+    """Light that a shot records, as a multiple of the scene's."""
+    headroom, bits = True, 16
+    """Samples above white are kept; bits of a sample in an evaluation."""
+
+    @classmethod
+    def levels(cls, wanted: Iterable[float] | None = None) -> tuple["Protocol", ...]:
+        """Return the noise at each level once, the weakest first; None = the usual ones.
+
+        Raises InputError.
+        """
+        return tuple(map(cls, sorted(set(wanted or (0.0, 0.01, 0.02, 0.03)))))
 
     def __post_init__(self) -> None:
         if not 0 <= self.level < np.inf:
@@ -125,23 +68,25 @@ class PaperProtocol(Protocol):
     @property
     def text(self) -> str:
         """The level in a sentence."""
-        return super().text if self.level else "no noise"
+        return f"sigma {self.level:g}" if self.level else "no noise"
 
-    def scaled(self, unit: float) -> Protocol:
-        """Return the same fraction of what a panchromatic pixel reads in white: see
-        `Protocol.scaled`.
+    def scaled(self, unit: float) -> "PaperProtocol":
+        """Return the same noise for a sensor with other filters, `unit` of whose scene units are
+        one of R, G and B filters': the same fraction of what a panchromatic pixel reads in white.
         """
         return replace(self, level=self.level * unit)
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
-        """Return a shot with the same noise on every sample: see `Protocol.bayer`."""
+        """Return the shot of a Bayer sensor, in scene units under full light, from samples without
+        noise.
+        """
         if self.level:
             samples = samples + (self.level * rng.standard_normal(samples.shape)).astype(np.float32)
         return BayerShot(samples, 0.0, self.level)
 
 
 @dataclass(frozen=True)
-class SensorProtocol(Protocol):
+class SensorProtocol:
     """Shot noise and read noise of a small modern sensor, or of the camera's calibration; clipped
     and quantised.
 
@@ -157,21 +102,21 @@ class SensorProtocol(Protocol):
         For one that is not positive.
     """
 
-    name = "sensor"
-    option = "light"
-    metavar = "FACTOR"
-    help = "shot and read noise: amount of light, 1 is a full exposure, 2 is one stop more"
-    default = 1.0
-    usual = (1.0, 1 / 4, 1 / 16)
-    unit = "exposure"
-    headroom = False
-    bits = _BITS
+    level: float = 1.0
+
+    name, option, unit = "sensor", "light", "exposure"
     conditions = (
         "both cameras expose pixels of the same sensor for the same time: "
         f"{1 / TYPICAL_SHOT:,.0f} electrons per scene unit at exposure 1, read noise of "
         f"{TYPICAL_READ / TYPICAL_SHOT:.0f} electrons, {_BITS} bits; the Bayer camera amplifies "
         "more, for its white is a third of the panchromatic pixel's"
     )
+    headroom, bits = False, _BITS
+
+    @classmethod
+    def levels(cls, wanted: Iterable[float] | None = None) -> tuple["Protocol", ...]:
+        """Return the noise at each level once, the brightest first: see `PaperProtocol.levels`."""
+        return tuple(map(cls, sorted(set(wanted or (1.0, 1 / 4, 1 / 16)), reverse=True)))
 
     def __post_init__(self) -> None:
         if not 0 < self.level < np.inf:
@@ -179,13 +124,22 @@ class SensorProtocol(Protocol):
             raise InputError(f"`light` is {self.level}, {expected}")
 
     @property
-    def light(self) -> float:  # type: ignore[override]
+    def light(self) -> float:
         """Light that a shot records, as a multiple of the scene's."""
         return self.level
 
+    @property
+    def text(self) -> str:
+        """The level in a sentence."""
+        return f"exposure {self.level:g}"
+
+    def scaled(self, unit: float) -> "SensorProtocol":
+        """Return the noise itself: electrons are counted behind any filter."""
+        return self
+
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
         """Return a shot of the same electrons, whose white level is 1 scene unit times `level`: see
-        `Protocol.bayer`.
+        `PaperProtocol.bayer`.
         """
         light = samples * self.level
         counted: Any = rng.poisson(np.maximum(light, 0) / TYPICAL_SHOT) * TYPICAL_SHOT
@@ -197,28 +151,28 @@ class SensorProtocol(Protocol):
         )
 
 
-PROTOCOLS: tuple[type[Protocol], ...] = PaperProtocol, SensorProtocol
+Protocol = PaperProtocol | SensorProtocol
+"""A kind of noise, at one strength (`level`, in the unit of the kind)."""
 
 Given = TypeVar("Given")
 
 
-def chosen_protocol(levels: Mapping[str, Given | None]) -> tuple[type[Protocol], Given | None]:
+def chosen_protocol(
+    sigma: Given | None, light: Given | None
+) -> tuple[type[PaperProtocol] | type[SensorProtocol], Given | None]:
     """Return the kind of noise that is asked for, and the level or levels given for it; None = the
     paper's, at its default.
 
     Parameters
     ----------
-    levels : mapping
-        What is given under the names of the levels (`Protocol.option`); None = nothing.
+    sigma, light : Given | None
+        Levels of the two kinds; None = nothing.
 
     Raises
     ------
     InputError
         Levels of both kinds are given.
     """
-    chosen = [kind for kind in PROTOCOLS if levels.get(kind.option) is not None]
-    if len(chosen) > 1:
-        both = " and ".join(f"`{kind.option}`" for kind in chosen)
-        raise InputError(f"{both} set different kinds of noise; give one of them")
-    protocol = chosen[0] if chosen else PaperProtocol
-    return protocol, levels.get(protocol.option)
+    if sigma is not None and light is not None:
+        raise InputError("`sigma` and `light` set different kinds of noise; give one of them")
+    return (PaperProtocol, sigma) if light is None else (SensorProtocol, light)

@@ -94,8 +94,8 @@ def simulate(
     >>> shot.truth
     <Picture 60 x 60, linear A, B, C, D>
     """
-    kind, level = chosen_protocol({"sigma": sigma, "light": light})
-    protocol = kind(kind.default if level is None else level)
+    kind, level = chosen_protocol(sigma, light)
+    protocol = kind() if level is None else kind(level)
     if seed < 0:
         raise InputError(f"`seed` is {seed}, expected 0 or more")
     measured = None if camera is None else read_camera(camera)
