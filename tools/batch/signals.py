@@ -4,9 +4,11 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
+from typing import Any
 
 INTERRUPTED = 130
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -41,40 +43,36 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
         and a traceback helps nobody.
     """
     numbers = _ENDING if threading.current_thread() is threading.main_thread() else ()
-    before = {number: signal.getsignal(number) for number in numbers}
-    free = [number for number, handler in before.items() if handler in _DEFAULT]
+    free = [number for number in numbers if signal.getsignal(number) in _DEFAULT]
     _received.clear()
-    hook = sys.unraisablehook
-    for number in free:
-        signal.signal(number, _terminate)
+    hook, before = sys.unraisablehook, [signal.signal(number, _terminate) for number in free]
     try:
         yield
     except Exception:
         raise_lost_signal()
         raise
     finally:
-        for number in free:
-            signal.signal(number, _leave if last else before[number])
+        for number, handler in zip(free, before, strict=True):
+            signal.signal(number, _leave if last else handler)
         sys.unraisablehook = hook
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    """Raise Terminated, and send the signal again if that is lost: inside a callback from C (Numba
-    loading a kernel) it is dropped, with a traceback.
+    """Raise Terminated, and have the signal sent again if that is lost: inside a callback from C
+    (Numba loading a kernel) it is dropped, with a traceback.
     """
-    again = threading.Timer(_AGAIN, signal.pthread_kill, (threading.main_thread().ident, number))
-    again.daemon = True
-    usual = sys.unraisablehook  # restored by `orderly_end`
-
-    def dropped(lost: "sys.UnraisableHookArgs") -> None:
-        if issubclass(lost.exc_type, KeyboardInterrupt | SystemExit):
-            again.start()
-        else:
-            usual(lost)
-
-    sys.unraisablehook = dropped
+    # `orderly_end` restores it
+    sys.unraisablehook = partial(_send_again, number, sys.unraisablehook)
     _received.append(Terminated(number))
     raise _received[-1]
+
+
+def _send_again(number: int, usual: Callable[[Any], object], lost: Any) -> None:
+    if issubclass(lost.exc_type, KeyboardInterrupt | SystemExit):
+        main = threading.main_thread().ident
+        threading.Timer(_AGAIN, signal.pthread_kill, (main, number)).start()
+    else:
+        usual(lost)
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
@@ -87,19 +85,6 @@ def raise_lost_signal() -> None:
     """
     if _received:
         raise _received[-1]
-
-
-@contextmanager
-def starting_service() -> Iterator[None]:
-    """In the `with` block a service starts, which may take until its first frame: SIGTERM ends it
-    with exit code 0, as later.
-    """
-    try:
-        yield
-    except Terminated as ended:
-        if ended.code == 128 + signal.SIGTERM:
-            sys.exit(0)
-        raise
 
 
 class Stopping:

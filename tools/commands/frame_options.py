@@ -1,13 +1,15 @@
 """The options of `capture` and `view` that describe the frames of a camera."""
 
 import argparse
+import signal
+import sys
 from collections.abc import Iterable
 from dataclasses import fields
 from functools import partial
 from typing import Any
 
 from ..batch.console import to_stdout
-from ..batch.signals import starting_service
+from ..batch.signals import Terminated
 from ..capture.genicam import GENICAM, connected
 from ..capture.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 from .options import add, amount, camera_of, factor, value
@@ -105,5 +107,9 @@ def source_of(arguments: argparse.Namespace) -> FrameSource:
     """
     names = (field.name for field in fields(SourceOptions)[1:])
     options = options_of(arguments, names, arguments.source)
-    with starting_service():
+    try:
         return open_source(options, partial(camera_of, arguments))
+    except Terminated as ended:  # the usual way to stop a service, which has no frame yet
+        if ended.code == 128 + signal.SIGTERM:
+            sys.exit(0)
+        raise
