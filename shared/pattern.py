@@ -283,13 +283,12 @@ class CfaPattern:
             for row, column in np.argwhere(block < len(self.channels)).tolist()
         )
 
-    @property
-    def light_efficiency(self) -> float:
-        """Light collected, relative to a Bayer sensor, if a panchromatic pixel collects as much as
-        three colour pixels together.
+    def light_efficiency(self, colour: float = 1.0) -> float:
+        """Light collected, relative to a Bayer sensor, if a panchromatic pixel collects 3 times as
+        much as a pixel of that sensor, and a colour pixel `colour` times as much.
         """
-        colour = len(self.sites)
-        return (3 * (self.period**2 - colour) + colour) / self.period**2
+        share = len(self.sites) / self.period**2
+        return 3 * (1 - share) + colour * share
 
     def filter_map(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> ByteArray:
         """Plane index of every pixel, uint8 `shape`: i for channel i, C for panchromatic. `first`:

@@ -69,8 +69,8 @@ def test_the_papers_pattern() -> None:
     assert pattern.planes == "RGBW"
     assert pattern.sites == ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2))
     # 32 pixels that see three times as much, and 4
-    assert pattern.light_efficiency == pytest.approx(100 / 36)
-    assert CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW").light_efficiency == 2
+    assert pattern.light_efficiency() == pytest.approx(100 / 36)
+    assert CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW").light_efficiency() == 2
 
 
 def test_origin_counts_modulo_the_period_and_patterns_are_values() -> None:

@@ -4,14 +4,14 @@ gets it.
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from ...shared import CfaPattern
+from ...shared import Mosaic
 from ...shared.arrays import ByteArray, FloatArray
 from ...shared.errors import InputError, OutputError
 from ...shared.processors import threads
@@ -21,7 +21,7 @@ from .checks import check_memory
 from .compilation import announced_compilation, compile_ahead
 from .jobs import Job, Outcome, State, file_status, identity, refuse_existing
 from .journal import Entry, Journal, digest, key, output_lock
-from .order import Order, Subject
+from .order import Order
 from .progress import StageProgress
 
 
@@ -49,11 +49,147 @@ def attempt(
     InputError, ForeignFileError, OutputError
         There can be no picture.
     """
-    return _Attempt(order, memory, processes, job, listener).outcome()
+    output = job.output
+    if not (order.dry_run or order.folder.is_dir()):
+        raise OutputError(f"{order.folder}: is not there; every machine has to see this folder")
+    read = partial(order.open, job, memory, listener.note)
+    if not any(map(file_status, job.files)):
+        read()  # says what is wrong with it, before a folder is made for its picture
+    try:
+        if not order.dry_run:
+            job.make_folders()
+            with output_lock(output):
+                return _make(order, memory, processes, job, listener)
+        if _is_unchanged(order, job) or _existing(order, job, _digest(job)).current:
+            return _up_to_date(output, "current", dry_run=True)
+        facts = {"output": str(output), "dry_run": True}
+        return Outcome(facts, (f"{job.source} -> {output}",), read().errors, "planned")
+    except OSError as error:
+        raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
 
 
-@dataclass(frozen=True)
-class _Existing:
+def _make(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
+    """Make the picture, while this process holds the lock on the output."""
+    start, output, kind = time.monotonic(), job.output, order.kind
+    if _is_unchanged(order, job):
+        return _up_to_date(output, "current")
+    stamp, output_stamp = _stamp(job.files), _stamp([output])
+    source_digest = _digest(job)
+    existing = _existing(order, job, source_digest)
+    if existing.current:
+        _note_stamp(order, output, f"{stamp} {output_stamp}")
+        return _up_to_date(output, existing.current)
+    listener.stage("reading", 1)
+    subject = order.open(job, memory, listener.note)
+    with announced_compilation(listener):
+        if source_digest is None or _digest(job) != source_digest:
+            raise InputError(
+                f"{job.source}: has changed while it was read; render it again when it is complete"
+            )
+        check_memory(subject.mosaic, kind, order.settings, memory, subject.count)
+        # now that only the writing can fail
+        compile_ahead([order.settings], processes, listener)
+        for remark in _assumptions(subject.mosaic, kind.has_white_balance):
+            listener.note(f"{job.source}: {remark}")
+        subject.prepare(listener)
+        development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
+        if existing.changed:
+            kept = keep_old(output).name
+            listener.note(f"{output}: has changed since it was made; it is kept as {kept}")
+        # Journal and picture are fsynced at the same time: for small pictures fsync takes most of
+        # the time, and a large one is digested meanwhile. The pool is this picture's own: one that
+        # stays would wait for ever for a thread whose start is interrupted.
+        with ThreadPoolExecutor(1) as pool:
+            note = partial(pool.submit, _note_in_journal, order, job, source_digest)
+            bands = _whitened(subject.bands(listener), subject.lost, development, listener)
+            write_picture(
+                output,
+                bands,
+                development,
+                overwrite=existing.replace,
+                on_complete=lambda part: note(part).result,
+                threads=threads(),
+            )
+        _note_stamp(order, output, f"{stamp} {_stamp([output])}")
+    from ...offline import network_name
+
+    seconds, calibration = time.monotonic() - start, development.calibration
+    rows, columns = development.written_shape
+    line = (
+        f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, "
+        f"{subject.words}{seconds:.1f} s"
+    )
+    facts = {
+        "output": str(output),
+        "width": columns,
+        "height": rows,
+        "seconds": round(seconds, 3),
+        "neutral": calibration.neutral,
+        "neutral_estimated": calibration.neutral_estimated,
+        "learned": network_name(pattern) if order.settings.learned.used else None,
+    }
+    return Outcome(facts | subject.facts(), (line,), subject.errors)
+
+
+def _up_to_date(output: Path, state: State, **facts: bool) -> Outcome:
+    record: dict[str, Any] = {"output": str(output), "current": True, **facts}
+    return Outcome(record, (f"{output}: is up to date",), state=state)
+
+
+def _assumptions(mosaic: Mosaic, has_white_balance: bool) -> Iterator[str]:
+    calibration = mosaic.calibration
+    if calibration.noise is None:
+        yield "the noise level is unknown; calibrate the camera for better colour"
+    if not calibration.knows_white and has_white_balance:
+        yield 'the white balance is unknown; `wb="auto"` estimates it'
+    yield from calibration.remarks(mosaic.metadata.focal_length)
+
+
+def _whitened(
+    bands: Iterable[FloatArray],
+    lost: ByteArray | None,
+    development: Development,
+    listener: StageProgress,
+) -> Iterator[FloatArray]:
+    """Yield the bands as the picture shows them. lost: where light is lost."""
+    top = 0
+    for band in bands:
+        yield development.whitened(band, None if lost is None else lost[top : top + len(band)])
+        top += len(band)
+    listener.stage("writing", 1)
+
+
+def _note_in_journal(order: Order, job: Job, source_digest: str, part: Path) -> None:
+    entry = Entry(
+        order.name(job.output),
+        digest(part) or "",
+        order.key(job.output, source_digest),
+        order.run,
+        os.path.abspath(job.source),  # noqa: PTH100 (without following links)
+        source_digest,
+    )
+    _journal(order.folder).append(entry)
+
+
+def _note_stamp(order: Order, output: Path, stamp: str) -> None:
+    """Note sizes and times of files that are as the last entry says: the next run need not read
+    them. Getting its name changed the picture's.
+    """
+    journal = _journal(order.folder)
+    journal.append(replace(journal.of(order.name(output))[-1], stamp=stamp), wait=False)
+
+
+def _is_unchanged(order: Order, job: Job) -> bool:
+    """True if the picture is up to date by sizes and times alone: reading all files of an archive
+    takes long.
+    """
+    entries = _journal(order.folder).of(order.name(job.output)) if order.resume else []
+    if not entries or entries[-1].stamp != f"{_stamp(job.files)} {_stamp([job.output])}":
+        return False
+    return entries[-1].key == order.key(job.output, entries[-1].input)
+
+
+class _Existing(NamedTuple):
     """Existing file under the name of an output.
 
     current: the outcome when it is up to date, made by this run or by an earlier one; otherwise
@@ -65,220 +201,47 @@ class _Existing:
     changed: bool = False
 
 
-@dataclass(frozen=True)
-class _Attempt:
-    """Implementation of `attempt`."""
-
-    order: Order
-    memory: int
-    processes: int
-    job: Job
-    listener: StageProgress
-
-    def outcome(self) -> Outcome:
-        """Find out what is to be done, and do it."""
-        order, output = self.order, self.job.output
-        if not (order.dry_run or order.folder.is_dir()):
-            raise OutputError(f"{order.folder}: is not there; every machine has to see this folder")
-        if not any(map(file_status, self.job.files)):
-            self._open()  # says what is wrong with it, before a folder is made for its picture
-        try:
-            if order.dry_run:
-                return self._plan()
-            self.job.make_folders()
-            with output_lock(output):
-                return self._make()
-        except OSError as error:
-            raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
-
-    def _plan(self) -> Outcome:
-        """Say what would be done."""
-        if self._is_unchanged() or self._existing(self._digest()).current:
-            return self._report_current("current", dry_run=True)
-        source, output = self.job.source, self.job.output
-        facts = {"output": str(output), "dry_run": True}
-        return Outcome(facts, (f"{source} -> {output}",), self._open().errors, "planned")
-
-    def _make(self) -> Outcome:
-        """Make the picture, while this process holds the lock on the output."""
-        start, order = time.monotonic(), self.order
-        if self._is_unchanged():
-            return self._report_current("current")
-        stamp, output_stamp = _stamp(self.job.files), _stamp([self.job.output])
-        source_digest = self._digest()
-        existing = self._existing(source_digest)
-        if existing.current:
-            self._note_stamp(f"{stamp} {output_stamp}")
-            return self._report_current(existing.current)
-        self.listener.stage("reading", 1)
-        subject = self._open()
-        with announced_compilation(self.listener):
-            if source_digest is None or self._digest() != source_digest:
-                raise InputError(
-                    f"{self.job.source}: has changed while it was read; render it again when it "
-                    "is complete"
-                )
-            check_memory(subject.mosaic, order.kind, order.settings, self.memory, subject.count)
-            # now that only the writing can fail
-            compile_ahead([order.settings], self.processes, self.listener)
-            self._note_what_is_assumed(subject)
-            subject.prepare(self.listener)
-            development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
-            self._write(subject, development, existing, source_digest)
-            self._note_stamp(f"{stamp} {_stamp([self.job.output])}")
-        return self._report_made(subject, development, pattern, time.monotonic() - start)
-
-    def _open(self) -> Subject:
-        return self.order.open(self.job, self.memory, self.listener.note)
-
-    def _note_what_is_assumed(self, subject: Subject) -> None:
-        source, mosaic, order = self.job.source, subject.mosaic, self.order
-        calibration, note = mosaic.calibration, self.listener.note
-        if calibration.noise is None:
-            note(f"{source}: the noise level is unknown; calibrate the camera for better colour")
-        if not calibration.knows_white and order.kind.has_white_balance:
-            note(f'{source}: the white balance is unknown; `wb="auto"` estimates it')
-        for remark in calibration.remarks(mosaic.metadata.focal_length):
-            note(f"{source}: {remark}")
-
-    def _write(
-        self,
-        subject: Subject,
-        development: Development,
-        existing: _Existing,
-        source_digest: str,
-    ) -> None:
-        """Render, and write the picture."""
-        path = self.job.output
-        if existing.changed:
-            self.listener.note(
-                f"{path}: has changed since it was made; it is kept as {keep_old(path).name}"
-            )
-        # Journal and picture are fsynced at the same time: for small pictures fsync takes most of
-        # the time, and a large one is digested meanwhile. The pool is this picture's own: one that
-        # stays would wait for ever for a thread whose start is interrupted.
-        with ThreadPoolExecutor(1) as pool:
-
-            def note_in_journal(part: Path) -> Callable[[], object]:
-                return pool.submit(self._note_in_journal, part, source_digest).result
-
-            write = partial(write_picture, overwrite=existing.replace, on_complete=note_in_journal)
-            bands = self._whiten(subject.bands(self.listener), subject.lost, development)
-            write(path, bands, development, threads=threads())
-
-    def _whiten(
-        self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development
-    ) -> Iterator[FloatArray]:
-        """Yield the bands as the picture shows them. lost: where light is lost."""
-        top = 0
-        for band in bands:
-            yield development.whitened(band, None if lost is None else lost[top : top + len(band)])
-            top += len(band)
-        self.listener.stage("writing", 1)
-
-    def _note_in_journal(self, part: Path, source_digest: str) -> None:
-        order, output = self.order, self.job.output
-        entry = Entry(
-            order.name(output),
-            digest(part) or "",
-            order.key(output, source_digest),
-            order.run,
-            os.path.abspath(self.job.source),  # noqa: PTH100 (without following links)
-            source_digest,
+def _existing(order: Order, job: Job, source_digest: str | None) -> _Existing:
+    """Look up what exists under the name of the output. Raises OutputError for a file that must
+    stay.
+    """
+    output = job.output
+    if not output.exists():
+        return _Existing(replace=order.overwrite)
+    entries = _journal(order.folder).of(order.name(output))
+    last = entries[-1] if entries else None
+    # by a process that died before it could say so
+    of_this_run = last is not None and last.run == order.run
+    if not (order.resume or of_this_run):
+        if not order.overwrite:
+            refuse_existing([output])
+        return _Existing(replace=True)
+    current = digest(output)
+    up_to_date = current, order.key(output, source_digest or "")
+    if last and source_digest and (last.digest, last.key) == up_to_date:
+        return _Existing("made" if of_this_run else "current", True)
+    if order.overwrite:
+        return _Existing(replace=True)
+    if not last:
+        raise OutputError(
+            f"{output}: exists already, and no render noted that it made it; "
+            "`overwrite=True` replaces it"
         )
-        _journal(order.folder).append(entry)
-
-    def _note_stamp(self, stamp: str) -> None:
-        """Note sizes and times of files that are as the last entry says: the next run need not read
-        them. Getting its name changed the picture's.
-        """
-        journal = _journal(self.order.folder)
-        last = journal.of(self.order.name(self.job.output))[-1]
-        journal.append(replace(last, stamp=stamp), wait=False)
-
-    def _report_made(
-        self,
-        subject: Subject,
-        development: Development,
-        pattern: CfaPattern,
-        seconds: float,
-    ) -> Outcome:
-        """Return the outcome of a picture that was made."""
-        from ...offline import network_name
-
-        output, kind, calibration = self.job.output, self.order.kind, development.calibration
-        rows, columns = development.written_shape
-        line = (
-            f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, "
-            f"{subject.words}{seconds:.1f} s"
+    if _both_there(last.source, job.source):
+        raise OutputError(
+            f"{output}: is the picture of {last.source}; use another output folder, or "
+            "`overwrite=True`"
         )
-        facts = {
-            "output": str(output),
-            "width": columns,
-            "height": rows,
-            "seconds": round(seconds, 3),
-            "neutral": calibration.neutral,
-            "neutral_estimated": calibration.neutral_estimated,
-            "learned": network_name(pattern) if self.order.settings.learned.used else None,
-        }
-        return Outcome(facts | subject.facts(), (line,), subject.errors)
+    changed = current not in {entry.digest for entry in entries}
+    return _Existing(replace=True, changed=changed)
 
-    def _report_current(self, state: State, **facts: bool) -> Outcome:
-        """Return the outcome of a picture that is up to date."""
-        output = self.job.output
-        record: dict[str, Any] = {"output": str(output), "current": True, **facts}
-        return Outcome(record, (f"{output}: is up to date",), state=state)
 
-    def _is_unchanged(self) -> bool:
-        """True if the picture is up to date by sizes and times alone: reading all files of an
-        archive takes long.
-        """
-        order, output = self.order, self.job.output
-        entries = _journal(order.folder).of(order.name(output)) if order.resume else []
-        if not entries or entries[-1].stamp != f"{_stamp(self.job.files)} {_stamp([output])}":
-            return False
-        return entries[-1].key == order.key(output, entries[-1].input)
-
-    def _existing(self, source_digest: str | None) -> _Existing:
-        """Look up what exists under the name of the output. Raises OutputError for a file that must
-        stay.
-        """
-        order, output = self.order, self.job.output
-        if not output.exists():
-            return _Existing(replace=order.overwrite)
-        entries = _journal(order.folder).of(order.name(output))
-        last = entries[-1] if entries else None
-        # by a process that died before it could say so
-        of_this_run = last is not None and last.run == order.run
-        if not (order.resume or of_this_run):
-            if not order.overwrite:
-                refuse_existing([output])
-            return _Existing(replace=True)
-        current = digest(output)
-        up_to_date = current, order.key(output, source_digest or "")
-        if last and source_digest and (last.digest, last.key) == up_to_date:
-            return _Existing("made" if of_this_run else "current", True)
-        if order.overwrite:
-            return _Existing(replace=True)
-        if not last:
-            raise OutputError(
-                f"{output}: exists already, and no render noted that it made it; "
-                "`overwrite=True` replaces it"
-            )
-        if _both_there(last.source, self.job.source):
-            raise OutputError(
-                f"{output}: is the picture of {last.source}; use another output folder, or "
-                "`overwrite=True`"
-            )
-        changed = current not in {entry.digest for entry in entries}
-        return _Existing(replace=True, changed=changed)
-
-    def _digest(self) -> str | None:
-        """Digest of the files that a picture is made from; None if there is only one, and it cannot
-        be read.
-        """
-        frames = self.job.frames
-        return key(frames=[digest(name) for name in frames]) if frames else digest(self.job.source)
+def _digest(job: Job) -> str | None:
+    """Digest of the files that a picture is made from; None if there is only one, and it cannot be
+    read.
+    """
+    frames = job.frames
+    return key(frames=[digest(name) for name in frames]) if frames else digest(job.source)
 
 
 @lru_cache(maxsize=1)  # so that a process reads a long journal once

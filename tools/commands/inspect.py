@@ -104,8 +104,7 @@ def _shot(source: str, max_pixels: int) -> Contents:
         luminance = f"mean {mean:.3f} scene units, {100 * saturated:.2f} % saturated"
     # A Bayer sensor's pixels see a third of what panchromatic ones do. Filters read 1 where
     # panchromatic pixels read the full scale.
-    colour = len(pattern.sites) / pattern.period**2
-    light = 3 * (1 - colour + colour / calibration.full_scale)
+    light = pattern.light_efficiency(3 / calibration.full_scale)
     (height, width), camera = mosaic.shape, calibration.camera
     facts = {
         "width": width,

@@ -132,7 +132,7 @@ class Measures:
                 names = Histogram._fields
                 bins, counts = ([stored[f"{plane}_{name}"] for plane in PLANES] for name in names)
                 quality: Any = map(tuple, stored["quality"].tolist())
-                *psnr, hue = stored["whole"].tolist()[:4]  # files of old have a fifth
+                *psnr, hue = stored["whole"].tolist()
                 arrays: Any = {name: stored[name] for name in _ARRAYS}
                 patches = tuple(map(Histogram, bins, counts))
                 wrong = None if np.isnan(hue) else hue

@@ -65,9 +65,7 @@ class Tile:
     @property
     def light(self) -> float:
         """Light collected from a white scene, as a multiple of what a Bayer sensor collects."""
-        # that one colour pixel collects; a panchromatic one collects 3
-        colour = 1 / filters_of(self.pattern).unit
-        return 3 - (3 - colour) * len(self.pattern.sites) / self.pattern.period**2
+        return self.pattern.light_efficiency(1 / filters_of(self.pattern).unit)
 
 
 def channels_of(pattern: CfaPattern) -> str:

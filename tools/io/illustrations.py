@@ -62,7 +62,7 @@ def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Cro
     measured, denoised = (_enlarged(np.sqrt(np.clip(plane, 0, 1))) for plane in (signal, filled))
     gain = np.float32(mosaic.calibration.full_scale / white)
     coloured = ColourTransform.to_space(mosaic.calibration).apply(rgb[rows, columns] * gain)
-    gathered = f"{pattern.light_efficiency:.1f} times the light, full-resolution luminance"
+    gathered = f"{pattern.light_efficiency():.1f} times the light, full-resolution luminance"
     often = f"once in {pattern.period} x {pattern.period} pixels"
     panels = [
         ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(("RG", "GB"))),

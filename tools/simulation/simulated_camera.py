@@ -8,23 +8,18 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from ...shared import Camera, CfaPattern, Mosaic, SensorCalibration
 from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
-from ..io.decoded import Decoded
-from ..io.decoders import decode_array
-from ..io.picture import picture_scene
 from ..io.scene import Scene
 from .burst import SimulatedFrame
 from .drawn.builtin import builtin_scene
 from .filters import Filters, filters_for
 from .lens import NO_LENS, Lens
-from .load import load_scene
 from .noise import PaperProtocol, Protocol, SensorProtocol
 from .sensor import simulate_additive, simulate_sensor, typical_noise
 
@@ -199,46 +194,3 @@ def moving_scene(
         top, left = round(swing * (1 - math.cos(angle))), round(swing * (1 + math.sin(angle)))
         window = light[top : top + height, left : left + width]
         yield simulate_sensor(window, pattern, calibration, 1.0, rng)
-
-
-def scene_in_file(name: str, wanted: str, *, linear: bool, max_pixels: int) -> Scene:
-    """The scene in a file, or a drawn one, for a pattern with the channels `wanted`.
-
-    Raises
-    ------
-    InputError
-        That names it.
-    """
-    try:
-        return load_scene(name, linear=linear, max_pixels=max_pixels, channels=wanted)
-    except InputError as error:
-        raise type(error)(f"{name}: {error}") from None
-
-
-def scene_in_array(
-    array: NDArray[Any], wanted: str, channels: str | None, *, linear: bool
-) -> Scene:
-    """The scene in an array (H, W, C) with these channels; None = those that fit a pattern with the
-    channels `wanted`.
-
-    Raises
-    ------
-    InputError
-        For what `decode_array` and `picture_scene` refuse.
-    """
-    if channels is None:
-        decoded = decode_array(array, wanted)
-    else:
-        peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
-        decoded = Decoded(array, peak, channels=channels)
-    return picture_scene(decoded, "array", linear=linear)
-
-
-def scene_of_light(rgb: FloatArray, known: SensorCalibration, metadata: CaptureMetadata) -> Scene:
-    """The scene in linear light (H, W, C), in the colours of a calibration; negative light, which
-    is noise, becomes 0.
-    """
-    light = np.maximum(rgb, 0)
-    return Scene(
-        light, "picture", known.camera_to_xyz, known.neutral, metadata, channels=known.channels
-    )

@@ -34,7 +34,7 @@ def test_share_and_light() -> None:
     """
     kodak = named(KODAK)
     assert kodak.light == 2
-    assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency)
+    assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency())
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
     assert named("VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW").light == pytest.approx(
         (30 * 3 + 6 * 3 / 5) / 36  # a site of five lets a fifth of the light through

@@ -13,14 +13,14 @@ from .shared import CfaPattern, read_camera
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
 from .shots import Shot, with_notes_shown
+from .tools.io.decoded import Decoded
+from .tools.io.decoders import decode_array
+from .tools.io.picture import picture_scene
+from .tools.io.scene import Scene
 from .tools.simulation.lens import Lens
+from .tools.simulation.load import load_scene
 from .tools.simulation.noise import chosen_protocol
-from .tools.simulation.simulated_camera import (
-    SimulatedCamera,
-    scene_in_array,
-    scene_in_file,
-    scene_of_light,
-)
+from .tools.simulation.simulated_camera import SimulatedCamera
 
 
 def simulate(
@@ -120,7 +120,9 @@ def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
     return CfaPattern.of_letters(pattern if isinstance(pattern, str) else f"K={pattern}")
 
 
-def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
+def _scene(
+    source: Any, requested: str, channels: str | None, linear: bool, max_pixels: int
+) -> Scene:
     """The scene before a pattern with the channels `requested`."""
     if channels is not None and isinstance(source, Picture | str | Path):
         raise InputError(
@@ -128,9 +130,14 @@ def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_
             "has its own"
         )
     if isinstance(source, Picture):
-        return scene_of_light(source.rgb, source.calibration, source.metadata)
+        light, known = np.maximum(source.rgb, 0), source.calibration  # negative light is noise
+        colours = known.camera_to_xyz, known.neutral, source.metadata
+        return Scene(light, "picture", *colours, channels=known.channels)
     if isinstance(source, str | Path):
-        return scene_in_file(str(source), requested, linear=linear, max_pixels=max_pixels)
+        try:
+            return load_scene(str(source), linear=linear, max_pixels=max_pixels, channels=requested)
+        except InputError as error:
+            raise type(error)(f"{source}: {error}") from None
     try:
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
@@ -140,4 +147,9 @@ def _scene(source: Any, requested: str, channels: str | None, linear: bool, max_
         raise InputError(
             f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}"
         )
-    return scene_in_array(array, requested, channels, linear=linear)
+    if channels is None:
+        decoded = decode_array(array, requested)
+    else:
+        peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
+        decoded = Decoded(array, peak, channels=channels)
+    return picture_scene(decoded, "array", linear=linear)
