@@ -100,14 +100,14 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
         # the time, and a large one is digested meanwhile. The pool is this picture's own: one that
         # stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(1) as pool:
-            note = partial(pool.submit, _note_in_journal, order, job, source_digest)
+            made = order, job, source_digest
             bands = _whitened(subject.bands(listener), subject.lost, development, listener)
             write_picture(
                 output,
                 bands,
                 development,
                 overwrite=existing.replace,
-                on_complete=lambda part: note(part).result,
+                on_complete=lambda part: pool.submit(_note_in_journal, *made, part).result,
                 threads=threads(),
             )
         _note_stamp(order, output, f"{stamp} {_stamp([output])}")
