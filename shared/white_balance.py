@@ -11,16 +11,23 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import DoubleArray, FloatArray
+from .arrays import DoubleArray, FloatArray, IndexArray
 from .calibration import SensorCalibration, derived_channel
-from .colorimetry import D50, as_rows
+from .colorimetry import D50, Matrix, as_rows, xyz
 from .errors import InputError
+from .lights import illuminant_xy
 from .mosaic import Mosaic
 
 Real = TypeVar("Real", FloatArray, DoubleArray)
 
+GREY_BOX = 9  # pixels, the sides of what `neutral_at` takes for grey
 _MINKOWSKI = 6  # Finlayson and Trezzi, "Shades of Gray and Colour Constancy", CIC 2004
 _DARK, _BRIGHT = 0.02, 0.95  # colours between these are above the noise and below clipping
+# Natural logarithms of channels relative to each other. White under a lamp or the sky is this near
+# to light of a black body or of day. What is far from it and greener is read by channels that the
+# matrix does not describe: a picture that was never balanced.
+_NEAR, _FAR = 0.05, 0.2
+_KELVINS = np.geomspace(2500, 10000, 50).round().astype(int)
 _ENOUGH = 100  # well exposed colours that an estimate needs
 # Blocks that are looked at: more make no better estimate, and a camera has no time for them.
 _MOST_BLOCKS = 1 << 16
@@ -65,11 +72,37 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     The same for every number of threads and every way of cutting the work into pieces: it sees the
     whole frame.
     """
-    pattern, calibration = mosaic.pattern, mosaic.calibration
-    grid = pattern.grid(mosaic.shape)
+    calibration, grid = mosaic.calibration, mosaic.pattern.grid(mosaic.shape)
     tops, lefts = grid.whole_rows, grid.whole_columns
     every = max(1, len(tops) * len(lefts) // _MOST_BLOCKS)
-    tops = tops[every // 2 :: every]
+    blocks = _blocks(mosaic, tops[every // 2 :: every], lefts)
+    # The sixth power would believe a single hot pixel: the median of three neighbours does not.
+    left, middle, right = (blocks[..., start : blocks.shape[2] // 3 * 3 : 3] for start in range(3))
+    medians = np.maximum(np.minimum(left, middle), np.minimum(np.maximum(left, middle), right))
+    shade = shades_of_grey(np.moveaxis(medians, 0, -1), calibration.full_scale)
+    return shade and _plausible(np.array(shade), calibration.camera_to_xyz)
+
+
+def neutral_at(mosaic: Mosaic, row: int, column: int) -> tuple[float, ...] | None:
+    """Return what a grey at this pixel reads, largest channel 1: the mean of the colour blocks in
+    the GREY_BOX pixels around it, or of the nearest one; None if it is too dark or clipped.
+    """
+    grid, chosen = mosaic.pattern.grid(mosaic.shape), []
+    places = (row, grid.whole_rows), (column, grid.whole_columns)
+    for (place, starts), size in zip(places, grid.block_shape, strict=True):
+        apart = np.abs(starts + (size - 1) / 2 - place)
+        chosen.append(starts[apart <= max(GREY_BOX // 2, apart.min())])
+    blocks = _blocks(mosaic, *chosen)
+    clips = not blocks.size or blocks.max() >= _BRIGHT * mosaic.calibration.full_scale
+    mean = blocks.mean(axis=(1, 2), dtype=np.float64)
+    return None if clips or mean.mean() <= _DARK or mean.min() <= 0 else normalised(mean)
+
+
+def _blocks(mosaic: Mosaic, tops: IndexArray, lefts: IndexArray) -> FloatArray:
+    """Return the colours of the blocks that begin at these evenly spaced rows and columns, (C, H,
+    W), scene units.
+    """
+    pattern, calibration = mosaic.pattern, mosaic.calibration
     places, derived = list(pattern.sites), pattern.derived
     if derived is not None:  # Eq. 7 needs luminance, too
         tile = pattern.filter_map(pattern.block_shape, pattern.block_origin)
@@ -77,11 +110,12 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
         places += [(row, column, len(pattern.channels)) for row, column in clear]
         lefts = lefts[lefts > 0] if clear[0][1] < 0 else lefts
     if not (len(tops) and len(lefts)):
-        return None
+        return np.zeros((len(pattern.channels), 0, 0), np.float32)
+    every = (tops[1] - tops[0]) if len(tops) > 1 else pattern.period
     planes = len(pattern.channels) + (derived is not None)
     blocks = np.zeros((planes, len(tops), len(lefts)), np.float32)
     for row, column, plane in places:
-        rows = slice(tops[0] + row, tops[-1] + row + 1, every * pattern.period)
+        rows = slice(tops[0] + row, tops[-1] + row + 1, every)
         columns = slice(lefts[0] + column, lefts[-1] + column + 1, pattern.period)
         blocks[plane] += mosaic.samples[rows, columns]
     number = np.bincount([plane for *_, plane in places], minlength=planes)
@@ -90,7 +124,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
         blocks -= np.array(calibration.black_level[:planes], np.float32)[:, None, None]
         blocks *= calibration.scale()[:planes].astype(np.float32)[:, None, None]
         if calibration.shading is not None:
-            rows = slice(tops[0], tops[-1] + 1, every * pattern.period)
+            rows = slice(tops[0], tops[-1] + 1, every)
             columns = slice(lefts[0], lefts[-1] + 1, pattern.period)
             for plane in range(planes):
                 blocks[plane] *= calibration.shading.of_plane(mosaic.shape, plane, rows, columns)
@@ -98,12 +132,26 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
         luminance, blocks = blocks[-1], blocks[:-1]
         gamma, colours = np.array(calibration.gamma, np.float32), np.moveaxis(blocks, 0, -1)
         blocks[derived] = derived_channel(luminance, colours, gamma, derived).clip(0)
-    # The sixth power would believe a single hot pixel: the median of three neighbours does not.
-    left, middle, right = (
-        blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3)
-    )
-    medians = np.maximum(np.minimum(left, middle), np.minimum(np.maximum(left, middle), right))
-    return shades_of_grey(np.moveaxis(medians, 0, -1), calibration.full_scale)
+    return blocks
+
+
+def _plausible(shade: DoubleArray, camera_to_xyz: Matrix | None) -> tuple[float, ...]:
+    """Return a neutral that is near to what the camera reads under light of 2500 to 10000 kelvin: a
+    face or wood that fills the picture has a colour of its own.
+    """
+    if camera_to_xyz is None:
+        return normalised(shade)
+    lights = np.stack([xyz(*illuminant_xy(str(kelvin))) for kelvin in _KELVINS], axis=1)
+    readings = (np.linalg.pinv(np.array(camera_to_xyz)) @ lights).clip(1e-6)
+    apart = np.log(readings / shade[:, None])
+    apart -= apart.mean(axis=0)
+    distances = np.sqrt((apart**2).sum(axis=0))
+    nearest = distances.argmin()
+    distance, seen = distances[nearest], np.array(camera_to_xyz) @ shade
+    is_greener = seen[1] / seen.sum() > lights[1, nearest] / lights[:, nearest].sum()
+    if distance <= _NEAR or (is_greener and distance > _FAR):
+        return normalised(shade)
+    return normalised(shade * np.exp(apart[:, nearest] * (1 - _NEAR / distance)))
 
 
 def clipped_share(readings: Real, clipping: float | Real, shoulder: float) -> Real:

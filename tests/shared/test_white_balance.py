@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ
+from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, xyz
+from panchroma.shared.lights import illuminant_xy
 from panchroma.shared.white_balance import balanced, estimate_neutral
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -76,3 +78,68 @@ def test_an_estimate_is_marked_and_older_calibrations_keep_their_ids() -> None:
     assert marked.without_estimates() == CAMERA
     assert marked.id != balanced(CAMERA, np.array(LIGHT)).id
     assert "neutral_estimated" not in CAMERA.to_json()
+
+
+SKIN, WALL = (0.60, 0.36, 0.26), (0.55, 0.45, 0.33)
+TUNGSTEN, DAYLIGHT, SHADE = ("2850", "5500", "8000")
+
+
+def read_by(matrix: tuple[tuple[float, ...], ...], kelvin: str) -> np.ndarray:
+    """What a camera with this matrix reads of white under a light, largest channel 1."""
+    reading = np.linalg.solve(np.array(matrix), xyz(*illuminant_xy(kelvin)))
+    return np.asarray(reading / reading.max())
+
+
+def portrait(light: np.ndarray, *, greys: bool) -> np.ndarray:
+    """A face before a warm wall, with hair, and perhaps a white collar and a grey book."""
+    y, x = np.mgrid[-1:1:240j, -1:1:240j]
+    rgb = np.array(WALL) * (0.8 + 0.2 * x[..., None])
+    apart = 1 - (x / 0.75) ** 2 - (y / 0.9) ** 2
+    rgb = np.where(
+        apart[..., None] > 0, np.array(SKIN) * (0.3 + np.sqrt(apart.clip(0)))[..., None], rgb
+    )
+    rgb[(apart > 0) & (y < -0.55)] = (0.12, 0.07, 0.04)
+    if greys:
+        rgb[200:, 60:180], rgb[20:60, 200:225] = 0.8, 0.4
+    return (0.8 * rgb * light).astype(np.float32)
+
+
+def apart(one: ArrayLike, other: ArrayLike) -> float:
+    """The angle between two neutrals, degrees."""
+    ones, others = np.asarray(one), np.asarray(other)
+    cosine = ones @ others / np.linalg.norm(ones) / np.linalg.norm(others)
+    return float(np.degrees(np.arccos(cosine.clip(-1, 1))))
+
+
+OWN = np.array([[0.9, 0.25, 0.05], [0.2, 1.0, 0.1], [0.02, 0.2, 0.8]])
+MATRICES = [SRGB_TO_XYZ, tuple(map(tuple, (SRGB_TO_XYZ @ OWN).tolist()))]
+
+
+@pytest.mark.parametrize("matrix", MATRICES)
+@pytest.mark.parametrize("greys", [False, True])
+@pytest.mark.parametrize("kelvin", [TUNGSTEN, DAYLIGHT, SHADE])
+def test_a_face_that_fills_the_picture_is_not_taken_for_a_light_that_there_is_not(
+    kelvin: str, greys: bool, matrix: tuple[tuple[float, ...], ...]
+) -> None:
+    light = read_by(matrix, kelvin)
+    known = SensorCalibration.of_bits(12, camera_to_xyz=matrix)
+    random = np.random.default_rng(1)
+    mosaic = simulate_additive(
+        portrait(light, greys=greys), CfaPattern.bayer(), known, 0.01, random
+    )
+    blind = Mosaic(mosaic.codes, mosaic.pattern, CAMERA)
+    limited, free = estimate_neutral(mosaic), estimate_neutral(blind)
+    assert apart(limited, light) <= apart(free, light) + 1
+    possible = [read_by(matrix, str(kelvin)) for kelvin in range(2500, 10001, 50)]
+    assert min(apart(limited, neutral) for neutral in possible) < 3
+    if kelvin == TUNGSTEN:
+        assert apart(limited, light) < apart(free, light) - 0.5
+
+
+def test_what_was_never_balanced_keeps_its_green() -> None:
+    """A camera's own channels in a file that says they are those of sRGB."""
+    for light in (LIGHT, (0.62, 1.0, 0.57), (0.74, 1.0, 0.42), (0.97, 1.0, 0.28)):
+        mosaic = shot(light)
+        known = SensorCalibration.of_bits(12, camera_to_xyz=SRGB_TO_XYZ, neutral=(1, 1, 1))
+        stated = Mosaic(mosaic.codes, mosaic.pattern, known)
+        assert estimate_neutral(stated) == pytest.approx(light, abs=0.05)

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache, partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -253,13 +254,8 @@ def _stamp(files: Iterable[str | Path]) -> str:
     """Digest of the size of each file and of the times at which it was modified and changed:
     programs that edit a file may set the former back, and none can set the latter.
     """
-    statuses = map(file_status, files)
-    return key(
-        files=[
-            status and (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-            for status in statuses
-        ]
-    )
+    facts = attrgetter("st_size", "st_mtime_ns", "st_ctime_ns")
+    return key(files=[status and facts(status) for status in map(file_status, files)])
 
 
 def _both_there(one: str, other: str) -> bool:

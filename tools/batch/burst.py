@@ -3,7 +3,7 @@ rendered from.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -18,6 +18,7 @@ from .folders import Source
 from .jobs import Job
 from .order import Order, Subject
 from .progress import Note
+from .white_balance import WhiteBalance
 
 if TYPE_CHECKING:
     from ...offline.burst import Judged, MergedBurst, Motion
@@ -157,8 +158,13 @@ class BurstOrder(Order):
             If there is none, or if the one that is to be the reference is not.
         """
         frames: list[BurstFile] = []
+        order = self
+        if self.white.grey:  # one neutral for all, which may be clipped there, or have moved
+            chosen = self.prepared(self.decode(job.files[self.reference or 0]))
+            neutral = chosen.calibration.neutral or ()
+            order = replace(self, white=WhiteBalance("", tuple(1 / part for part in neutral)))
         for name in job.files:
-            frame = self._frame(name, from_folder=job.from_folder)
+            frame = order._frame(name, from_folder=job.from_folder)
             # before memory is full of frames
             if frame.mosaic and not any(earlier.mosaic for earlier in frames):
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))

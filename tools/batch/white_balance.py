@@ -1,4 +1,6 @@
-"""The white balance of a render: that of the shot, an estimate, or multipliers."""
+"""The white balance of a render: that of the shot, an estimate, that of a grey in the picture, or
+multipliers.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,8 +9,9 @@ import numpy as np
 
 from ...shared import Mosaic
 from ...shared.errors import InputError
-from ...shared.white_balance import balanced, estimate_neutral
+from ...shared.white_balance import GREY_BOX, balanced, estimate_neutral, neutral_at
 from ..io.kind import AS_MEASURED, PictureKind
+from ..io.samples import upright
 
 _CAMERA, _AUTO = "camera", "auto"
 _LARGEST = 1000.0  # multiplier; its inverse is the smallest
@@ -26,15 +29,19 @@ class WhiteBalance:
     multipliers : tuple[float, ...]
         One per channel, as raw developers have them: a channel is brighter for a larger one. Only
         their ratios matter.
+    grey : tuple[int, int] | None
+        (x, y) of a pixel of the upright picture that shows a grey. Of a sensor with two channels
+        the same numbers are multipliers.
     """
 
     kind: str = _CAMERA
     multipliers: tuple[float, ...] = ()
+    grey: tuple[int, int] | None = None
 
     @classmethod
     def parse(cls, requested: str | Iterable[float]) -> "WhiteBalance":
-        """The white balance that is asked for: "camera", "auto", or multipliers, as numbers or as a
-        text such as "2.1,1,1.6".
+        """The white balance that is asked for: "camera", "auto", multipliers or the place of a
+        grey, as numbers or as a text such as "2.1,1,1.6" or "620,410".
 
         Raises
         ------
@@ -49,11 +56,13 @@ class WhiteBalance:
             )
         except (ValueError, TypeError):
             multipliers = ()
+        if len(multipliers) == 2 and all(at >= GREY_BOX // 2 and at % 1 == 0 for at in multipliers):
+            return cls("", multipliers, (int(multipliers[0]), int(multipliers[1])))
         fitting = all(1 / _LARGEST <= multiplier <= _LARGEST for multiplier in multipliers)
         if len(multipliers) < 2 or not fitting:
             raise InputError(
-                f"`wb` is {requested!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as "
-                f"2.1,1,1.6, between {1 / _LARGEST:g} and {_LARGEST:g}"
+                f"`wb` is {requested!r}, expected {_CAMERA}, {_AUTO}, the place X,Y of a grey, or "
+                f"multipliers R,G,B such as 2.1,1,1.6, between {1 / _LARGEST:g} and {_LARGEST:g}"
             )
         return cls("", tuple(multiplier / min(multipliers) for multiplier in multipliers))
 
@@ -81,6 +90,8 @@ class WhiteBalance:
                     '`wb="camera"` or multipliers'
                 )
             return mosaic.calibrated(balanced(calibration, np.array(neutral), estimated=True))
+        if self.grey and len(calibration.channels) > 2:
+            return self._grey_at(mosaic, *self.grey)
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)
             raise InputError(
@@ -88,6 +99,22 @@ class WhiteBalance:
                 f"{channels}"
             )
         return mosaic.calibrated(balanced(calibration, 1 / np.array(self.multipliers)))
+
+    def _grey_at(self, mosaic: Mosaic, x: int, y: int) -> Mosaic:
+        """Return the mosaic, balanced for a grey at this place of the upright picture."""
+        rows, columns = (
+            upright(np.broadcast_to(place, mosaic.shape), mosaic.metadata.orientation)
+            for place in np.ogrid[: mosaic.shape[0], : mosaic.shape[1]]
+        )
+        height, width = rows.shape
+        reach = GREY_BOX // 2
+        if not (reach <= y < height - reach and reach <= x < width - reach):
+            box = f"the {GREY_BOX} x {GREY_BOX} pixels around {x},{y}"
+            raise InputError(f"`wb`: {box} are not all in the picture of {width} x {height} pixels")
+        neutral = neutral_at(mosaic, int(rows[y, x]), int(columns[y, x]))
+        if neutral is None:
+            raise InputError(f"`wb`: the picture is clipped or too dark at {x},{y}; name a grey")
+        return mosaic.calibrated(balanced(mosaic.calibration, np.array(neutral)))
 
 
 AS_SHOT = WhiteBalance()

@@ -40,8 +40,9 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     )
     group.add_argument("--exposure", metavar="STOPS", type=factor, default=0.0, help=exposure)
     balance = (
-        "white balance: camera (as shot, the default), auto (estimated from the picture), "
-        "or multipliers such as 2.1,1,1.6"
+        "white balance: camera (as shot, the default), auto (estimated from the picture), X,Y "
+        "(the 9 x 9 pixels around it are grey; of a burst in --reference, or the first shot), or "
+        "multipliers such as 2.1,1,1.6"
     )
     group.add_argument("--wb", metavar="BALANCE", type=_balance, default="camera", help=balance)
     add(group, "recalibrate")

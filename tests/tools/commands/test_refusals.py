@@ -64,7 +64,7 @@ USAGE = {
         "--quality 90": "the quality is 90, but tif is not compressed with loss; use jpg, jxl",
         "-f jpg --quality 0": "the quality is 0, expected 1 to 100",
         "--wb auto --space camera": "--wb is no choice here: this is the scene as measured",
-        "--wb daylight": "--wb is 'daylight', expected camera, auto or multipliers R,G,B",
+        "--wb daylight": "--wb is 'daylight', expected camera, auto, the place X,Y of a grey",
         "--wb 2,0,1": "such as 2.1,1,1.6, between 0.001 and 1000",
         "--exposure 1 --space camera": "--exposure is 1 stops, but this is the scene as measured",
         "--exposure 1 -f dng": "--exposure is 1 stops, but this is the scene as measured",

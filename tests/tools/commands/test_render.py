@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 import tifffile
 from numpy.typing import ArrayLike
+from PIL import Image, ImageOps
 
 from panchroma.offline import PRESETS, render
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
 from panchroma.tools.io.development import Development
 from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.batch.examples import save_mosaic
@@ -104,6 +106,95 @@ def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -
     refused = {"auto": ["too dark, too bright or too small"], "2,1": ["2 multipliers", "R, G, B"]}
     for balance, words in refused.items():
         assert_refused(run("render", dim, "-o", out, f"--wb {balance}"), *words, name=str(dim))
+
+
+def colour_field(orientation: int, period: int = 6) -> Mosaic:
+    """A green field with a grey square, a red one, a black one and a clipped one, all 24 pixels
+    wide, under coloured light.
+    """
+    rgb = np.tile(np.array((0.15, 0.5, 0.1)), (120, 180, 1))
+    for place, colour in ((30, 0.4), (70, (0.6, 0.1, 0.1)), (110, 0.004), (150, 3.0)):
+        rgb[50:74, place : place + 24] = colour
+    light = (rgb * np.array(LIGHT)).astype(np.float32)
+    pattern, random = CfaPattern.bayer(period, origin=(1, 2)), np.random.default_rng(3)
+    sensor = SensorCalibration.of_bits(12, headroom=False)
+    codes = simulate_additive(light, pattern, sensor, 0.003, random).codes
+    return Mosaic(codes, pattern, sensor, CaptureMetadata(orientation=orientation))
+
+
+def seen_at(orientation: int, row: int, column: int) -> tuple[int, int]:
+    """(x, y) of a pixel of `colour_field` in the picture that a viewer turns upright."""
+    marks = np.zeros((120, 180), np.uint8)
+    marks[row, column] = 255
+    image, exif = Image.fromarray(marks), Image.Exif()
+    exif[274] = orientation
+    image.info["exif"] = exif.tobytes()
+    y, x = np.argwhere(np.asarray(ImageOps.exif_transpose(image)))[0].tolist()
+    return x, y
+
+
+def cast_at(path: Path, x: int, y: int) -> float:
+    """How far the middle of a square is from grey."""
+    mean = tifffile.imread(path)[y - 4 : y + 5, x - 4 : x + 5].mean(axis=(0, 1))
+    return float(np.ptp(mean) / mean.mean())
+
+
+@pytest.mark.parametrize(("orientation", "period"), [*((turn, 6) for turn in range(1, 9)), (6, 12)])
+def test_the_place_of_a_grey_is_that_in_the_picture_a_viewer_shows(
+    out: Path, tmp_path: Path, orientation: int, period: int
+) -> None:
+    shot = save_mosaic(tmp_path / "a.dng", colour_field(orientation, period))
+    grey, red = seen_at(orientation, 61, 42), seen_at(orientation, 60, 81)
+    for (x, y), other in ((grey, red), (red, grey)):
+        options = f"--preset paper --overwrite --wb {x},{y}"
+        outcome = run("render", shot, "-o", out, options, "--json", code=0)
+        if period == 6:  # blocks 12 pixels apart do not resolve the square
+            assert cast_at(out / "a.tif", x, y) < 0.04
+            assert cast_at(out / "a.tif", *other) > 0.3
+        assert outcome.records[0]["neutral_estimated"] is False
+        if (x, y) == grey:
+            assert outcome.records[0]["neutral"] == pytest.approx(LIGHT, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "words"),
+    [
+        (61, 122, "--wb: the picture is clipped or too dark at {x},{y}; name a grey"),
+        (61, 162, "--wb: the picture is clipped or too dark at {x},{y}; name a grey"),
+        (2, 90, "--wb: the 9 x 9 pixels around {x},{y} are not all in the picture of 120 x 180"),
+        (60, 176, "--wb: the 9 x 9 pixels around {x},{y} are not all in the picture of 120 x 180"),
+    ],
+)
+def test_a_place_that_shows_no_grey_is_refused(
+    out: Path, tmp_path: Path, row: int, column: int, words: str
+) -> None:
+    shot = save_mosaic(tmp_path / "a.dng", colour_field(6))
+    x, y = seen_at(6, row, column)
+    if min(x, y) < 4:
+        x, y = 130, 90  # inside the samples, but not inside the picture, which stands upright
+    refused = run("render", shot, "-o", out, f"--wb {x},{y}")
+    assert_refused(refused, words.format(x=x, y=y), name=str(shot))
+
+
+def test_all_frames_of_a_burst_have_the_neutral_of_one(out: Path, tmp_path: Path) -> None:
+    """In the second the place is clipped, which is not why it is left out."""
+    first = colour_field(8)
+    brighter = np.minimum((first.codes.astype(float) - 256) * 9 + 256, 4095).astype(np.uint16)
+    second = Mosaic(brighter, first.pattern, first.calibration, first.metadata)
+    shots = [
+        save_mosaic(tmp_path / f"{name}.dng", mosaic)
+        for name, mosaic in (("a", first), ("b", second))
+    ]
+    x, y = seen_at(8, 61, 42)
+    for reference in ("a", "b"):
+        words = ("--reference", tmp_path / f"{reference}.dng", "-o", out / reference, "--json")
+        outcome = run("burst", *shots, *words, f"--wb {x},{y}")
+        if reference == "a":
+            assert outcome.records[0]["neutral"] == pytest.approx(LIGHT, abs=0.02)
+            reasons = [frame["reason"] for frame in outcome.records[0]["frames"]]
+            assert not any("too dark" in reason for reason in reasons), reasons
+        else:
+            assert f"the picture is clipped or too dark at {x},{y}" in outcome.err
 
 
 def test_a_dry_run_checks_and_does_nothing(

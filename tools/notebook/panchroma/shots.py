@@ -187,8 +187,9 @@ def render(
         the method as published; or settings of your own, such as
         dataclasses.replace(offline.BEST, ...).
     wb : str | Sequence[float], optional
-        White balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or
-        multipliers (2.1, 1, 1.6); it does not change `Picture.rgb`.
+        White balance of what is shown and saved: "camera" (as shot), "auto" (estimated), the place
+        (x, y) of a grey in the upright picture, or multipliers (2.1, 1, 1.6); it does not change
+        `Picture.rgb`.
     stages : Stages | None, optional
         Makes the list of stages that go over the picture in rows, as `offline.render` takes it;
         None = those of the settings.
