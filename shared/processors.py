@@ -8,6 +8,7 @@ from contextlib import suppress
 from functools import cache
 
 from .control_groups import control_groups
+from .errors import InputError
 
 THREADS = "PANCHROMA_THREADS"
 """Environment variable: the number of threads of renders and previews for which the program sets
@@ -50,14 +51,26 @@ def available_threads() -> int:
     """The number of threads that are used where `use_threads` was not called: PANCHROMA_THREADS, or
     one per processor.
 
+    Raises
+    ------
+    InputError
+        When the variable is no such number.
+
     Examples
     --------
     >>> from panchroma.shared.processors import available_threads
     >>> available_threads() >= 1
     True
     """
-    asked = os.environ.get(THREADS, "")
-    return int(asked) if asked.isdecimal() and int(asked) > 0 else processors()
+    asked = os.environ.get(THREADS)
+    if not asked:
+        return processors()
+    if not (asked.isdecimal() and int(asked) > 0):
+        raise InputError(
+            f"the environment variable {THREADS} is {asked!r}, expected a number of threads, 1 or "
+            "more"
+        )
+    return int(asked)
 
 
 def threads() -> int:

@@ -1,13 +1,19 @@
-"""The wheel: every module and every file that the program reads is in it, and it works where there
-is no clone.
+"""Source distribution and wheel: every module and every file that the program reads is in them, and
+they work where there is no clone.
 """
 
 import json
+import os
+import re
 import shutil
+import subprocess
+import sys
+import tarfile
 from pathlib import Path
 from shlex import quote
 from zipfile import ZipFile
 
+import numpy as np
 import pytest
 
 from panchroma.tools.io.versions import install_command
@@ -16,64 +22,88 @@ from tests.python import run_python
 
 PACKAGES = ("shared", "device", "offline", "tools")
 _FACADE = Path("tools/notebook/panchroma")
-# For people who read the sources: texts, and pictures in texts.
+# For clones, and for people who read the sources: training, texts, and pictures in texts.
+_LEFT_OUT = "panchroma/tools/training", "panchroma/tools/notebook"
 _READ = {".md", ".png", ".jpg"}
-_BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
-# No render: it would be compiled again, at another place.
-_USE = """
+_CARD = {Path("panchroma/offline/models", name) for name in ("README.md", "loss-k6.png")}
+_BUILD = """
 import sys
-sys.path.insert(0, sys.argv[1])
-import panchroma, panchroma.offline
-for module in (panchroma, panchroma.offline):
-    assert module.__file__.startswith(sys.argv[1]), module.__file__
-shot = panchroma.simulate("builtin:96x72", sigma=0.01)
-shot.save("shot.dng")
-assert panchroma.open("shot.dng").shape == (72, 96)
-panchroma.to_srgb(shot.truth).save("truth.png")
-from panchroma.tools.cli import main
-main(["preview", "shot.dng", "-o", "."])
+sys.path.insert(0, "tools/notebook")
+import build_with_links
+getattr(build_with_links, sys.argv[1])(sys.argv[2])
 """
+_LINK = re.compile(r"\]\(([^)#\s]+)")
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with what the wheel installs."""
-    reason = "building the wheel needs setuptools 77 or newer: pip install 'setuptools>=77'"
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The unpacked source distribution of a copy of the clone."""
+    reason = "building needs setuptools 77 or newer: pip install 'setuptools>=77'"
     pytest.importorskip("setuptools", minversion="77", reason=reason)
-    sources, folder = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("installed")
-    for package in PACKAGES:  # a copy: setuptools leaves its work beside the sources
-        shutil.copytree(
-            ROOT / package,
-            sources / package,
-            ignore=shutil.ignore_patterns("__pycache__"),
-            symlinks=True,
-        )
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, sources)
-    run_python(_BUILD, folder, folder=sources)
+    clone, folder = tmp_path_factory.mktemp("clone"), tmp_path_factory.mktemp("sources")
+    for path in ROOT.iterdir():  # a copy: setuptools leaves its work beside the sources
+        if path.is_file():
+            shutil.copy(path, clone)
+        elif path.name in {*PACKAGES, "tests"}:
+            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info", ".ipynb_checkpoints")
+            shutil.copytree(path, clone / path.name, ignore=ignored, symlinks=True)
+    run_python(_BUILD, "build_sdist", folder, folder=clone)
+    (archive,) = folder.glob("*.tar.gz")
+    with tarfile.open(archive) as tar:
+        tar.extractall(folder, filter="data")
+    return folder / archive.name.removesuffix(".tar.gz")
+
+
+@pytest.fixture(scope="module")
+def wheel(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel that the source distribution makes."""
+    folder = tmp_path_factory.mktemp("wheel")
+    run_python(_BUILD, "build_wheel", folder, folder=sources)
     (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the wheel installs."""
+    folder = tmp_path_factory.mktemp("installed")
     with ZipFile(wheel) as archive:
         archive.extractall(folder)
-    wheel.unlink()
     return folder
 
 
-def test_every_file_that_the_program_needs_is_in_the_wheel(installed: Path) -> None:
-    wanted = set()
+def test_every_link_of_a_page_leads_to_a_file_of_the_source_distribution(sources: Path) -> None:
+    pages = list(sources.rglob("*.md"))
+    links = [(page, link) for page in pages for link in _LINK.findall(page.read_text("utf-8"))]
+    dead = [
+        (str(page.relative_to(sources)), link)
+        for page, link in links
+        if not link.startswith(("http://", "https://")) and not (page.parent / link).exists()
+    ]
+    assert not dead
+    assert len(links) > 60
+    assert not list(sources.rglob("test_*.py"))
+
+
+def test_the_description_of_the_package_links_to_no_file(sources: Path) -> None:
+    headers, _, description = (sources / "PKG-INFO").read_text("utf-8").partition("\n\n")
+    assert "# Panchroma" in description
+    assert not [link for link in _LINK.findall(description) if not link.startswith("https://")]
+    assert "License-Expression: MIT AND CC-BY-SA-4.0" in headers
+
+
+def test_every_file_that_the_program_needs_is_in_the_wheel(wheel: Path) -> None:
+    wanted = {*_CARD}
     for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*")):
         place = path.relative_to(ROOT)
-        if place.is_relative_to(_FACADE):
-            place = place.relative_to(_FACADE)
-        elif place.is_relative_to(_FACADE.parent):  # the notebook, and what it writes
-            continue
-        place = "panchroma" / place
+        place = "panchroma" / (
+            place.relative_to(_FACADE) if place.is_relative_to(_FACADE) else place
+        )
         if path.is_file() and path.suffix not in _READ and "__pycache__" not in place.parts:
             wanted.add(place)
-    found = {
-        path.relative_to(installed)
-        for path in installed.rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
-    }
+    wanted = {path for path in wanted if not str(path).startswith(_LEFT_OUT)}
+    with ZipFile(wheel) as archive:
+        found = {Path(name) for name in archive.namelist()}
     assert {path for path in found if not path.parts[0].endswith(".dist-info")} == wanted
     assert {path.parts[0] for path in found if not path.parts[0].endswith(".dist-info")} == {
         "panchroma"
@@ -82,6 +112,8 @@ def test_every_file_that_the_program_needs_is_in_the_wheel(installed: Path) -> N
         *PACKAGES,
         "panchroma",
     }
+    licences = {path.name for path in found if "licenses" in path.parts}
+    assert licences == {"LICENSE", "README.md"}
 
 
 _ADVICE = """
@@ -121,6 +153,65 @@ def test_advice_in_a_clone_names_its_folder() -> None:
     assert install_command("tools") == f"pip install -e '{ROOT}[tools]'"
 
 
-def test_the_wheel_works_outside_the_clone(installed: Path, tmp_path: Path) -> None:
-    run_python(_USE, installed, folder=tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {"shot.dng", "shot.jpg", "truth.png"}
+def test_the_wheel_renders_in_an_environment_of_its_own(wheel: Path, tmp_path: Path) -> None:
+    environment, folder = tmp_path / "environment", tmp_path / "elsewhere"
+    folder.mkdir()
+    subprocess.run([sys.executable, "-m", "venv", environment], check=True)
+    python = environment / "bin/python"
+    install = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--no-index", str(wheel)]
+    subprocess.run(install, check=True)
+    place = [str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
+    own = Path(subprocess.run(place, check=True, capture_output=True, text=True).stdout.strip())
+    # The packages that it needs are those of this environment, without its installation of ours.
+    (own / "needed.pth").write_text(str(Path(np.__file__).parents[1]))
+    clean = {name: text for name, text in os.environ.items() if name != "PYTHONPATH"}
+    for line in (
+        "simulate builtin:96x72 --sigma 0.01 -o shots",
+        "preview shots -o .",
+        "render shots -o pictures --preset paper",
+    ):
+        done = subprocess.run(
+            [environment / "bin/panchroma", *line.split()],
+            cwd=folder,
+            env=clean,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+    for made in ("shots/builtin-96x72.dng", "builtin-96x72.jpg", "pictures/builtin-96x72.tif"):
+        assert (folder / made).stat().st_size > 1000
+    where = subprocess.run(
+        [python, "-c", "import panchroma.offline as p; print(p.__file__)"],
+        cwd=folder,
+        env=clean,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert Path(where.stdout.strip()).is_relative_to(own)
+
+
+@pytest.mark.parametrize("found", ["a file", "nothing"])
+def test_links_that_are_missing_are_made_and_files_in_their_place_refused(
+    tmp_path: Path, found: str
+) -> None:
+    facade = tmp_path / _FACADE
+    facade.mkdir(parents=True)
+    shutil.copy(ROOT / "tools/notebook/build_with_links.py", facade.parent)
+    for name in PACKAGES:
+        (tmp_path / name).mkdir(exist_ok=True)
+        (tmp_path / name / "__init__.py").touch()
+        if found == "a file":  # Git without symbolic links writes where they lead to
+            (facade / name).write_text(f"../../../{name}")
+    script = "import sys; sys.path.insert(0, 'tools/notebook'); import build_with_links"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    if found == "nothing":
+        assert done.returncode == 0
+        assert all((facade / name / "__init__.py").is_file() for name in PACKAGES)
+    else:
+        assert done.returncode == 1
+        assert "without symbolic links" in done.stderr
+        assert "Traceback" not in done.stderr

@@ -117,7 +117,7 @@ class Pinning(RowStage):
         luminance = np.stack([part.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
         squared = np.square(luminance) / np.maximum(
-            np.square(luminance).mean(axis=2, keepdims=True), DARK**2
+            np.square(luminance).mean(axis=2, keepdims=True), np.float32(DARK**2)
         )
         weight = (
             _confidence(power[..., None] * squared, variance)

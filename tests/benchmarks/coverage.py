@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -172,8 +173,11 @@ def errors(
     left out.
     """
     off = {}
-    full = camera.gamma.sum()  # of a file whose gamma is known
-    truths = {"shot": full / camera.electrons, "read": full * camera.read / camera.electrons}
+    full = float(camera.gamma.sum())  # of a file whose gamma is known
+    truths: dict[str, Any] = {
+        "shot": full / camera.electrons,
+        "read": full * camera.read / camera.electrons,
+    }
     gamma, dark = outcome.measured.gamma, outcome.measured.dark
     if gamma is not None:
         off["gamma"] = (gamma.gamma - camera.gamma) / gamma.half_width

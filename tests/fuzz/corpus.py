@@ -173,6 +173,7 @@ def _linear() -> list[Sample]:
             _tiff(
                 samples,
                 photometric="linear_raw",
+                planarconfig="contig",
                 compression=compression,
                 extratags=tags,
                 **options,

@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from panchroma.shared.errors import InputError
 from panchroma.shared.processors import THREADS, available_threads, threads, use_threads
 
 
@@ -19,7 +20,16 @@ def test_the_number_of_threads_is_that_of_the_calling_thread(
     with pytest.raises(ValueError, match="1 or more"):
         use_threads(0)
     use_threads(before)
-    for asked, count in (("3", 3), ("0", None), ("many", None)):
+
+
+def test_the_environment_sets_the_number_or_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(THREADS, "3")
+    assert available_threads() == 3
+    monkeypatch.setenv(THREADS, "")  # as not set
+    assert available_threads() >= 1
+    for asked in ("0", "-2", "many", "1.5", " 2"):
         monkeypatch.setenv(THREADS, asked)
-        assert available_threads() == count or count is None
-        assert available_threads() >= 1
+        with pytest.raises(
+            InputError, match=r"PANCHROMA_THREADS is .*, expected a number of threads"
+        ):
+            available_threads()

@@ -110,7 +110,7 @@ def fit_photon_transfer(
     if kept.any() and np.linalg.matrix_rank(information, hermitian=True) == unknowns:
         errors = np.sqrt(np.diag(np.linalg.inv(information)))
     # Places that differ by more than noise explains, as with texture, tell it less well.
-    spread = float(np.sqrt((score[kept] ** 2).sum() / max(kept.sum() - unknowns, 1)))
+    spread = float(np.sqrt((score[kept] ** 2).sum() / max(int(kept.sum()) - unknowns, 1)))
     errors = errors * max(1.0, spread)
     shot, *intercept = coefficients
     if read is not None:

@@ -215,7 +215,7 @@ def _gain(scene: FloatArray, balanced: DoubleArray) -> np.float32:
     scene: its light, (H, W, 3).
     balanced: light of the crop, (h, w, 3), 1 = display white.
     """
-    brightest = np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE)
-    crop = np.quantile(balanced.max(axis=2), _CROP_SHARE)
+    brightest = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
+    crop = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
     brightened = max(_BRIGHT / max(brightest, _DARKEST), 1.0)
     return np.float32(min(brightened, _CROP_BRIGHT / max(crop, _DARKEST)))

@@ -71,7 +71,7 @@ def test_texture_of_any_size(size: int) -> None:
     """Small copies show next to none of the one, and fine differences none of the other."""
     random = np.random.default_rng(0)
     texture = gaussian_filter(random.normal(size=(1000, 1200)), size)
-    scene = (1 + 0.2 * texture / texture.std()).astype(np.float32) / 3
+    scene = ((1 + 0.2 * texture / texture.std()) / 3).astype(np.float32)
     found = aligned(noisy(scene[:980, :1180], 0), noisy(scene[3:983, 6:1186], 1), NOISE)
     assert np.hypot(found.motion.shift[0] + 3, found.motion.shift[1] + 6) < 2 * BETWEEN
 

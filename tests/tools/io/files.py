@@ -96,6 +96,8 @@ def write_dng(
             preview |= {"extratags": _tags(first), "metadata": None}
             file.write(np.zeros((8, 8, 3), np.uint8), **preview)
         options |= {"photometric": "minisblack" if single else kind, "extratags": tags}
+        if samples.ndim == 3:  # tifffile 2026.5 would write many pictures of one sample
+            options.setdefault("planarconfig", "contig")
         file.write(samples, metadata=None, **options)
     if single:
         grey, linear = (struct.pack("<HHII", 262, SHORT, 1, number) for number in (1, LINEAR_RAW))

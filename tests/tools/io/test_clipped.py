@@ -54,7 +54,7 @@ def test_a_burnt_out_lamp_is_white_without_a_ring(tmp_path: Path, width: float, 
     clipped = (light * TOP >= limit).any(axis=2).reshape(80, 2, 90, 2).any(axis=(1, 3))
     assert clipped.sum() > 5
     # The samples of a quad lie side by side: so much colour has a lamp that is not clipped.
-    quads = colour(dim.rgb).max()
+    quads = float(colour(dim.rgb).max())
     assert colour(scene.rgb)[clipped].max() <= max(quads, 0.05)
     assert colour(scene.rgb).max() <= max(1.1 * quads, 0.08)
     assert np.median(scene.rgb[clipped][:, 1]) > 0.9 * limit / TOP

@@ -215,7 +215,7 @@ def patch_means(
     x, y = place.at(place.cells[:, :1] + across, place.cells[:, 1:] + down)
     values = np.stack([_at(plane, x, y) for plane in np.moveaxis(picture, -1, 0)], axis=-1)
     luminance = np.log(np.maximum(values.sum(axis=-1), 1e-4))
-    return values.mean(axis=1), luminance.std(axis=1)
+    return values.mean(axis=1).astype(np.float64), luminance.std(axis=1)
 
 
 def _misfit(
@@ -232,7 +232,7 @@ def _misfit(
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)
-    gaps, patches = (_at(root, *place.at(*cells.T)).mean() for cells in (_GAPS, place.cells))
+    gaps, patches = (float(_at(root, *place.at(*cells.T)).mean()) for cells in (_GAPS, place.cells))
     return float(np.minimum(rough, 0.5).mean() + gaps / max(patches, 1e-6))
 
 

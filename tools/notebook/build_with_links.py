@@ -1,0 +1,42 @@
+"""The build of setuptools, for copies whose links are whole.
+
+`tools/notebook/panchroma` holds links to the folders at the top. They are made where they are
+missing; where Git or an archive has put files in their place (Windows), a package would be
+installed that cannot be imported, so the build ends.
+"""
+
+from pathlib import Path
+
+from setuptools.build_meta import (
+    build_editable,
+    build_sdist,
+    build_wheel,
+    get_requires_for_build_editable,
+    get_requires_for_build_sdist,
+    get_requires_for_build_wheel,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
+
+__all__ = [
+    "build_editable",
+    "build_sdist",
+    "build_wheel",
+    "get_requires_for_build_editable",
+    "get_requires_for_build_sdist",
+    "get_requires_for_build_wheel",
+    "prepare_metadata_for_build_editable",
+    "prepare_metadata_for_build_wheel",
+]
+
+_FACADE = Path(__file__).parent / "panchroma"
+for _name in ("device", "offline", "shared", "tools"):
+    _link = _FACADE / _name
+    if not _link.exists():  # as in a source distribution
+        _link.symlink_to(Path("../../..", _name))
+    if not (_link / "__init__.py").is_file():
+        raise SystemExit(
+            f"{_link} should be a link to the folder {_name} at the top: this copy of the sources "
+            "was made without symbolic links. Clone again with `git clone -c core.symlinks=true`, "
+            "on Windows inside the Windows Subsystem for Linux"
+        )
