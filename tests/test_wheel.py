@@ -44,7 +44,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for path in ROOT.iterdir():  # a copy: setuptools leaves its work beside the sources
         if path.is_file():
             shutil.copy(path, clone)
-        elif path.name in {*PACKAGES, "tests"}:
+        elif path.name in {*PACKAGES, "tests", ".github"}:
             ignored = shutil.ignore_patterns("__pycache__", "*.egg-info", ".ipynb_checkpoints")
             shutil.copytree(path, clone / path.name, ignore=ignored, symlinks=True)
     run_python(_BUILD, "build_sdist", folder, folder=clone)
