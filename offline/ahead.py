@@ -7,43 +7,43 @@ starts processes.
 
 from importlib import import_module
 
-import numpy as np
-
-from ..shared.calibration import SensorCalibration
-from ..shared.mosaic import Mosaic
-from ..shared.pattern import CfaPattern
-from .measured import Measured
-from .numerics.compile import ParallelKernel, can_keep, kernels
-from .render import KERNELS, row_stages
+from .numerics.compile import ParallelKernel, kernels, writable_cache
 from .settings import RenderSettings
 
 # Those that take longest to compile come first, so that several processes end at about the same
 # time.
 _LONGEST = "solve_regions", "average", "denoise", "fill_blocks", "shrink_once"
+_SETTINGS = {"colour_lines": "lines", "colour_network": "learned"}  # that use other stages' modules
+_RARE = "solve_tiles"  # for scattered colour sites, and for bursts
 
 
 def used_kernels(*settings: RenderSettings) -> list[str]:
-    """Names of the kernels that renders with these settings may call, without any settings of all
-    kernels.
+    """Names of the kernels of the stages that renders with these settings use, and of those that
+    stages share; without any settings of all kernels.
 
     Those that only scattered colour sites need are not among them: they are compiled when they are
     called.
     """
-    frame = Measured.outline(
-        Mosaic(np.zeros((24, 24), np.float32), CfaPattern.bayer(), SensorCalibration())
-    )
-    used = set() if settings else set(_all_kernels())
-    for preset in settings:
-        used.update(KERNELS, *(part.kernels for part in vars(preset).values() if part.used))
-        used.update(*(stage.kernels for stage in row_stages(frame, preset)))
+    used = [
+        name
+        for name, kernel in (kernels if settings else _all_kernels()).items()
+        if not settings or (name != _RARE and any(_is_used(kernel, preset) for preset in settings))
+    ]
     return sorted(
         used, key=lambda name: (_LONGEST.index(name) if name in _LONGEST else len(_LONGEST), name)
     )
 
 
+def _is_used(kernel: ParallelKernel[...], settings: RenderSettings) -> bool:
+    *_, room, module = kernel.function.__module__.split(".")
+    if room == "stages":
+        return getattr(settings, _SETTINGS.get(module, module)).used
+    return room == "numerics"
+
+
 def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     """Names of the kernels that renders with these settings may call and that are neither loaded
-    nor on the disk yet.
+    nor on the disk yet, see `used_kernels`.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
 
     Raises
     ------
-    RuntimeError
+    OutputError
         When there are some, and no folder to keep them in.
 
     Examples
@@ -68,8 +68,8 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     """
     used = used_kernels(*settings)
     names = [name for name in used if not (kernels[name].ready or kernels[name].kept())]
-    if names and not can_keep():
-        raise RuntimeError("there is no folder that can be written to, for compiled kernels")
+    if names:
+        writable_cache()
     return names
 
 

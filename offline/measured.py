@@ -9,7 +9,6 @@ from ..shared.arrays import BoolArray, ByteArray, FloatArray
 from ..shared.block_grid import BlockGrid
 from ..shared.calibration import NoiseModel, SensorCalibration
 from ..shared.errors import InputError
-from ..shared.mosaic import Mosaic
 from ..shared.pattern import CfaPattern
 from .frame import Sites
 from .parts import Part
@@ -137,10 +136,10 @@ class Measured:
     Examples
     --------
     >>> import numpy as np
-    >>> from panchroma.offline import Measured
+    >>> from panchroma.offline import measure
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
-    >>> Measured.outline(grey).shape
+    >>> measure(grey).shape
     (30, 40)
     """
 
@@ -165,19 +164,3 @@ class Measured:
     def gamma(self) -> FloatArray:
         """The weights of Eq. 7, (C,)."""
         return np.array(self.calibration.gamma, np.float32)
-
-    @classmethod
-    def outline(cls, mosaic: Mosaic) -> "Measured":
-        """A frame of this shape and pattern without a picture, in next to no memory: to ask stages
-        what they need.
-        """
-        sites, nothing = Sites.in_frame(mosaic), np.zeros((), np.float32)
-        luminance = np.broadcast_to(nothing, mosaic.shape)
-        blocks = np.broadcast_to(nothing, (*sites.grid.shape, len(mosaic.pattern.channels)))
-        values = np.broadcast_to(nothing, (*sites.shape, len(mosaic.pattern.sites)))
-        constant = np.broadcast_to(nothing, sites.shape)
-        lines = ColourLines(values[..., 0], values[..., 0], constant)
-        samples = BlockSamples(
-            sites, values, None, np.broadcast_to(np.True_, sites.shape), constant, lines=lines
-        )
-        return cls(mosaic.pattern, mosaic.calibration, luminance, blocks, samples)

@@ -116,8 +116,6 @@ class RowStage(Protocol):
     ----------
     name : str
         For progress.
-    kernels : tuple[str, ...]
-        Those that it calls, so that they can be compiled ahead.
 
     Examples
     --------
@@ -130,7 +128,6 @@ class RowStage(Protocol):
     """
 
     name: str = "stage"
-    kernels: tuple[str, ...] = ()
 
     @property
     def halo(self) -> Halo:

@@ -43,9 +43,6 @@ from .stages.shading import ShadingCorrection
 from .tiling import bands
 from .units import check_finite, check_frames
 
-KERNELS = ("apply_luminance",)
-"""Kernels that the page itself calls."""
-
 Stages = Callable[[Measured, RenderSettings], list[RowStage]]
 """Makes the list of stages in rows, as `row_stages` does."""
 

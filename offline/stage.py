@@ -1,4 +1,4 @@
-"""Settings of a stage: values with ranges, and the kernels that the stage calls."""
+"""Settings of a stage: values with ranges."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -67,15 +67,12 @@ def _is_a(value: Any, kind: Any) -> bool:
 
 
 class StageSettings:
-    """Base of the settings of a stage: their ranges, whether it is used, and which kernels it then
-    calls, to compile them ahead.
+    """Base of the settings of a stage: their ranges, and whether it is used.
 
     Attributes
     ----------
     asked_by : tuple[str, ...]
         Settings of which one has to be on (not False, 0 or empty), or the stage changes nothing.
-    kernels : tuple[str, ...]
-        Names of those that it calls when it is used; stages in rows say so themselves.
     """
 
     asked_by: tuple[str, ...] = ()
@@ -88,11 +85,6 @@ class StageSettings:
     def used(self) -> bool:
         """True if the stage changes anything."""
         return not self.asked_by or any(getattr(self, name) for name in self.asked_by)
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Names of the kernels, see above."""
-        return ()
 
 
 @dataclass(frozen=True)

@@ -242,7 +242,6 @@ class Spreading(RowStage):
     measured: Measured
 
     name = "samples"
-    kernels = ("solve_tiles",)
 
     @property
     def halo(self) -> Halo:

@@ -14,6 +14,15 @@ except PermissionError as error:  # it tries whether machine code may be made
         "the render needs machine code, which this system forbids to make; allow it: "
         "MemoryDenyWriteExecute=no in systemd, execmem in SELinux"
     ) from error
+except ValueError as error:
+    if "threads" not in str(error):
+        raise
+    raise InputError("NUMBA_NUM_THREADS is less than 1; set it to 1 or more, or unset it") from None
+if not all(name.startswith(("+", "-")) for name in (numba.config.CPU_FEATURES or "+").split(",")):
+    raise InputError(  # LLVM would end the process
+        f"NUMBA_CPU_FEATURES is {numba.config.CPU_FEATURES}, expected names with + or - such as "
+        "+avx2,-fma; set it right, or unset it"
+    )
 if numba.config.DISABLE_JIT:
     raise InputError(
         "the render needs machine code, and Numba is told to make none; unset NUMBA_DISABLE_JIT"

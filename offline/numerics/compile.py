@@ -11,17 +11,16 @@ which `numba.config` names only while a function is prepared.
 
 import hashlib
 import os
-import platform
+import re
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
 from inspect import signature
-from io import BytesIO
 from pathlib import Path
-from shutil import rmtree
+from shutil import make_archive, rmtree, unpack_archive
 from tempfile import TemporaryDirectory
 from typing import (
     Annotated,
@@ -34,7 +33,6 @@ from typing import (
     get_origin,
     get_type_hints,
 )
-from zipfile import ZipFile
 
 import numba
 import numpy as np
@@ -77,10 +75,9 @@ costs more than it saves.
 # kernels.
 _TOGETHER = 1 << 18
 
-_ROOT = Path(__file__).parents[2]
-_SEEN = "offline/**/*.py", "shared/arrays.py"  # by kernels
-_SOURCE = code_digest(_ROOT, *_SEEN)  # before modules with kernels are imported
-# The folder and the kinds of folder that the user has chosen, "" = none.
+_SEEN = Path(__file__).parents[2], "offline/**/*.py", "shared/arrays.py"  # by kernels
+_SOURCE = code_digest(*_SEEN)  # before modules with kernels are imported
+# The folder that the user has chosen, and the other kinds of folder: "" = none, and all.
 _CHOSEN, _LOCATORS = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
 # Sources, processors and settings of which a folder keeps kernels, some megabytes each: those that
 # were compiled last.
@@ -98,7 +95,7 @@ class ParallelKernel(Generic[P]):
     def __init__(
         self, function: Callable[Concatenate[Pieces, P], None], pieces: Callable[..., int]
     ) -> None:
-        self._function, self._pieces = function, pieces
+        self.function, self._pieces = function, pieces
         self._compiled: Callable[..., None] | None = None
 
     @property
@@ -131,11 +128,11 @@ class ParallelKernel(Generic[P]):
 
     def _files(self) -> list[Path]:
         """The files in which it may be kept, the best first."""
-        name = f"{self._function.__module__}.{self._function.__name__}.zip"
+        name = f"{self.function.__module__}.{self.function.__name__}.zip"
         return [folder / name for folder in _folders(len(kernels))]
 
     def _read_or_compiled(self) -> Callable[..., None]:
-        parameters = signature(self._function).parameters.values()
+        parameters = signature(self.function).parameters.values()
         kinds = types.void(*(_numba_type(parameter.annotation) for parameter in parameters))
         for path in self._files():
             with suppress(Exception):  # no file, a damaged one: they have no common base
@@ -145,36 +142,31 @@ class ParallelKernel(Generic[P]):
         try:
             return self._through_numba(kinds)
         except Exception:  # no temporary folder, a full disk
-            return numba.njit(kinds, **_OPTIONS)(self._function)
+            return numba.njit(kinds, **_OPTIONS)(self.function)
 
     def _through_numba(self, kinds: Any, kept: Path | None = None) -> Callable[..., None]:
         """The compiled function, read from a file or kept in one."""
-        with ExitStack() as stack:
-            archive = stack.enter_context(ZipFile(kept)) if kept else None
-            scratch = stack.enter_context(TemporaryDirectory())
+        with TemporaryDirectory() as scratch:
             numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = scratch, ""
             try:
-                compiled = numba.njit(cache=True, **_OPTIONS)(self._function)
+                compiled = numba.njit(cache=True, **_OPTIONS)(self.function)
             finally:
                 numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = _CHOSEN, _LOCATORS
-            folder = Path(compiled.stats.cache_path)
-            if archive:
-                archive.extractall(folder)  # checks it, too
+            folder = compiled.stats.cache_path
+            if kept:
+                unpack_archive(kept, folder)  # checks it, too
             compiled.compile(kinds)
             compiled.disable_compile()
             if compiled.stats.cache_misses:
-                self._keep(folder)
+                self._keep(Path(make_archive(f"{scratch}/kept", "zip", folder)).read_bytes())
         return compiled
 
-    def _keep(self, compiled: Path) -> None:
-        """Keep the files of a folder, in the first place that can be written."""
-        with ZipFile(data := BytesIO(), "w") as archive:
-            for path in compiled.iterdir():
-                archive.write(path, path.name)
+    def _keep(self, data: bytes) -> None:
+        """Write a file in the first folder that can be written."""
         for path in self._files():
             with suppress(OSError, OutputError):
                 path.parent.mkdir(parents=True, exist_ok=True)
-                write_durably(path, data.getvalue(), overwrite=True)
+                write_durably(path, data, overwrite=True)
                 versions = path.parent.parent.glob("[0-9a-f]" * 16)
                 for old in sorted(versions, key=lambda path: path.stat().st_mtime)[:-_VERSIONS]:
                     rmtree(old, ignore_errors=True)
@@ -188,15 +180,15 @@ def _folders(_: int) -> list[Path]:
     None if the sources have changed since they were imported: kernels may be of the old ones, or of
     both. That is looked up for each number of kernels.
     """
-    if code_digest(_ROOT, *_SEEN) != _SOURCE:
+    if code_digest(*_SEEN) != _SOURCE:
         return []
-    places = {"UserProvided": Path(_CHOSEN).absolute()} if _CHOSEN else {}
-    places["InTree"] = _ROOT / "offline/__pycache__"
-    with suppress(RuntimeError):  # no home
-        home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-        places["UserWide"] = home
-    allowed = (place for name, place in places.items() if name in (_LOCATORS or name))
-    folders = [place / "panchroma-kernels" / _version() for place in allowed]
+    places = [Path(_CHOSEN).absolute()] if _CHOSEN else []
+    if "InTree" in (_LOCATORS or "InTree"):
+        places.append(Path(__file__).parents[1] / "__pycache__")
+    if "UserWide" in (_LOCATORS or "UserWide"):
+        with suppress(RuntimeError):  # no home
+            places.append(Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser())
+    folders = [place / "panchroma-kernels" / _version() for place in places]
     numbers = (number for number, folder in enumerate(folders, 1) if _can_be_written(folder))
     return folders[: next(numbers, None)]
 
@@ -210,16 +202,12 @@ def _can_be_written(folder: Path) -> bool:
 @cache
 def _version() -> str:
     """Digest of all on which machine code depends."""
-    processor, features = numba.config.CPU_NAME, numba.config.CPU_FEATURES
-    if features is None:
-        features = binding.get_host_cpu_features().flatten()
-    facts = [_SOURCE, numba.__version__, sys.implementation.cache_tag, sys.platform]
-    facts += [platform.machine(), processor or binding.get_host_cpu_name(), features]
-    facts += sorted(
-        f"{name}={value}"
-        for name, value in os.environ.items()
-        if name.startswith("NUMBA_") and "CACHE" not in name and "THREAD" not in name
-    )
+    facts = [_SOURCE, numba.__version__, sys.implementation.cache_tag, binding.get_process_triple()]
+    facts.append(numba.config.CPU_NAME or binding.get_host_cpu_name())
+    if numba.config.CPU_FEATURES is None:
+        facts.append(binding.get_host_cpu_features().flatten())
+    others = re.compile("NUMBA_(?!CACHE|NUM_THREADS|THREADING)").match
+    facts += sorted("=".join(setting) for setting in os.environ.items() if others(setting[0]))
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
 
 
@@ -295,7 +283,7 @@ def kernel_cache() -> Path:
 
     Raises
     ------
-    RuntimeError
+    OutputError
         When there are none, and no folder can be written to.
 
     Examples
@@ -304,16 +292,18 @@ def kernel_cache() -> Path:
     >>> kernel_cache().is_absolute()
     True
     """
-    folders = _folders(len(kernels))
-    usable = (folder for folder in folders if any(folder.glob("*.zip")) or _can_be_written(folder))
-    if folder := next(usable, None):
+    used = (folder for folder in _folders(len(kernels)) if any(folder.glob("*.zip")))
+    return next(used, None) or writable_cache()
+
+
+def writable_cache() -> Path:
+    """The folder in which a kernel that is compiled now is kept; see `kernel_cache`."""
+    if folder := next(filter(_can_be_written, _folders(len(kernels))), None):
         return folder
-    raise RuntimeError("there is no folder that can be written to, for compiled kernels")
-
-
-def can_keep() -> bool:
-    """True if a kernel that is compiled now would be kept on the disk."""
-    return any(map(_can_be_written, _folders(len(kernels))))
+    raise OutputError(
+        "there is no folder to keep compiled kernels in: every run compiles for half a minute; set "
+        "NUMBA_CACHE_DIR to a folder that you may write to"
+    )
 
 
 @contextmanager

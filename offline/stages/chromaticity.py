@@ -50,11 +50,6 @@ class ChromaticitySettings(StageSettings):
     repetitions: CountOrNone = 20
     detail: NotNegative = 0.0
 
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Kernels of the stage."""
-        return ("oriented_median",) * (self.repetitions > 0) + ("smooth",) * (self.detail > 0)
-
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no
 # other.

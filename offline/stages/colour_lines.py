@@ -65,8 +65,6 @@ class LinesSettings(Switch):
     paper.
     """
 
-    kernels = ("smooth",)
-
 
 # Chosen on photographs and on pages of print.
 # blocks: standard deviation of the neighbourhood of a line; with 3, print has more tint
@@ -321,7 +319,6 @@ class LineProjection(RowStage):
     gamma: FloatArray
 
     name = "lines"
-    kernels = ("lead_to_lines",)
 
     @cached_property
     def _planes(self) -> FloatArray:

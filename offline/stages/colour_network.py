@@ -121,7 +121,6 @@ class ColourNetwork(RowStage):
     gamma: FloatArray
 
     name = "learned"
-    kernels = ("cut_cells", "add_answer")
 
     @property
     def halo(self) -> Halo:

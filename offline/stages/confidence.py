@@ -36,7 +36,6 @@ class ConfidenceSettings(Switch):
         chromaticity is that of its neighbours, > 0.
     """
 
-    kernels = ("smooth",)
     tolerance: Positive = 0.4
 
 

@@ -51,8 +51,6 @@ class PosteriorSettings(Switch):
     paper.
     """
 
-    kernels = ("smooth", "posterior_means")
-
 
 # Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it
 # changes most. Error of filled luminance as a multiple of its curvature (0.4); pooling has
@@ -358,7 +356,6 @@ class Correction(RowStage):
     gamma: FloatArray
 
     name = "correction"
-    kernels = ("smooth", "posterior_means")
 
     @property
     def halo(self) -> Halo:

@@ -62,7 +62,6 @@ class DenoisingSettings(StageSettings):
         Threshold of the first pass, in standard deviations of the noise.
     """
 
-    kernels = ("denoise",)
     asked_by = ("strength",)
     strength: NotNegative = 0.0
     sizes: Annotated[tuple[int, ...], _SIZES] = (4, 12)

@@ -50,7 +50,6 @@ class HighlightsSettings(StageSettings):
         clipped, 0 to 1.
     """
 
-    kernels = "interpolate", "smooth"
     asked_by = ("restored",)
     restored: bool = False
     shoulder: Between = 0.05

@@ -76,7 +76,6 @@ class LuminanceSettings(StageSettings):
         (`luminance_network`).
     """
 
-    kernels = "fill_blocks", "shrink_once"
     iterations: Count = 50
     decay: Between = 2**-0.25
     threshold: Positive = 1.0

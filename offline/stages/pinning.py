@@ -81,7 +81,6 @@ class Pinning(RowStage):
     samples: BlockSamples
 
     name = "pinning"
-    kernels = "solve_tiles", "interpolate", "smooth"
 
     @property
     def halo(self) -> Halo:

@@ -93,7 +93,6 @@ class PoolingSettings(StageSettings):
         Error of filled luminance, as a multiple of its curvature there, 0 or more.
     """
 
-    kernels = "pool", "smooth"
     asked_by = ("passes",)
     passes: Annotated[tuple[PoolingPass, ...], _PASSES] = ()
     light: Positive = 0.25

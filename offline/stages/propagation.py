@@ -49,7 +49,6 @@ class Propagation(RowStage):
     settings: PropagationSettings
 
     name = "propagation"
-    kernels = "solve_regions", "mix"
 
     @property
     def halo(self) -> Halo:

@@ -65,7 +65,6 @@ class Refinement(RowStage):
     settings: RefinementSettings
 
     name = "refinement"
-    kernels = ("average",)
 
     @property
     def halo(self) -> Halo:

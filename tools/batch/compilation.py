@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+from ...shared.errors import OutputError
 from .memory import available_memory
 from .parallel import one_by_one, possible_processes
 from .parallel import processes as worker_processes
 from .progress import Note, StageProgress
 
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
-CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
 _REMEDY = "close other programs, or let the first render compile"
 
 
@@ -55,7 +55,7 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
 
     try:
         names = kernels_to_compile(*settings)
-    except RuntimeError:  # there is no folder to keep any in
+    except OutputError:  # there is no folder to keep any in
         return
     if min(processes, len(names)) > 1:
         tell = _teller(progress)

@@ -18,9 +18,9 @@ from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...shared.errors import InputError
+from ...shared.errors import PanchromaError
 from ...shared.processors import processors
-from ..batch.compilation import CACHE_REMEDY, compile_all
+from ..batch.compilation import compile_all
 from ..batch.console import Console
 from ..batch.jobs import FAILED
 from ..batch.memory import available_memory
@@ -171,16 +171,13 @@ def _kernels(console: Console, everything: bool) -> Finding:
     except ModuleNotFoundError as error:
         reason = f"needs the package {error.name}"
         return Finding("kernel cache", MISSING, reason, install_command("offline"))
-    except InputError as error:  # no machine code
-        return Finding("kernel cache", BAD, *str(error).split("; "))
-    except RuntimeError:
-        reason = "there is no folder that can be written to: every run compiles for half a minute"
-        return Finding("kernel cache", BAD, reason, CACHE_REMEDY)
+    except PanchromaError as error:  # no machine code, or no folder to keep it in
+        return Finding("kernel cache", BAD, *str(error).split("; ", 1))
     except Exception as error:  # a broken package may raise anything
         return _broken("kernel cache", error)
     if missing:
         reason = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
-        remedy = f"close other programs, free some disk space, or {CACHE_REMEDY}"
+        remedy = "close other programs, free some disk space, or set NUMBA_CACHE_DIR"
         return Finding("kernel cache", BAD, reason, remedy)
     left = len(kernels_to_compile())
     return Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled, {left} to compile")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import PRESETS
-from panchroma.shared.errors import InputError
+from panchroma.shared.errors import InputError, OutputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.commands import doctor
 from panchroma.tools.commands.doctor import BAD, GOOD, MISSING, Finding
@@ -168,7 +168,7 @@ def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch)
     )
     assert (again.state, again.found.split(", ")[1:]) == (GOOD, ["0 compiled", "1 to compile"])
     assert (kept_nowhere.state, kept_nowhere.found) == (BAD, "not compiled: mix")
-    nowhere = Mock(side_effect=RuntimeError("no locator available"))
+    nowhere = Mock(side_effect=OutputError("no folder; set NUMBA_CACHE_DIR"))
     monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
     finding = doctor._kernels(Console(quiet=True), True)
     assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)
