@@ -338,13 +338,14 @@ def test_a_jpeg_xl_that_declares_more_than_its_tile_is_not_decoded(
         load_scene(path)
 
 
-def test_each_plane_has_a_limit_of_its_own(tmp_path: Path) -> None:
+@pytest.mark.parametrize("black", [500, 20000])
+def test_each_plane_has_a_limit_of_its_own(tmp_path: Path, black: int) -> None:
     rng = np.random.default_rng(2)
     light = np.full((60, 80, 3), 0.2) * NEUTRAL
     light[10:40, 20:60] *= 9.5
-    samples = 500 + 59500 * (light + rng.normal(0, 0.003, light.shape) * np.sqrt(light))
+    samples = black + (60000 - black) * (light + rng.normal(0, 0.003, light.shape) * np.sqrt(light))
     samples = np.minimum(samples, (60000, 55000, 57000)) + rng.normal(0, 50, light.shape)
-    fields: Fields = {50714: (SHORT, (500, 500, 500)), 50717: (files.LONG, (60000,) * 3)}
+    fields: Fields = {50714: (SHORT, (black,) * 3), 50717: (files.LONG, (60000,) * 3)}
     scene = load_scene(save(tmp_path / "x.dng", np.rint(samples).astype(np.uint16), fields))
     balanced = scene.rgb[12:38, 22:58] / NEUTRAL
     assert (np.ptp(balanced, axis=2) / balanced.max(axis=2)).max() < 0.02
