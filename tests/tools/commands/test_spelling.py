@@ -17,7 +17,7 @@ from tests.tools.command import run
 
 ARGUMENT = re.compile(r"`([a-z_]+)(?:=[^`]*)?`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
-PYTHON = {"threads", "preset", "centre"}  # no command shows these; the last is of a formula
+PYTHON = {"threads", "depth", "preset", "centre"}  # in no command; the last is of a formula
 WORDS = {"calibrate", "capture", "simulate", "max_pixels"}  # verbs; not set by an option
 OTHERS = {"--nthreads", "--mode", "--force-reinstall", "--version"}  # of dask, rpicam, pip, all
 VERBLESS = ("shared", "device", "offline")

@@ -14,7 +14,7 @@ import pytest
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
-from panchroma.tools.evaluation.figures import HUE, RGB, WHOLE, Figures, Place
+from panchroma.tools.evaluation.figures import CRITERIA, HUE, RGB, WHOLE, Figures, Place
 from panchroma.tools.evaluation.hue import colour_slopes
 from panchroma.tools.evaluation.measures import Measures
 from panchroma.tools.evaluation.study import Cell, Study
@@ -138,6 +138,27 @@ def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None
     assert figures.lead(CLEAN, HUE).value == pytest.approx(-share, abs=2)
     second = judge(figures, SET).sentences[1]
     assert "Its largest loss on a scene is 24.0 dB in the worst tenth" in second
+
+
+def test_too_much_colour_is_as_wrong_as_too_little(study: Study) -> None:
+    """100 % of the dark colour is right: 90 % is nearer to it than 130 % and 60 %."""
+    light = np.linspace(0.1, 0.9, 90, dtype=np.float32)[:, None, None]
+    thirds = [np.roll((1.3, 1.0, 0.7), shift) for shift in range(3)]  # together they are grey
+    truth = light * np.repeat(thirds, 30, axis=0)
+    kept = {"paper": 0.9, "bilinear": 1.3, "dlmmse": 0.6}
+    results = {
+        cell: Measures.of(
+            (light + kept[cell.method] * (truth - light)).astype(np.float32),
+            truth.astype(np.float32),
+        )
+        for cell in study.cells()
+    }
+    figures, colour = Figures(study, results), CRITERIA[-1]
+    assert colour.of(figures.of(CLEAN, "bilinear")) == pytest.approx(130, abs=0.1)
+    assert figures.best(CLEAN, colour, study.methods) == "paper"
+    lead = figures.lead(CLEAN, colour)
+    assert lead.rival == "bilinear"
+    assert lead.value == pytest.approx(20, abs=0.1)
 
 
 def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:

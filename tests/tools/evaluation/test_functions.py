@@ -65,7 +65,8 @@ def test_a_function_gets_the_shot_and_its_picture_is_measured(
         ("return mine(mosaic) + 0j", "a picture of complex64, expected floating"),
         ("return mine(mosaic) * np.nan", "11880 of 11880 values of the picture are not finite"),
         ("p = mine(mosaic); p[3, 4, 1] = np.inf; return p", "1 of 11880 values of the picture"),
-        ("return render(mosaic, 7).rgb", "line 10: AttributeError"),
+        ("return mosaic.nothing", "line 10: AttributeError: 'Mosaic' object has no attribute"),
+        ("return render(mosaic, 7).rgb", "line 10: settings is 7, expected RenderSettings"),
     ],
 )
 def test_what_is_wrong_with_a_function_is_said_with_file_function_and_scene(
