@@ -24,9 +24,8 @@ would read at once.
 
 
 _WHOLE = (
-    *("imagewidth", "imagelength", "imagedepth", "tilewidth", "tilelength", "tiledepth"),
-    *("rowsperstrip", "samplesperpixel", "bitspersample", "compression", "photometric"),
-    *("planarconfig", "subfiletype"),
+    "imagewidth imagelength imagedepth tilewidth tilelength tiledepth rowsperstrip samplesperpixel "
+    "bitspersample compression photometric planarconfig subfiletype"
 )
 
 
@@ -35,7 +34,7 @@ def check_page(page: Any) -> None:
     samples are hold whole numbers: tifffile takes whatever kind of value a damaged file declares.
     """
     places, counts = page.dataoffsets, page.databytecounts
-    stated = (*(getattr(page, name) for name in _WHOLE), *places, *counts)
+    stated = (*(getattr(page, name) for name in _WHOLE.split()), *places, *counts)
     if len(places) != len(counts) or not all(isinstance(number, int) for number in stated):
         raise InputError("damaged: its parts contradict each other; copy the file again")
 

@@ -65,9 +65,8 @@ class Structure:
         # Makers of cameras put numbers of their own where TIFF has 42.
         big = len(header) == 16 and header[2:4] == struct.pack(f"{self._order or '<'}H", _BIG)
         layouts = ("Q", "HHQ8s", "Q") if big else ("H", "HHI4s", "I")
-        self._count, self._entry, self._offset = (
-            struct.Struct(self._order + layout) for layout in layouts
-        )
+        structs = (struct.Struct(self._order + layout) for layout in layouts)
+        self._count, self._entry, self._offset = structs
         known = self._order and len(header) >= 8
         self.first: int = self._offset.unpack_from(header, 8 if big else 4)[0] if known else 0
 
@@ -117,10 +116,8 @@ class Structure:
         numbers = tuple(number for (number,) in layout.iter_unpack(values))
         if kind not in RATIOS:
             return numbers
-        return tuple(
-            over / under if under else float("nan")
-            for over, under in zip(numbers[::2], numbers[1::2], strict=True)
-        )
+        ratios = zip(numbers[::2], numbers[1::2], strict=True)
+        return tuple(over / under if under else float("nan") for over, under in ratios)
 
 
 class StoredField(NamedTuple):
@@ -170,11 +167,9 @@ def read_directories(file: IO[bytes], wanted: Set[int], place: int = 0) -> Store
     structure = Structure(file, place)
     main = _directory(structure, structure.first, wanted | {EXIF, GPS})
     exif = _directory(structure, _offset(main, EXIF), wanted | {INTEROPERABILITY})
-    below = (
-        _directory(structure, _offset(fields, tag), wanted)
-        for fields, tag in ((main, GPS), (exif, INTEROPERABILITY))
-    )
-    return StoredDirectories(main, exif, *below)
+    gps = _directory(structure, _offset(main, GPS), wanted)
+    interoperability = _directory(structure, _offset(exif, INTEROPERABILITY), wanted)
+    return StoredDirectories(main, exif, gps, interoperability)
 
 
 def _directory(structure: Structure, offset: int, wanted: Set[int]) -> StoredFields:

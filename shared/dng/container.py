@@ -26,10 +26,8 @@ _PREVIEW_SRGB = 2  # PreviewColorSpace
 _XMP = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
     '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description '
-    'rdf:about="" '
-    'xmlns:tiff="http://ns.adobe.com/tiff/1.0/">{}</rdf:Description></rdf:RDF></x:xmpmeta>'
-    "<?xpacket "
-    'end="w"?>'
+    'rdf:about="" xmlns:tiff="http://ns.adobe.com/tiff/1.0/">{}</rdf:Description></rdf:RDF>'
+    '</x:xmpmeta><?xpacket end="w"?>'
 )
 
 
@@ -147,13 +145,9 @@ def _xmp(metadata: CaptureMetadata) -> bytes:
     """An XMP packet with make and model of the source (XMP Specification Part 1, 7.3; Part 2, 8.5:
     the namespace tiff).
     """
-    texts = {"Make": metadata.make, "Model": metadata.model}
-    fields = "".join(
-        f"<tiff:{name}>{escape(printable(text))}</tiff:{name}>"
-        for name, text in texts.items()
-        if text
-    )
-    return _XMP.format(fields).encode("utf-8", "replace")
+    named = ("Make", printable(metadata.make)), ("Model", printable(metadata.model))
+    fields = (f"<tiff:{name}>{escape(text)}</tiff:{name}>" for name, text in named if text)
+    return _XMP.format("".join(fields)).encode("utf-8", "replace")
 
 
 def picture_id(shape: tuple[int, ...], digest: bytes) -> str:

@@ -72,9 +72,8 @@ def encode_lossless(samples: CodeArray, bits: int) -> bytes:
 @cache
 def _categories() -> NDArray[np.int64]:
     """The number of bits (SSSS in table H.2) of each difference modulo 2**16."""
-    return np.frexp(np.abs(np.arange(1 << 16).astype(np.int16).astype(np.float64)))[1].astype(
-        np.int64
-    )
+    differences = np.arange(1 << 16).astype(np.int16).astype(np.float64)
+    return np.frexp(np.abs(differences))[1].astype(np.int64)
 
 
 def _code_lengths(counts: list[int]) -> list[int]:

@@ -174,9 +174,8 @@ class DngReader:
         decoder, which can crash.
         """
         rows, columns, *planes = page.shape
-        tall, wide = (
-            (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
-        )
+        strip = page.rowsperstrip, columns
+        tall, wide = (page.tilelength, page.tilewidth) if page.is_tiled else strip
         if min(tall, wide) < 1 or -(-rows // tall) * -(-columns // wide) != len(page.dataoffsets):
             raise damaged(f"its strips or tiles of {wide} x {tall} pixels are too many, or too few")
         samples = np.empty(page.shape, np.uint16)

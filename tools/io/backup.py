@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 from ...shared.errors import OutputError
@@ -16,9 +16,7 @@ def keep_old(path: Path) -> Path:
 
     Raises OutputError.
     """
-    names = (
-        path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in count(1)
-    )
+    names = (path.with_name(f"{path.name}.bak{number}") for number in chain([""], count(2)))
     spare = next(name for name in names if not os.path.lexists(name))
     try:
         with path.open("rb") as old, durable_file(spare) as copy:

@@ -41,7 +41,8 @@ _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, d
 _OF_LIGHTS = "ColorMatrix", "CalibrationIlluminant", "CameraCalibration"
 _LIGHTS = [[TAG[f"{name}{number}"] for name in _OF_LIGHTS] for number in (1, 2)]
 _SIGNATURES = TAG["CameraCalibrationSignature"], TAG["ProfileCalibrationSignature"]
-_COLOURS = {*chain(*_LIGHTS), *_SIGNATURES, *tags_of("AnalogBalance AsShotWhiteXY ColorMatrix3")}
+_OTHERS = "AnalogBalance AsShotNeutral AsShotWhiteXY ColorMatrix3"
+_COLOURS = {*chain(*_LIGHTS), *_SIGNATURES, *tags_of(_OTHERS)}
 # Exif's LightSource values; all others are treated as D65.
 _ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 24: "3200", 23: "D50", 11: "D75", 22: "D75"}
 _ILLUMINANTS |= dict.fromkeys((1, 4, 9, 20), "D55")
@@ -84,11 +85,7 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     rgb, gone = _quads(samples, facts)
     if registered:
         rgb, gone = register_quads(rgb, gone, facts)
-    directories = raw_directories(path)
-    metadata = _metadata(facts, directories)
-    return camera_scene(
-        path.stem, rgb, gone, _neutral(facts), directories.main, metadata, facts["matrix"]
-    )
+    return camera_scene(path, rgb, gone, facts)
 
 
 def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
@@ -278,32 +275,27 @@ def _check_mosaic(raw: Any, remedy: str) -> None:
 
 
 def camera_scene(
-    name: str,
-    rgb: FloatArray,
-    gone: FloatArray | None,
-    as_shot: tuple[float, ...] | None,
-    fields: StoredFields,
-    metadata: CaptureMetadata,
-    fallback: Any = None,
+    path: Path, rgb: FloatArray, gone: FloatArray | None, facts: Facts | None = None
 ) -> Scene:
     """Return the scene that a camera recorded.
 
     Parameters
     ----------
-    name : str
-        For output files.
+    path : Path
+        The file, which has colour matrices and capture data. Without a neutral it is estimated from
+        the scene, and a note says so.
     rgb : FloatArray
         Camera RGB, (H, W, 3), scene units.
     gone : FloatArray | None
         How far each sample is clipped (see `with_white_highlights`); None = none is.
-    as_shot : tuple[float, ...] | None
-        The neutral that the file states; None = it is estimated from the scene, and a note says so.
-    fields, fallback : StoredFields, Any, optional
-        See `colour_matrix`.
-    metadata : CaptureMetadata
-        Capture data.
+    facts : Facts | None, optional
+        What LibRaw knows of it, see `unpack_quads`; None = nothing.
     """
-    as_shot = as_shot or _neutral_under(fields)
+    directories = raw_directories(path)
+    metadata, fields = metadata_from(directories), directories.main
+    if facts:
+        metadata = _completed(metadata, facts, fields)
+    as_shot = (_neutral(facts) if facts else _stated(fields)) or _neutral_under(fields)
     neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
     if not as_shot:
         estimate = "the scene is too dark or too bright to estimate one"
@@ -311,7 +303,7 @@ def camera_scene(
             figures = ", ".join(f"{value:.3f}" for value in neutral)
             estimate = f"neutral {figures} is estimated from the scene"
         notes.append(f"the file has no white balance: {estimate}")
-    matrix = colour_matrix(fields, neutral, fallback)
+    matrix = colour_matrix(fields, neutral, facts and facts["matrix"])
     if matrix is None:
         effect = "colours can be balanced, but not matched"
         notes.append(f"the camera's colour matrix is unknown: {effect}")
@@ -321,7 +313,7 @@ def camera_scene(
         rgb, clipped = with_white_highlights(rgb, neutral, gone)
         notes += clipped
     is_estimated = not as_shot and neutral is not None
-    return Scene(rgb, name, matrix, neutral, metadata, tuple(notes), is_estimated)
+    return Scene(rgb, path.stem, matrix, neutral, metadata, tuple(notes), is_estimated)
 
 
 def _neutral(facts: Facts) -> tuple[float, ...] | None:
@@ -331,6 +323,13 @@ def _neutral(facts: Facts) -> tuple[float, ...] | None:
     # or a photographer's "UniWB".
     stated = np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0
     return normalised(1 / balance) if stated else None
+
+
+def _stated(fields: StoredFields) -> tuple[float, ...] | None:
+    """Return the neutral that a DNG states; None if it states none."""
+    stated = np.array(_numbers(fields, TAG["AsShotNeutral"]))
+    is_neutral = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
+    return normalised(stated) if is_neutral else None
 
 
 def colour_matrix(
@@ -446,13 +445,12 @@ def raw_directories(path: Path) -> StoredDirectories:
         return read_directories(file, WANTED, min(places)) if places else directories
 
 
-def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
-    """Return the capture data: those in the file, or else what LibRaw has read."""
-    metadata = metadata_from(directories)
+def _completed(metadata: CaptureMetadata, facts: Facts, fields: StoredFields) -> CaptureMetadata:
+    """Return the capture data in the fields of a file, and for what they lack what LibRaw read."""
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns
     # odd fields into odd numbers.
     values: dict[str, Any] = {"lens": metadata.lens or printable(facts["lens"])}
-    if not directories.main:
+    if not fields:
         taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
         values |= {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
         values |= {"artist": printable(facts["artist"]), "iso": facts["iso"]}
@@ -462,7 +460,7 @@ def _metadata(facts: Facts, directories: StoredDirectories) -> CaptureMetadata:
             with suppress(InputError, TypeError):
                 metadata = replace(metadata, **{name: value})
     # LibRaw knows makers' notes on it, but takes 0 for 8, and a preview's before that of a DNG.
-    stated = _numbers(directories.main, TAG["Orientation"])
-    if not stated or (stated == (1,) and TAG["UniqueCameraModel"] not in directories.main):
+    stated = _numbers(fields, TAG["Orientation"])
+    if not stated or (stated == (1,) and TAG["UniqueCameraModel"] not in fields):
         metadata = replace(metadata, orientation=_ORIENTATIONS.get(facts["flip"], 1))
     return metadata

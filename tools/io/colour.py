@@ -46,10 +46,8 @@ def xyz_to_lab(values: DoubleArray) -> DoubleArray:
     """Convert XYZ (..., 3) relative to D50, white Y = 1 to L*a*b* (..., 3) (CIE 15:2018, 8.2.1)."""
     ratio = np.asarray(values) / D50
     f = np.where(ratio > CIE_EPSILON, np.cbrt(np.maximum(ratio, 0)), (CIE_KAPPA * ratio + 16) / 116)
-    return np.stack(
-        [116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])],
-        axis=-1,
-    )
+    fx, fy, fz = np.moveaxis(f, -1, 0)
+    return np.stack([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)], axis=-1)
 
 
 def lab_to_xyz(lab: DoubleArray) -> DoubleArray:

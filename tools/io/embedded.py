@@ -7,9 +7,7 @@ from ...shared.dng.tags import MAKER, TAG
 from ...shared.tiff import Directory, FieldType
 from .versions import package_version
 
-# Exif 2.3, tables 4 and 15: required fields besides the capture data.
-_COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y = 40961, 37121, 40960, 40962, 40963
-_SRGB, _UNCALIBRATED = 1, 65535
+_SRGB, _UNCALIBRATED = 1, 65535  # values of ColorSpace
 
 
 def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
@@ -20,8 +18,8 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
     directory.fields.update(resolution_fields())
     directory.fields[TAG["Software"]] = FieldType.ASCII, software()
     directory.children[TAG["ExifTag"]].fields |= {
-        _COLOR_SPACE: (FieldType.SHORT, [_SRGB if srgb else _UNCALIBRATED]),
-        _FLASHPIX: (FieldType.UNDEFINED, b"0100"),
+        TAG["ColorSpace"]: (FieldType.SHORT, [_SRGB if srgb else _UNCALIBRATED]),
+        TAG["FlashpixVersion"]: (FieldType.UNDEFINED, b"0100"),
     }
     return directory
 
@@ -37,9 +35,9 @@ def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: b
     directory = picture_directory(metadata, srgb=srgb)
     directory.fields[TAG["YCbCrPositioning"]] = FieldType.SHORT, [1]
     directory.children[TAG["ExifTag"]].fields |= {
-        _COMPONENTS: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
-        _PIXEL_X: (FieldType.LONG, [shape[1]]),
-        _PIXEL_Y: (FieldType.LONG, [shape[0]]),
+        TAG["ComponentsConfiguration"]: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
+        TAG["PixelXDimension"]: (FieldType.LONG, [shape[1]]),
+        TAG["PixelYDimension"]: (FieldType.LONG, [shape[0]]),
     }
     return directory
 

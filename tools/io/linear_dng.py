@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from tifffile import TiffFile, TiffPage
 
 from ...shared.arrays import DoubleArray, FloatArray
-from ...shared.dng import metadata_from
 from ...shared.dng.reader import DngReader
 from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric, tags_of
 from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_check import check_page
-from ...shared.white_balance import clipped_share, normalised
-from .camera_raw import camera_scene, raw_directories
+from ...shared.white_balance import clipped_share
+from .camera_raw import camera_scene
 from .clipped import SHOULDER, saturation
 from .damage import guarded
 from .decoded import remark_on_unused
@@ -32,7 +31,7 @@ from .tiff import beside, opened_tiff, tag_numbers
 # nothing else is, such as an original RAW inside
 _READ = tags_of(
     "LinearizationTable BlackLevelRepeatDim BlackLevel BlackLevelDeltaH BlackLevelDeltaV "
-    "WhiteLevel AsShotNeutral ActiveArea DefaultCropOrigin DefaultCropSize"
+    "WhiteLevel ActiveArea DefaultCropOrigin DefaultCropSize"
 )
 _DEFLATE = (8, 32946)
 _JPEG_XL = 52546  # DNG 1.7.1, chapter 4
@@ -78,12 +77,8 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             with guarded(path):
                 samples = page.asarray(maxworkers=1)
         rgb, limits = _levelled(samples, page)
-        stated = tag_numbers(file.pages.first, "AsShotNeutral")
-    is_stated = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
-    neutral = normalised(stated) if is_stated else None
     gone = clipped_share(rgb, limits, SHOULDER) if integers else None
-    directories = raw_directories(path)
-    return camera_scene(path.stem, rgb, gone, neutral, directories.main, metadata_from(directories))
+    return camera_scene(path, rgb, gone)
 
 
 def _main_picture(file: TiffFile) -> TiffPage | None:

@@ -117,11 +117,9 @@ def without_folders(line: str, names: Iterable[str]) -> str:
     >>> without_folders("/home/me/photos/x.png: is empty", ["/home/me/photos"])
     'photos/x.png: is empty'
     """
-    places = {
-        place for name in names for place in (str(Path(name).absolute()), os.path.realpath(name))
-    }
-    for place in places:
-        line = line.replace(place, Path(place).name or place)
+    for name in names:
+        for place in (str(Path(name).absolute()), os.path.realpath(name)):
+            line = line.replace(place, Path(place).name or place)
     return line
 
 

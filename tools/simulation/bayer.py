@@ -13,10 +13,8 @@ _SITES = [("RGB".index(letter), place // 2, place % 2) for place, letter in enum
 
 def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """The channel that each sample of a mosaic measures, (H, W)."""
-    channels = np.empty(shape, np.uint8)
-    for channel, row, column in _SITES:
-        channels[row::2, column::2] = channel
-    return channels
+    numbers = np.broadcast_to(np.arange(3, dtype=np.float32), (*shape, 3))
+    return sample_bayer(numbers).astype(np.uint8)
 
 
 def sample_bayer(rgb: FloatArray) -> FloatArray:

@@ -37,8 +37,8 @@ _PIECE = 16 << 20
 _RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
 _RAWS = (
     "3fr ari arw bay bmq cap cine cr2 cr3 crw cs1 dc2 dcr dcs dng drf dsc erf fff gpr ia iiq k25 "
-    "kc2 kdc mdc mef mos mrw nef nrw "
-    "orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw sti x3f"
+    "kc2 kdc mdc mef mos mrw nef nrw orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw "
+    "sti x3f"
 )
 _RAW_ENDINGS = tuple(f".{name}" for name in _RAWS.split())
 # in XMP; and IPTC's keywords (2:25) behind another field or before it

@@ -146,9 +146,8 @@ class SensorProtocol:
         noisy = counted + rng.normal(0, 1, light.shape) * TYPICAL_READ
         codes = np.rint(noisy * (_WHITE - _BLACK) + _BLACK).clip(0, _WHITE)
         measured: FloatArray = ((codes - _BLACK) / (_WHITE - _BLACK)).astype(np.float32)
-        return BayerShot(
-            measured / np.float32(self.level), TYPICAL_SHOT / self.level, TYPICAL_READ / self.level
-        )
+        shot, read = TYPICAL_SHOT / self.level, TYPICAL_READ / self.level
+        return BayerShot(measured / np.float32(self.level), shot, read)
 
 
 Protocol = PaperProtocol | SensorProtocol

@@ -102,9 +102,8 @@ class SimulatedCamera:
         InputError
             For any other number of bits.
         """
-        sensor = SensorCalibration(pattern.channels, sensor="simulated")
-        if known:
-            sensor = known.calibration
+        drawn = SensorCalibration(pattern.channels, sensor="simulated")
+        sensor = known.calibration if known else drawn
         if known is None or bits is not None:
             bits, headroom = BITS if bits is None else bits, protocol.headroom
             # A sensor clips at white, so nothing lies above it.

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import BinaryIO, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....shared.arrays import ByteArray, CodeArray, FloatArray
 from ....shared.dng.colour_tags import colour_fields
@@ -24,7 +23,6 @@ from ....shared.dng.container import (
 from ....shared.dng.lossless_jpeg import encode_lossless
 from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
 from ....shared.errors import InputError
-from ....shared.metadata import CaptureMetadata
 from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development
@@ -97,8 +95,7 @@ class LinearDng(Format):
                 yield preview
 
         preview = joined(previews(), shape[0])
-        camera_to_xyz = shown.space.to_xyz @ np.array(shown.matrix)
-        main = linear_dng(parts, preview, development.noted, camera_to_xyz, shown.white)
+        main = linear_dng(parts, preview, development)
         write_tiff(file, main, main.strips)
 
 
@@ -136,11 +133,7 @@ def _tile(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def linear_dng(
-    parts: Sequence[EncodedPart],
-    preview: ByteArray,
-    metadata: CaptureMetadata,
-    camera_to_xyz: ArrayLike,
-    neutral: ArrayLike,
+    parts: Sequence[EncodedPart], preview: ByteArray, development: Development
 ) -> Directory:
     """Return the DNG of a picture, to be written as a TIFF, from its parts in order.
 
@@ -148,17 +141,8 @@ def linear_dng(
     ----------
     preview : ByteArray
         The picture as uint8 sRGB (H, W, 3).
-    metadata : CaptureMetadata
-        Capture data.
-    camera_to_xyz : ArrayLike
-        3 x 3, camera RGB -> XYZ (D50 white).
-    neutral : ArrayLike
-        Reading of white in the 3 channels.
-
-    Raises
-    ------
-    InputError
-        For a matrix or a neutral that cannot be.
+    development : Development
+        Of colours and capture data.
     """
     shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
     fields = picture_fields(shape, _BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
@@ -175,8 +159,9 @@ def linear_dng(
         fields[TAG["TileLength"]] = FieldType.LONG, [height]
     raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
     digest = md5(b"".join(part.digests for part in parts))
-    main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
-    main.fields.update(colour_fields(camera_to_xyz, neutral))
+    shown = development.shown
+    main = main_directory(preview, development.noted, f"{MAKER} render", raw, digest)
+    main.fields |= colour_fields(shown.space.to_xyz @ np.array(shown.matrix), shown.white)
     main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, picture_id(shape, digest).encode()
     main.fields[TAG["BaselineExposure"]] = FieldType.SRATIONAL, [0.0]
     return main

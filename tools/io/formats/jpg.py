@@ -70,9 +70,8 @@ def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
     segments : bytes
         Inserted behind JFIF's, which is first.
     """
-    data = bytes(
-        imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=quality, subsampling="444")
-    )
+    codes = np.ascontiguousarray(codes)
+    data = bytes(imagecodecs.jpeg8_encode(codes, level=quality, subsampling="444"))
     return data[:JFIF_ENDS] + segments + data[JFIF_ENDS:]
 
 

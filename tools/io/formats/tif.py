@@ -20,8 +20,6 @@ from .format import Bands, Format
 
 _STRIP_ROWS = 64
 
-# TIFF 6.0; 34675 is ICC.1:2010 Annex B.4.
-_PREDICTOR, _EXTRA, _SAMPLE_FORMAT, _ICC = 317, 338, 339, 34675
 _LZW, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 5, 2, 1, 3, 1, 2
 
 
@@ -46,7 +44,7 @@ class Tiff(Format):
         directory = development.directory
         directory.fields.update(_fields(shape, bits, rgb=channels == "RGB"))
         if development.icc:
-            directory.fields[_ICC] = FieldType.UNDEFINED, development.icc
+            directory.fields[TAG["InterColorProfile"]] = FieldType.UNDEFINED, development.icc
         rows = regrouped(bands, _STRIP_ROWS)
         strips = ahead(_lzw_strip, rows, threads) if bits == 8 else map(_plain_strip, rows)
         write_tiff(file, directory, strips)
@@ -57,12 +55,12 @@ def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
     compression = _LZW if bits == 8 else Compression.NONE
     fields = picture_fields(shape, bits, compression, photometric) | {
         TAG["RowsPerStrip"]: (FieldType.LONG, [_STRIP_ROWS]),
-        _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),
+        TAG["SampleFormat"]: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),
     }
     if bits == 8:
-        fields[_PREDICTOR] = FieldType.SHORT, [_HORIZONTAL]
+        fields[TAG["Predictor"]] = FieldType.SHORT, [_HORIZONTAL]
     if extra := channels - (3 if rgb else 1):
-        fields[_EXTRA] = FieldType.SHORT, [0] * extra
+        fields[TAG["ExtraSamples"]] = FieldType.SHORT, [0] * extra
     return fields
 
 

@@ -50,16 +50,14 @@ _PRIMARY = 0x30000  # the type of the first picture in a Multi-Picture file: bas
 _PACKET = (
     '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
     '<rdf:Description rdf:about="" xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" '
-    'hdrgm:Version="1.0"{}</rdf:Description>'
-    "</rdf:RDF></x:xmpmeta>"
+    'hdrgm:Version="1.0"{}</rdf:Description></rdf:RDF></x:xmpmeta>'
 )
 _DIRECTORY = (
     ' xmlns:Container="http://ns.google.com/photos/1.0/container/" xmlns:Item="http://ns.google.com/photos/1.0/container/item/">'
     '<Container:Directory><rdf:Seq><rdf:li rdf:parseType="Resource"><Container:Item '
-    'Item:Semantic="Primary" '
-    'Item:Mime="image/jpeg"/></rdf:li><rdf:li rdf:parseType="Resource"><Container:Item '
-    'Item:Semantic="GainMap" '
-    'Item:Mime="image/jpeg" Item:Length="{}"/></rdf:li></rdf:Seq></Container:Directory>'
+    'Item:Semantic="Primary" Item:Mime="image/jpeg"/></rdf:li><rdf:li rdf:parseType="Resource">'
+    '<Container:Item Item:Semantic="GainMap" Item:Mime="image/jpeg" Item:Length="{}"/></rdf:li>'
+    "</rdf:Seq></Container:Directory>"
 )
 
 

@@ -213,7 +213,6 @@ class Picture:
             raise InputError(f"{path}: {what} ends in {kind.suffix}")
         sensor = self.calibration, self.metadata
         development = Development(kind, self.shape, *sensor, exposure, self.restored)
-        development.check()
         rgb = development.whitened(self.rgb, self.lost)
         write_picture(path, [rgb], development, overwrite=checked_flag(overwrite))
 
