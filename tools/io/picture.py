@@ -4,7 +4,6 @@ converted.
 
 import re
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -67,9 +66,9 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
         rgb = np.repeat(rgb, len(channels), axis=2)
     # Red, green and blue among other channels, which have no known colour.
     matrix = as_rows(among(encoding.to_xyz, channels)) if set(RGB) <= set(channels) else None
-    neutral, eight_bits = (1.0,) * len(channels), (picture.peak or 256) < 256
-    scene = partial(Scene, channels=channels, eight_bits=eight_bits)
-    return scene(rgb, name, matrix, neutral, picture.metadata, tuple(notes))
+    known = matrix, (1.0,) * len(channels), picture.metadata, tuple(notes)
+    eight_bits = (picture.peak or 256) < 256
+    return Scene(rgb, name, *known, channels=channels, eight_bits=eight_bits)
 
 
 def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:

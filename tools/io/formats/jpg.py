@@ -25,7 +25,8 @@ _QUALITY = 95  # if none is asked for
 class Jpeg(Format):
     """JPEG. The picture is held in 8 bits."""
 
-    name, aliases = "jpg", ("jpeg",)
+    name = "jpg"
+    aliases: ClassVar[tuple[str, ...]] = ("jpeg",)
     spaces: ClassVar = {"srgb": (8,), "display-p3": (8,)}
     has_quality = True
     in_bands = True

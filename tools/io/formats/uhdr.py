@@ -21,17 +21,16 @@ the picture shows white would be magenta in HDR.
 import struct
 from dataclasses import dataclass, replace
 from math import log2
-from typing import Any, BinaryIO, ClassVar
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....shared.arrays import ByteArray, FloatArray, strips
-from ....shared.dng.tags import LONGEST_SIDE
 from ..development import Development
 from ..display import ColourTransform
 from ..samples import joined
-from .format import Bands, Format
+from .format import Bands
 from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, check_quality, development_segments, segment
 
 OFFSET = 1 / 64
@@ -126,17 +125,13 @@ class GainMap:
         return np.asarray(rgb[:, 0] * red + rgb[:, 1] * green + rgb[:, 2] * blue)
 
 
-class UltraHdr(Format):
+class UltraHdr(Jpeg):
     """Ultra HDR, whose first picture is that of `Jpeg` with some more segments. Its samples are
     four: RGB, and the gain.
     """
 
-    name = "uhdr"
-    spaces: ClassVar = Jpeg.spaces
+    name, aliases = "uhdr", ()
     about = "Ultra HDR, a JPEG with a map of gains for HDR displays"
-    has_quality = True
-    in_bands = True
-    longest_side = LONGEST_SIDE
     memory_per_pixel = 2 * Jpeg.memory_per_pixel
 
     @property
@@ -190,11 +185,8 @@ def _xmp(gains: GainMap, capacity: float) -> bytes:
 def _iso(gains: GainMap, capacity: float) -> bytes:
     """The metadata of a gain map by ISO 21496-1, annex C."""
     values = 0.0, capacity, 0.0, gains.highest, 1.0, OFFSET, OFFSET
-    return struct.pack(">HHB", 0, 0, _SAME_PRIMARIES) + b"".join(map(_fraction, values))
-
-
-def _fraction(value: float) -> bytes:
-    return struct.pack(">iI", round(value * _UNIT), _UNIT)
+    fractions = (struct.pack(">iI", round(value * _UNIT), _UNIT) for value in values)
+    return struct.pack(">HHB", 0, 0, _SAME_PRIMARIES) + b"".join(fractions)
 
 
 def _multi_picture(sizes: tuple[int, int], place: int) -> bytes:

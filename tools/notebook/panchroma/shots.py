@@ -92,8 +92,7 @@ class Shot:
         """
         if Path(path).suffix.lower() != ".dng":
             raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
-        replaced = checked_flag(overwrite)
-        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=replaced)
+        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=checked_flag(overwrite))
 
     def __repr__(self) -> str:
         (rows, columns), pattern = self.shape, self.pattern
