@@ -310,22 +310,19 @@ def conclude_colour(measured: Measurements) -> Part | None:
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
     warnings, contradictions = [], []
     for chart in best:
-        mean = float(chart.fit.difference.mean())
-        off = (
-            f"{chart.shot.name}: the colours differ from the reference by a mean dE2000 of "
-            f"{mean:.1f}, more than"
-        )
+        name, mean = chart.shot.name, float(chart.fit.difference.mean())
+        off = f"{name}: the colours differ from the reference by a mean dE2000 of {mean:.1f}"
         if (unevenness := chart.fit.unevenness) > UNEVEN:
             warnings.append(
-                f"{chart.shot.name}: the light on the chart is uneven, up to {unevenness:.2f} "
-                "times brighter in one place than in another, and colours are only corrected for "
-                "it in part; light the chart evenly, and take flat frames (`flat`) if the lens "
-                "darkens the corners"
+                f"{name}: the light on the chart is uneven, up to {unevenness:.2f} times brighter "
+                "in one place than in another, and colours are only corrected for it in part; "
+                "light the chart evenly, and take flat frames (`flat`) if the lens darkens the "
+                "corners"
             )
         if mean > _USELESS_COLOUR:
-            contradictions.append(f"{off} {_USELESS_COLOUR:.0f}")
+            contradictions.append(f"{off}, more than {_USELESS_COLOUR:.0f}")
         elif mean > _GOOD_COLOUR:
-            warnings.append(f"{off} {_GOOD_COLOUR:.0f}")
+            warnings.append(f"{off}, more than {_GOOD_COLOUR:.0f}")
     of_charts = [_colour_facts(chart) for chart in best]
     colours = [(as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist())) for chart in best]
     facts, ((matrix, neutral), *_) = of_charts[0], colours
@@ -442,11 +439,8 @@ def conclude_noise(measured: Measurements) -> Part | None:
     if not measured.flats:
         remedy = "take pairs of flat frames (`flat`), and dark frames (`dark`)"
         line = f"noise was not measured; {remedy}"
-        return (
-            Part("noise", warnings=[line])
-            if measured.shots and "noise" not in measured.known
-            else None
-        )
+        is_missed = measured.shots and "noise" not in measured.known
+        return Part("noise", warnings=[line]) if is_missed else None
     black = measured.assumed().black
     noise = noise_of_flats(measured.flats, measured.calibration, measured.dark, black)
     # In scene units noise is as uncertain as their size, which is that of gamma.

@@ -242,7 +242,7 @@ class GammaFit:
         """Return the unknowns (P,) and their covariance (P, P), also by what is assumed; offset:
         see `Assumed.precision`.
         """
-        gamma = np.ones(self._channels)
+        gamma = np.ones(len(self.calibration.channels))
         solution, covariance = self.right_hand_side, self.information
         for _ in range(2):  # how much shading matters depends on gamma
             prior = self.assumed.precision(gamma, self.calibration, offset=offset)
@@ -257,7 +257,7 @@ class GammaFit:
     @cached_property
     def _at_charts(self) -> tuple[DoubleArray, DoubleArray]:
         solution, covariance = self._solved()
-        one = np.eye(self._channels)
+        one = np.eye(len(self.calibration.channels))
         terms = np.mean([unknowns(one, place[None]) for place in self.where], axis=0)
         terms[:, len(one)] = 0.0  # the offset is no part of gamma
         return terms @ solution, terms @ covariance @ terms.T
@@ -272,10 +272,6 @@ class GammaFit:
         """The covariance of gamma, (C, C)."""
         return self._at_charts[1] * self.widened
 
-    @property
-    def _channels(self) -> int:
-        return len(self.calibration.channels)
-
     @cached_property
     def offset(self) -> tuple[float, float]:
         """The panchromatic level where the channels are 0, as the places alone show it, and its
@@ -284,7 +280,7 @@ class GammaFit:
         The error includes that of the black level only where dark frames have measured it.
         """
         solution, covariance = self._solved(offset=False)
-        index, prior = self._channels, 0.0
+        index, prior = len(self.calibration.channels), 0.0
         if self.assumed.black_measured:
             prior = 1 / self.assumed.precision(solution[:index], self.calibration)[index, index]
         variance = max(covariance[index, index], 0.0) * self.widened + prior

@@ -236,12 +236,8 @@ def measure_chart(
     if derived is None:
         fit = fit_gamma(places, mosaic.calibration, assumed)
     else:
-        expected = expected_levels(
-            np.delete(places.mean, derived, axis=1),
-            reference,
-            chart.cells,
-            mosaic.pattern.channels[derived],
-        )
+        measured, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]
+        expected = expected_levels(measured, reference, chart.cells, letter)
         fit, places = fit_with_derived(places, mosaic.calibration, derived, expected, assumed)
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart))

@@ -244,16 +244,19 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
     enough = np.array(tiles.number) // 3 + 3
     full, low = (tuple(np.minimum(most, enough).tolist()) for most in (_POINTS, _COLOUR_POINTS))
     missing, errors = tiles.gain / tiles.light, tiles.error / tiles.light
-    panchromatic, error = _spline(tiles, -1, shading.size, full, missing[-1], errors[-1], _ROUGH)
-    # Where a colour's samples are in the tiles, and how the product of two splines becomes one.
     size = shading.size
+    design = _design(size, full, tiles.row[-1], tiles.column[-1])
+    panchromatic, error = _spline(design, full, missing[-1], errors[-1], _ROUGH)
+    # Where a colour's samples are in the tiles, and how the product of two splines becomes one.
     places = [np.linspace(0, size[axis] - 1, 4 * full[axis]) for axis in (0, 1)]
     down, right = (basis(size[axis], full[axis], places[axis]) for axis in (0, 1))
     of_colour, at = (basis(size[axis], low[axis], places[axis]) for axis in (0, 1))
     gains = []
     for plane in range(len(missing) - 1):
-        target = missing[plane] / _values(panchromatic, size, tiles.row[plane], tiles.column[plane])
-        relative, own = _spline(tiles, plane, size, low, target, errors[plane], _COLOUR_ROUGH)
+        middles = tiles.row[plane], tiles.column[plane]
+        target = missing[plane] / _values(panchromatic, size, *middles)
+        design = _design(size, low, *middles)
+        relative, own = _spline(design, low, target, errors[plane], _COLOUR_ROUGH)
         error = max(error, own)
         gain = (down @ panchromatic @ right.T) * (of_colour @ relative @ at.T)
         gains.append(np.linalg.pinv(down) @ gain @ np.linalg.pinv(right).T)
@@ -270,21 +273,16 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
 
 
 def _spline(
-    tiles: _Tiles,
-    plane: int,
-    size: Size,
-    points: Size,
-    target: DoubleArray,
-    errors: DoubleArray,
-    rough: float,
+    design: DoubleArray, points: Size, target: DoubleArray, errors: DoubleArray, rough: float
 ) -> tuple[DoubleArray, float]:
     """Return the control points of the spline through values in the tiles, and its largest standard
     error, as a share.
 
+    design: (N, points), weights of the control points in the tiles.
     target: (N,), the values; errors: (N,), their standard errors, as a share.
     rough: standard deviation of third differences of the control points.
     """
-    design = _design(size, points, tiles.row[plane], tiles.column[plane]) / target[:, None]
+    design = design / target[:, None]
     down, right = (np.diff(np.eye(number), 3, axis=0) for number in points)
     thirds = np.kron(down, np.eye(points[1])), np.kron(np.eye(points[0]), right)
     smooth = np.concatenate(thirds) / rough

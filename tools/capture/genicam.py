@@ -259,13 +259,8 @@ class GenicamCamera:
         seconds = time / _MICROSECONDS if time else None
         # As in libcamera's DNGs, the gain 1 is ISO 100; a gain of unknown unit says nothing.
         iso = round(100 * 10 ** (gain / 20)) if gain is not None and unit == "dB" else None
-        self.metadata = CaptureMetadata(
-            make=make,
-            model=model,
-            description=", ".join(settings),
-            exposure_time=seconds,
-            iso=iso,
-        )
+        known: dict[str, Any] = {"exposure_time": seconds, "iso": iso}
+        self.metadata = CaptureMetadata(make, model, description=", ".join(settings), **known)
         size = f"{self.layout.width} x {self.layout.height} {self._name}"
         exposure = [f"exposure {seconds:g} s"] if seconds else []
         self.about = f"{make} {model}: " + ", ".join([size, *exposure, *settings])

@@ -289,11 +289,8 @@ def _find_named(folds: _Folds, light: DoubleArray, alike: bool) -> tuple[str, Le
     for side in (side for side in folds.periods if alike and side % period == 0):
         repeated = np.tile(light, (side // period, side // period))
         bright = _bright(repeated)
-        fitting = [
-            (name, tile)
-            for name, tile in _known_tiles(side, repeated)
-            if np.array_equal(tile == PANCHROMATIC, bright)
-        ]
+        known = _known_tiles(side, repeated)
+        fitting = [pair for pair in known if np.array_equal(pair[1] == PANCHROMATIC, bright)]
         if best := _choose_best(folds.quarters(side), fitting, sure=side > period):
             return best
         likely |= dict(fitting)

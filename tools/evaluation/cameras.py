@@ -30,6 +30,11 @@ def with_balance(demosaic: Demosaic, samples: FloatArray, white: FloatArray) -> 
     return demosaic(samples / white[channel_map(samples.shape)]) * white
 
 
+def render_samples(demosaic: Demosaic, shot: BayerShot, white: FloatArray) -> FloatArray:
+    """Render the samples of a Bayer shot; arguments and result as in `with_balance`."""
+    return with_balance(demosaic, shot.samples, white)
+
+
 @dataclass(frozen=True, eq=False)
 class CameraPair:
     """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first
@@ -40,7 +45,7 @@ class CameraPair:
     level : Protocol
         The noise.
     seed : int
-        Of the noise.
+        Of the noise, the same for every scene and method.
     truth : FloatArray
         Light of the scene, (H, W, N), scene units.
     pattern : CfaPattern
@@ -81,12 +86,7 @@ class CameraPair:
     def white(self) -> FloatArray:
         """Readings of white, largest channel 1; all 1 where it is unknown."""
         white = np.array(self.neutral or (1.0, 1.0, 1.0), np.float32)
-        white /= white.max()
-        return white
-
-    @property
-    def _rng(self) -> np.random.Generator:
-        return np.random.default_rng(self.seed)  # the same for every scene and method
+        return white / white.max()
 
     @cached_property
     def sparse(self) -> Mosaic:
@@ -95,11 +95,11 @@ class CameraPair:
         scene = Scene(self.truth, "", channels=channels_of(self.pattern))
         level = self.level.scaled(filters_of(self.pattern).unit)
         camera = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits)
-        shot = camera.shoot(scene, self._rng).mosaic
+        shot = camera.shoot(scene, np.random.default_rng(self.seed)).mosaic
         return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 
     @cached_property
     def bayer(self) -> BayerShot:
         """The shot of the Bayer camera, in scene units under full light."""
-        shot = self.level.bayer(sample_bayer(self.truth), self._rng)
+        shot = self.level.bayer(sample_bayer(self.truth), np.random.default_rng(self.seed))
         return shot._replace(samples=shot.samples[self.part])

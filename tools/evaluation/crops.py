@@ -131,12 +131,8 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
         return quantise(transform.apply(rgb * gain), 8).astype(np.uint8)
 
     titles = ("truth", *(study.method(name).title for name in crop.methods))
-    renderings = (truth, *render_crop(study, crop, scene.rgb))
-    pictures = (
-        Rendered(title, display(picture), psnr(picture, truth))
-        for title, picture in zip(titles, renderings, strict=True)
-    )
-    return crop, tuple(pictures)
+    pictures = zip(titles, (truth, *render_crop(study, crop, scene.rgb)), strict=True)
+    return crop, tuple(Rendered(name, display(rgb), psnr(rgb, truth)) for name, rgb in pictures)
 
 
 def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatArray]:

@@ -11,11 +11,12 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import distributions
 from importlib.util import find_spec
+from os.path import getsize, isfile
 from pathlib import Path
 from types import ModuleType
 
@@ -46,10 +47,9 @@ def function(text: str) -> Method:
         if called not in known:
             raise InputError(f"there is no function {called!r}{meant(called, known)}")
     packages = tuple(sorted({package.name for package in distributions()}))
-    name = f"{Path(source).name.removesuffix('.py')}.{called}-{version[:8]}"
+    name = printable(f"{Path(source).name.removesuffix('.py')}.{called}-{version[:8]}")
     picture = partial(_picture, text, getattr(module, "__file__", ""), known[called])
-    title = f"Sparse colour, {printable(name)}"
-    return Method(printable(name), title, picture, version, True, False, packages, text)
+    return Method(name, f"Sparse colour, {name}", picture, version, True, False, packages, text)
 
 
 def _picture(
@@ -114,6 +114,4 @@ def _depends(source: str) -> str:
 
 
 def _is_full(path: Path) -> bool:
-    with suppress(OSError, ValueError):  # no text of a name, or too long a one
-        return path.is_file() and path.stat().st_size > 0
-    return False
+    return isfile(path) and getsize(path) > 0  # noqa: PTH113, PTH202 (Path refuses long texts)

@@ -69,18 +69,11 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     place = np.searchsorted(np.quantile(luminance, PLACES[:-1]), luminance)
     down, across = (np.arange(size) // _SQUARE for size in place.shape)
     square = down[:, None] * (across[-1] + 1) + across
-    r, t, count, whole = (
-        np.bincount(
-            (square * len(PLACES) + place).ravel(),
-            (product * used).ravel(),
-            (square[-1, -1] + 1) * len(PLACES),
-        ).reshape(-1, len(PLACES))
-        for product, used in (
-            *(((colour * colours[1]).sum(axis=2), coloured) for colour in colours),
-            (coloured, True),
-            (np.ones(place.shape), True),
-        )
-    )
+    products = [(colour * colours[1]).sum(axis=2) * coloured for colour in colours]
+    bins, length = (square * len(PLACES) + place).ravel(), (square[-1, -1] + 1) * len(PLACES)
+    planes = (*products, coloured, np.ones(place.shape))
+    sums = [np.bincount(bins, plane.ravel(), length) for plane in planes]
+    r, t, count, whole = np.reshape(sums, (len(sums), -1, len(PLACES)))
     return np.stack([plane.sum(axis=0) for plane in (r, t, r * r, r * t, t * t, count, whole)])
 
 

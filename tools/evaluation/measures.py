@@ -22,7 +22,6 @@ WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
 _STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
 _BINS = round((CAP - _LOWEST) / _STEP) + 1
-_ARRAYS = ("kept", "errors")
 
 
 class Histogram(NamedTuple):
@@ -111,11 +110,11 @@ class Measures:
     def encode(self) -> bytes:
         """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        arrays: dict[str, Any] = {"quality": self.quality, "kept": self.kept, "errors": self.errors}
         for plane, patches in zip(PLANES, self.patches, strict=True):
             arrays |= {f"{plane}_{name}": array for name, array in patches._asdict().items()}
         whole = np.array([*self.psnr, self.wrong_hue], float)  # None becomes NaN
-        np.savez_compressed(buffer, quality=np.array(self.quality), whole=whole, **arrays)
+        np.savez_compressed(buffer, whole=whole, **arrays)
         return buffer.getvalue()
 
     @classmethod
@@ -130,13 +129,11 @@ class Measures:
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
                 names = Histogram._fields
-                bins, counts = ([stored[f"{plane}_{name}"] for plane in PLANES] for name in names)
-                quality: Any = map(tuple, stored["quality"].tolist())
+                parts = ([stored[f"{plane}_{name}"] for name in names] for plane in PLANES)
+                quality: Any = Quality(*map(tuple, stored["quality"].tolist()))
                 *psnr, hue = stored["whole"].tolist()
-                arrays: Any = {name: stored[name] for name in _ARRAYS}
-                patches = tuple(map(Histogram, bins, counts))
-                wrong = None if np.isnan(hue) else hue
-                return cls(Quality(*quality), tuple(psnr), wrong, patches=patches, **arrays)
+                wrong, patches = None if np.isnan(hue) else hue, tuple(map(Histogram._make, parts))
+                return cls(quality, tuple(psnr), wrong, stored["kept"], patches, stored["errors"])
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 

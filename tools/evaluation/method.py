@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ...shared.arrays import FloatArray
 from ..io.versions import package_version
 from .cameras import CameraPair
@@ -24,14 +26,14 @@ class Method:
     function
         Makes the picture, float32 (H, W, N), scene units: from a Mosaic if the method is for the
         sparse-colour camera; from a
-        `BayerShot` and what white reads, float32 (3,), if it is a rival.
+        `BayerShot` and the white to balance by, float32 (3,), if it is a rival.
     version
         Digest of `source`.
     ours
         Panchroma's own, for shots of the sparse-colour camera with any pattern; otherwise a rival,
         for Bayer shots.
     balanced
-        The picture depends on what white reads.
+        The picture depends on what white reads; if not, a rival is given ones.
     packages
         Distributions that the method needs; results depend on their versions.
     source
@@ -72,4 +74,5 @@ class Method:
         """
         if self.ours:
             return cameras.render_sparse(self.function)
-        return self.function(cameras.bayer, cameras.white)
+        white = cameras.white if self.balanced else np.ones_like(cameras.white)
+        return self.function(cameras.bayer, white)

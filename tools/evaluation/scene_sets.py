@@ -81,12 +81,20 @@ class Reading:
     largest: int | None = None
     channels: str = RGB
 
+    @lru_cache(maxsize=1)  # noqa: B019 (keeps one: methods are measured scene by scene)
     def scene(self, info: SceneInfo) -> Scene:
         """Load a scene and cut it.
 
         Raises InputError, naming the file, if it cannot be read, or has changed since.
         """
-        return _checked(info, self)
+        try:
+            scene = _loaded(info.source, self)
+        except InputError as error:
+            raise InputError(f"{info.source}: {error}") from None
+        if digest(scene.rgb) != info.digest:
+            changed = "the picture has changed since the evaluation began; run it again"
+            raise InputError(f"{info.source}: {changed}")
+        return scene
 
     def info(self, source: str) -> SceneInfo:
         """Facts about a scene.
@@ -99,28 +107,11 @@ class Reading:
         return SceneInfo(source, *facts, scene.notes)
 
 
-@lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
-def _checked(info: SceneInfo, reading: Reading) -> Scene:
-    """Return the scene, cut, if it is the one that was listed; raises InputError as `Reading.scene`
-    does.
-    """
-    try:
-        scene = _loaded(info.source, reading)
-    except InputError as error:
-        raise InputError(f"{info.source}: {error}") from None
-    if digest(scene.rgb) != info.digest:
-        changed = "the picture has changed since the evaluation began; run it again"
-        raise InputError(f"{info.source}: {changed}")
-    return scene
-
-
 def _loaded(source: str, reading: Reading) -> Scene:
     """Return the scene, cut."""
     scene = load_scene(source, linear=reading.linear, channels=reading.channels)
-    if scene.channels != reading.channels:
-        raise InputError(
-            f"its channels are {scene.channels}, and `pattern` needs {reading.channels}"
-        )
+    if scene.channels != (needed := reading.channels):
+        raise InputError(f"its channels are {scene.channels}, and `pattern` needs {needed}")
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST_SIDE:
         size = f"{scene.shape[1]} x {scene.shape[0]} pixels"

@@ -13,7 +13,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from ...shared.arrays import FloatArray
 from ...shared.errors import InputError, OutputError, PanchromaError
 from ...shared.writing import own_file, write_durably
 from ..batch.cluster import source_digest
@@ -197,7 +196,11 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
     """
     place = ""
     try:
-        method, truth = _checked(study, cell)
+        method = study.method(cell.method)
+        if name_cell(cell.scene, cell.level, method, cell.tile, study.seed) != cell:
+            reason = "the process that measures has another source of Panchroma, or other packages"
+            raise InputError(f"{cell.method}: {reason}; install the same ones")
+        truth = study.reading.scene(cell.scene).rgb
         place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
         tile = cell.tile or study.tile
         cameras = _cameras(cell.scene, cell.level, tile, study.seed, study.reading)
@@ -222,18 +225,6 @@ def _kept(folder: Path, cell: Cell) -> Measures | None:
             return Measures.decode(file.read())
     except (OSError, InputError):
         return None
-
-
-def _checked(study: Study, cell: Cell) -> tuple[Method, FloatArray]:
-    """The method of a result, and the light of its scene, as they are here and now.
-
-    Raises InputError, naming the file, unless they are what the result is named after.
-    """
-    method = study.method(cell.method)
-    if name_cell(cell.scene, cell.level, method, cell.tile, study.seed) != cell:
-        reason = "the process that measures has another source of Panchroma, or other packages"
-        raise InputError(f"{cell.method}: {reason}; install the same ones")
-    return method, study.reading.scene(cell.scene).rgb
 
 
 @lru_cache(maxsize=1)  # methods that come one after the other share their shots

@@ -71,11 +71,12 @@ class Team:
             As `expand` does.
         """
         names, left_out = expand(sources, output)
-        scenes, failures = [], []
-        results = self._run("reading scenes", reading.info, names, _USUAL_PIXELS)
+        scenes, failures = [], list[str]()
+        read: Callable[[str], SceneInfo | str] = reading.info
+        results = self.together("reading scenes", read, names, _USUAL_PIXELS, failed=self._fail)
         for source, info in zip(names, results, strict=True):
-            if not isinstance(info, SceneInfo):
-                failures.append(self._fail(source, info))
+            if isinstance(info, str):
+                failures.append(info)
             elif (needed := needed_memory(info.rows * info.columns)) > self.memory:
                 remedy = "allow it with `max_memory`, or use `crop`"
                 error = InputError(f"needs about {format_bytes(needed)} of memory; {remedy}")
@@ -122,40 +123,37 @@ class Team:
         items: Sequence[T],
         pixels: int,
         scheduler: str | None = None,
+        failed: Callable[[T, Exception], R] | None = None,
     ) -> list[R]:
-        """Results in the order of the items. Arguments as for `_run`.
+        """Results in the order of the items.
+
+        Parameters
+        ----------
+        title : str
+            Names the work for the user.
+        function : Callable[[T], R]
+            Called for each item: of a module, or a `partial` of one.
+        items : Sequence[T]
+            Hashable.
+        pixels : int
+            Of the largest scene that an item needs.
+        scheduler : str | None, optional
+            See `measure`.
+        failed : Callable[[T, Exception], R] | None, optional
+            Called in the end for each item that failed, and its result. None = it is an error.
 
         Raises
         ------
         InputError
-            For the first that fails.
+            For the first that fails, after all have ended.
         """
-        results = []
-        for result in self._run(title, function, items, pixels, scheduler):
-            if isinstance(result, Exception):
-                raise InputError(f"{title}: {result}") from result
-            results.append(result)
-        return results
 
-    def _run(
-        self,
-        title: str,
-        function: Callable[[T], R],
-        items: Sequence[T],
-        pixels: int,
-        scheduler: str | None = None,
-    ) -> list[R | PanchromaError | MemoryError]:
-        """Call a function for items; returns the results or errors in their order.
+        def refuse(_: T, error: Exception) -> R:
+            raise InputError(f"{title}: {error}") from error
 
-        title: names the work for the user.
-        function: of a module, or a `partial` of one.
-        items: hashable.
-        pixels: of the largest scene that an item needs.
-        scheduler: see `measure`.
-        """
         if not items:
             return []
-        ended: dict[T, R | PanchromaError | MemoryError] = {}
+        ended, failed = dict[T, R | Exception](), failed or refuse
         fitting, note = max(1, self.memory // needed_memory(pixels)), self.console.note
         count = min(self.jobs, fitting, len(items))
         count = count if scheduler else possible_processes(count, note)
@@ -171,9 +169,10 @@ class Team:
                 if isinstance(result, Exception) and not isinstance(result, _FAILURES):
                     raise result
                 ended[item] = result
-        return [ended[item] for item in items]
+        ends = [(item, ended[item]) for item in items]
+        return [failed(item, end) if isinstance(end, Exception) else end for item, end in ends]
 
-    def _fail(self, source: str, error: PanchromaError | MemoryError) -> str:
+    def _fail(self, source: str, error: Exception) -> str:
         line = " ".join(f"{source}: {reason(error)}".split())
         self.console.error(line)
         self.console.record(source=source, ok=False, error=line)

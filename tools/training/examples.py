@@ -46,10 +46,8 @@ def kept_back(sources: Sequence[str]) -> list[bool]:
     """Select the sources that are kept back from learning; a photograph that is given twice is on
     one side.
     """
-    numbers = (
-        number if source == DRAWN else sources.index(source)
-        for number, source in enumerate(sources)
-    )
+    places = enumerate(sources)
+    numbers = (place if source == DRAWN else sources.index(source) for place, source in places)
     return [number % _KEPT_BACK == _KEPT_BACK // 2 for number in numbers]
 
 

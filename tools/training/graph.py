@@ -97,10 +97,7 @@ class Turn(NamedTuple):
 
 
 def save_graph(
-    weights: Weights,
-    units: Mapping[str, float],
-    path: Path,
-    turn: Turn | None = None,
+    weights: Weights, units: Mapping[str, float], path: Path, turn: Turn | None = None
 ) -> None:
     """Write a network to an ONNX file, with weights of 16 bits.
 
@@ -123,13 +120,8 @@ def save_graph(
             graph.add("Cast", [half], name, to=TensorProto.FLOAT)
         else:
             graph.store(name, values.astype(np.float32))
-    constants = {
-        "spare": [0] * 5 + [spare, 0, 0],
-        "first": [1, 1],
-        "last": [-1, -1],
-        "axes": [2, 3],
-    }
-    for name, numbers in constants.items():
+    constants = {"first": [1, 1], "last": [-1, -1], "axes": [2, 3]}
+    for name, numbers in {"spare": [0] * 5 + [spare, 0, 0], **constants}.items():
         graph.store(name, np.array(numbers, np.int64))
     padded = graph.add("Pad", ["features", "spare"], "padded")
     source: Values = "features", [1, inputs, "rows", "columns"]

@@ -225,13 +225,9 @@ def _descend(
                 f"step {step + 1}: left {robust:.4f} of the error, {energy:.4f} of its energy, "
                 f"{hue:.4f} of wrong hues"
             )
-            state = {
-                "network": network.state_dict(),
-                "optimiser": optimiser.state_dict(),
-                "steps": step + 1,
-            }
+            state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
             with durable_file(checkpoint, overwrite=True) as file:
-                torch.save(state, file)
+                torch.save(state | {"steps": step + 1}, file)
     return network.to("cpu")
 
 
@@ -240,12 +236,9 @@ def _beginning(plan: Plan) -> Network:
     period, sites = plan.pattern.period, len(plan.pattern.sites)
     if plan.start is None:
         return Network(period, sites)
-    weights = {
-        name: torch.from_numpy(values)
-        for name, values in weights_for(plan.pattern, plan.start).items()
-    }
+    weights = weights_for(plan.pattern, plan.start)
     network = Network(period, sites, len(weights["enter.bias"]))
-    network.load_state_dict(weights)
+    network.load_state_dict({name: torch.from_numpy(values) for name, values in weights.items()})
     return network
 
 

@@ -4,6 +4,7 @@ colours and grey row.
 
 from collections.abc import Iterator
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -63,10 +64,8 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
     for size, exponent, white, threshold, factor in _SEARCHES:
         for place in _proposed(shown_picture(picture, exponent, white), size, threshold, factor):
             turned = ChartPlace(as_rows(np.roll(place.corners, 2, axis=0)))
-            difference, upright = min(
-                ((_difference(picture, pose, reference), pose) for pose in (place, turned)),
-                key=lambda scored: scored[0],
-            )
+            poses = [(_difference(picture, pose, reference), pose) for pose in (place, turned)]
+            difference, upright = min(poses, key=itemgetter(0))
             if difference > _WORTH_REFINING:
                 continue
             refined = refine(picture, upright)
@@ -186,13 +185,9 @@ def refine(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     for reach in (0.12, 0.04):
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
         options: Any = {"initial_simplex": simplex, "adaptive": True, "maxfev": 700}
-        minimum = minimize(
-            _misfit,
-            np.zeros(8),
-            args=(luminance, root, best, scale),
-            method="Nelder-Mead",
-            options=options | {"xatol": 1e-3, "fatol": 1e-6},
-        )
+        options |= {"xatol": 1e-3, "fatol": 1e-6}
+        known = luminance, root, best, scale
+        minimum = minimize(_misfit, np.zeros(8), known, "Nelder-Mead", options=options)
         best = best + minimum.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))
 

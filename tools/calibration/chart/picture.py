@@ -34,11 +34,10 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     ratios = np.clip(ratios / np.maximum(below, 1e-6), 0, 2)
     if pattern.derived is not None:  # in its place, luminance tells as much
         ratios[..., pattern.derived] = 1
+    axes = zip(mosaic.shape, (rows, columns), grid.block_shape, strict=True)
     down, across = (
         (np.arange(size) - origins[0] - (block - 1) / 2) / pattern.period
-        for size, origins, block in zip(
-            mosaic.shape, (rows, columns), grid.block_shape, strict=True
-        )
+        for size, origins, block in axes
     )
     places = np.meshgrid(down, across, indexing="ij")
     planes = np.moveaxis(ratios, -1, 0)

@@ -1,10 +1,12 @@
 """Bilinear interpolation of a Bayer mosaic."""
 
+from functools import partial
+
 import numpy as np
 
 from ....shared.arrays import FloatArray
 from ...simulation.bayer import channel_map
-from ...simulation.noise import BayerShot
+from ..cameras import render_samples
 from ..method import Method
 
 # At missing sites: green is the mean of its four neighbours, red and blue of the nearest two or
@@ -27,8 +29,4 @@ def demosaic_bilinear(mosaic: FloatArray) -> FloatArray:
     return np.stack([correlate(plane, kernel, mode="mirror") for plane, kernel in pairs], axis=-1)
 
 
-def _render(shot: BayerShot, _: FloatArray) -> FloatArray:
-    return demosaic_bilinear(shot.samples)
-
-
-METHODS = (Method("bilinear", "Bayer, bilinear", _render),)
+METHODS = (Method("bilinear", "Bayer, bilinear", partial(render_samples, demosaic_bilinear)),)

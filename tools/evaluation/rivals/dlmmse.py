@@ -7,12 +7,13 @@ Horizontal and vertical interpolation give two noisy estimates of it. Each is de
 averaged by their expected errors, and red and blue follow from interpolated differences.
 """
 
+from functools import partial
+
 import numpy as np
 
 from ....shared.arrays import DoubleArray, FloatArray
 from ...simulation.bayer import channel_map
-from ...simulation.noise import BayerShot
-from ..cameras import with_balance
+from ..cameras import render_samples
 from ..method import Method
 
 _GREEN = 1
@@ -80,15 +81,8 @@ def _directional_estimate(
     return smooth + gain * (reading - smooth), signal * (1 - gain) + _FLOOR
 
 
-def _render(shot: BayerShot, _: FloatArray) -> FloatArray:
-    return demosaic_dlmmse(shot.samples)
-
-
-def _render_balanced(shot: BayerShot, white: FloatArray) -> FloatArray:
-    return with_balance(demosaic_dlmmse, shot.samples, white)
-
-
+_render = partial(render_samples, demosaic_dlmmse)
 METHODS = (
     Method("dlmmse", "Bayer, DLMMSE 2005", _render),
-    Method("dlmmse-wb", "Bayer, DLMMSE, balanced", _render_balanced, balanced=True),
+    Method("dlmmse-wb", "Bayer, DLMMSE, balanced", _render, balanced=True),
 )

@@ -5,6 +5,7 @@ clipped.
 """
 
 import io
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,7 @@ from ....shared.arrays import FloatArray
 from ....shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
 from ....shared.tiff import FieldType
 from ...simulation.bayer import ORDER
-from ...simulation.noise import BayerShot
-from ..cameras import with_balance
+from ..cameras import render_samples
 from ..method import Method
 
 _HEADROOM = 1.02  # range of the codes, as a multiple of the samples'
@@ -84,8 +84,5 @@ def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
     return file.getvalue()
 
 
-def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
-    return with_balance(demosaic_libraw, shot.samples, white)
-
-
+_render = partial(render_samples, demosaic_libraw)
 METHODS = (Method("dcb", "Bayer, LibRaw DCB", _render, balanced=True, packages=("rawpy",)),)

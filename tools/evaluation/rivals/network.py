@@ -119,15 +119,14 @@ def network(path: str) -> Method:
     digest = content(path)
     try:
         text = read_text(description, _LARGEST, "a description of a network")
-        fields, known = json.loads(text), Contract.__dataclass_fields__
-        if unknown := [name for name in fields if name not in known]:
-            raise InputError(f"there is no field {unknown[0]!r}{meant(unknown[0], known)}")
+        fields, names = json.loads(text), Contract.__dataclass_fields__
+        if unknown := [name for name in fields if name not in names]:
+            raise InputError(f"there is no field {unknown[0]!r}{meant(unknown[0], names)}")
         contract = Contract(**fields)
-    except (InputError, json.JSONDecodeError) as error:
-        raise InputError(f"{description}: does not say how the network is fed: {error}") from error
-    except (TypeError, ValueError, AttributeError, RecursionError) as error:
-        reason = f"does not say how the network is fed: expected {_EXPECTED}"
-        raise InputError(f"{description}: {reason}") from error
+    except (InputError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        known = isinstance(error, InputError | json.JSONDecodeError)
+        reason = error if known else f"expected {_EXPECTED}"
+        raise InputError(f"{description}: does not say how the network is fed: {reason}") from error
     version = hashlib.sha256(f"{digest} {text}".encode()).hexdigest()[:16]
     name = printable(f"{Path(path).stem}-{version[:8]}")
     return Method(
