@@ -132,7 +132,8 @@ class Measures:
                 parts = ([stored[f"{plane}_{name}"] for name in names] for plane in PLANES)
                 quality: Any = Quality(*map(tuple, stored["quality"].tolist()))
                 *psnr, hue = stored["whole"].tolist()
-                wrong, patches = None if np.isnan(hue) else hue, tuple(map(Histogram._make, parts))
+                patches = tuple(map(Histogram._make, parts))
+                wrong = None if np.isnan(hue) else hue
                 return cls(quality, tuple(psnr), wrong, stored["kept"], patches, stored["errors"])
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
