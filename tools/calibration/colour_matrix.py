@@ -157,7 +157,6 @@ def _fit(
     used = np.ones(len(camera)) if used is None else used
     greys = [index for index in GREYS if used[index]]
     light = np.full(len(camera), (camera[greys].sum(axis=1) / reference[greys, 1]).mean())
-    matrix = neutral = np.zeros(0)
     for step in range(_ROUNDS + 1):
         even = camera / light[:, None]
         neutral = (even[greys] / reference[greys, 1:2]).mean(axis=0)

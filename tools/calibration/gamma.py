@@ -116,14 +116,13 @@ class Assumed:
         drift = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
         stated = measured.get("black_level", {}).get("standard_error")
-        black, is_measured = np.maximum(_UNKNOWN_BLACK * level, 4 * drift), True
+        black = np.maximum(_UNKNOWN_BLACK * level, 4 * drift)
+        is_measured = dark is not None or stated is not None
         if dark is not None:
             black = np.hypot(dark.black_error, drift)
         elif stated is not None:
             errors = numbers("measured.black_level.standard_error", stated, len(level))
             black = np.hypot(errors, drift)
-        else:
-            is_measured = False
         colour = np.full(len(calibration.channels), _KNOWN_COLOUR)
         if calibration.shading:
             # A lens that dims a colour, rather than the sensor that sees less of it, dims its share

@@ -150,9 +150,8 @@ def doubts(first: Path | None, error: Exception) -> list[str]:
         The first shot since the last frame that showed its filters where they belong; whatever came
         before that one is right.
     """
-    if first is None or not isinstance(error, SlippedError):
-        return []
-    return [f"{first} and later shots may be wrong; all shots before it are right"]
+    doubt = f"{first} and later shots may be wrong; all shots before it are right"
+    return [doubt] if first is not None and isinstance(error, SlippedError) else []
 
 
 def open_source(options: SourceOptions, described: Described) -> FrameSource:

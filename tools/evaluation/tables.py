@@ -79,10 +79,8 @@ def describe(figures: Figures) -> str:
     """Return the scenes, cameras and light of a study in a sentence."""
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
-    return (
-        f"{count} scene{'s' * (count != 1)} before this camera ({tiles})"
-        f"{' and a Bayer camera under the same light' if study.rivals else ''}."
-    )
+    rivals = " and a Bayer camera under the same light" if study.rivals else ""
+    return f"{count} scene{'s' * (count != 1)} before this camera ({tiles}){rivals}."
 
 
 def _row(figure: Figure) -> dict[str, Any]:

@@ -60,13 +60,11 @@ def _weakest(figures: Figures, group: str) -> str:
     pairs = product(study.levels, criteria)
     leads = [lead for noise, criterion in pairs for lead in figures.leads(group, noise, criterion)]
     worst = min(leads, key=lambda lead: lead.value)
-    if worst.value <= -EVEN:
-        loss = f"{-worst.value:.1f} dB in {criteria[worst.criterion]}"
-        where = f"{worst.place.scene}, {worst.place.level.text}, {worst.rival}"
-        text = f"Its largest loss on a scene is {loss} ({where})"
-    else:
-        text = "It loses on no scene, in the median, the worst tenth or the whole image"
-    return f"{text}."
+    if worst.value > -EVEN:
+        return "It loses on no scene, in the median, the worst tenth or the whole image."
+    loss = f"{-worst.value:.1f} dB in {criteria[worst.criterion]}"
+    where = f"{worst.place.scene}, {worst.place.level.text}, {worst.rival}"
+    return f"Its largest loss on a scene is {loss} ({where})."
 
 
 def _caveats(figures: Figures, group: str) -> str:

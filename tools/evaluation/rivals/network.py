@@ -167,8 +167,7 @@ def _demosaic(
     margin = contract.margin
     vertical, horizontal = margin + (height + down) % 2, margin + (width + right) % 2
     pads = (margin + down, vertical), (margin + right, horizontal)
-    padded = (np.pad(plane, pads, mode=BORDER) for plane in (codes, noise))
-    planes: list[Any] = [plane.astype(np.float32) for plane in padded]
+    planes: list[Any] = [np.pad(it, pads, mode=BORDER).astype(np.float32) for it in (codes, noise)]
     rows, columns = planes[0].shape
     planes.append(channel_map((rows + down, columns + right))[down:, right:])
     picture = np.empty((3, rows - 2 * margin, columns - 2 * margin))
