@@ -139,7 +139,7 @@ def test_what_are_no_two_lights_is_refused(tmp_path: Path, words: list[str], why
     ("charts", "why"),
     [
         ("D65=A A=D65", "A.dng is given as under D65 .* white changes -[01].* times as much"),
-        ("A=D65 D65=other", "white changes -?0.0 times as much .*chart_light"),
+        ("A=D65 D65=other", "white changes -?0.0 times as much .*--chart-light"),
         ("A=A 4000=D65", "white changes [12].* times as much"),
         ("A=A A=other D65=D65", "other.dng is given as under A .*, but white changes -?0.0"),
         ("A=A D65=grey", "no chart without clipped patches was found under the light D65;"),
