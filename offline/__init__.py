@@ -18,7 +18,6 @@ from .render import (
     render,
     render_bands,
     row_stages,
-    warm_up,
 )
 from .settings import BEST, PAPER, PRESETS, UNLEARNED, RenderSettings
 from .stages.colour_network import network_name
@@ -51,5 +50,4 @@ __all__ = [
     "row_stages",
     "threads",
     "use_threads",
-    "warm_up",
 ]

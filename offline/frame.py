@@ -94,10 +94,9 @@ class Sites:
     @property
     def middle(self) -> tuple[float, float]:
         """Row and column of the middle of the first whole block."""
-        down, across = self.pattern.block_shape
-        return float(self.grid.whole_rows[0]) + (down - 1) / 2, float(
-            self.grid.whole_columns[0]
-        ) + (across - 1) / 2
+        (down, across), grid = self.pattern.block_shape, self.grid
+        row, column = float(grid.whole_rows[0]), float(grid.whole_columns[0])
+        return row + (down - 1) / 2, column + (across - 1) / 2
 
     @cached_property
     def ring(self) -> IndexArray:
@@ -105,10 +104,8 @@ class Sites:
         (R, 2).
         """
         (top, left), (down, across) = self.pattern.block_origin, self.pattern.block_shape
-        return (
-            np.argwhere(self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)))
-            - 1
-        )
+        clear = self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1))
+        return np.argwhere(clear) - 1
 
     def of(self, plane: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
         """The values of a plane, (H, W), at all sites, (*B, S).
@@ -153,8 +150,7 @@ class Sites:
         # (S, R)
         near = 1 / np.square(self.ring - np.array(self.pattern.sites)[:, None, :2]).sum(axis=2)
         light = np.empty((*self.shape, len(near)))
-        lowest = np.empty(self.shape)
-        highest = np.empty(self.shape)
+        lowest, highest = np.empty((2, *self.shape))
 
         def work(rows: slice) -> None:
             values = np.stack(list(self.beside(signal, rows, self.ring.tolist())))
@@ -180,19 +176,14 @@ class Sites:
             From -1 to the size of a block. The values outside the frame are NaN; views, (rows,
             columns of blocks).
         """
-        (top, left), period = (
-            (int(self.grid.whole_rows[rows][0]), int(self.grid.whole_columns[0])),
-            self.grid.period,
-        )
+        top, left = int(self.grid.whole_rows[rows][0]), int(self.grid.whole_columns[0])
+        period = self.grid.period
         down, across = (
             (count - 1) * period + 1 for count in (rows.stop - rows.start, self.shape[1])
         )
         first = max(top - 1, 0)
-        near = np.pad(
-            plane[first : top + down + period],
-            ((top == 0, period), (left == 0, period)),
-            constant_values=np.nan,
-        )
+        part, sides = plane[first : top + down + period], ((top == 0, period), (left == 0, period))
+        near = np.pad(part, sides, constant_values=np.nan)
         for row, column in steps:
             y, x = row + top - first + (top == 0), column + left + (left == 0)
             yield near[y : y + down : period, x : x + across : period]
@@ -379,13 +370,10 @@ class Cleaned:
         depend on the exposure.
         """
         coloured = [self.signal[rows, columns] for _, rows, columns in self.mosaic.pattern.lattices]
-        total = self.signal.sum(dtype=np.float64) - sum(
-            samples.sum(dtype=np.float64) for samples in coloured
-        )
-        return max(
-            float(total) / (self.signal.size - sum(samples.size for samples in coloured)),
-            _LEAST_LEVEL,
-        )
+        lights = (samples.sum(dtype=np.float64) for samples in coloured)
+        total = float(self.signal.sum(dtype=np.float64) - sum(lights))
+        count = self.signal.size - sum(samples.size for samples in coloured)
+        return max(total / count, _LEAST_LEVEL)
 
     @property
     def noise(self) -> NoiseModel | None:

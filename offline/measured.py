@@ -106,10 +106,8 @@ class BlockSamples:
         """Variance of the noise in the residual, float32 (rows, columns, S); None = no noise."""
         if self.noise is None or not self.noise.of_colours:
             return None
-        return (
-            self.noise.variance(self.samples[rows], self.sites.channels)
-            * gamma[self.sites.channels] ** 2
-        )
+        channels = self.sites.channels
+        return self.noise.variance(self.samples[rows], channels) * gamma[channels] ** 2
 
 
 @dataclass(frozen=True, eq=False)

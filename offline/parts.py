@@ -275,12 +275,10 @@ def regroup(
     waiting, done = list[Part](), 0
     for part in parts:
         waiting.append(part)
-        end = (
-            height
-            if part.end == height
-            else halo.offset
-            + (part.end - halo.radius - halo.offset) // halo.alignment * halo.alignment
-        )
+        end = part.end
+        if end < height:
+            end -= halo.radius
+            end -= (end - halo.offset) % halo.alignment
         if end > done:
             held = Part.joined(waiting)
             yield held, (done, end)

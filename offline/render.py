@@ -8,17 +8,13 @@ do not use them.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
 from ..shared.arrays import ByteArray, FloatArray
-from ..shared.calibration import NoiseModel, SensorCalibration
 from ..shared.errors import InputError
 from ..shared.mosaic import Mosaic
 from ..shared.networks import network_for
-from ..shared.pattern import CfaPattern
 from ..shared.progress import SILENT, Progress
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
@@ -217,30 +213,6 @@ def colour_bands(
         yield _apply_luminance(part, np.empty_like(part.chromaticity))
 
 
-@cache
-def warm_up(settings: RenderSettings = BEST) -> None:
-    """Load what a render with these settings needs, kernels and network, by rendering a tiny frame;
-    once per program.
-
-    A first render takes half a second longer than later ones. A program that has to wait for its
-    shot can do that meanwhile.
-
-    Examples
-    --------
-    >>> from panchroma.offline import PAPER, warm_up
-    >>> warm_up(PAPER)
-    """
-    scene = np.full((24, 24, 3), 0.2, np.float32)
-    scene[:, 12:] = 0.5, 0.1, 0.05  # on no line, where the network would have nothing to do
-    pattern, samples = CfaPattern.bayer(), scene.sum(axis=2)  # Eq. 7
-    for channel, rows, columns in pattern.lattices:
-        samples[rows, columns] = scene[rows, columns, channel]
-    samples += np.random.default_rng(0).normal(0, 0.01, samples.shape).astype(np.float32)
-    render(
-        Mosaic(samples, pattern, SensorCalibration(noise=NoiseModel.gaussian(0.01, 4))), settings
-    )
-
-
 def measure(
     mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT
 ) -> Measured:
@@ -288,21 +260,22 @@ def clean_frame(
     # No name keeps the samples with their defects while highlights are restored, which needs the
     # most memory.
     return restore_frame(
-        mend_defects(_prepare_samples(mosaic, settings, progress), settings.defects, progress),
+        mend_defects(
+            uncleaned(mosaic, with_noise_model(mosaic.evenly_shaded(), settings.noise)),
+            settings.defects,
+            progress,
+        ),
         settings,
         progress,
     )
 
 
-def _prepare_samples(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
-    samples, calibration = (
-        with_noise_model(mosaic.evenly_shaded(), settings.noise),
-        mosaic.calibration,
-    )
-    estimated = calibration.noise is None
-    return Cleaned(
-        samples, clipping_level(mosaic), estimated=estimated, shading=calibration.shading
-    )
+def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Cleaned:
+    """The samples of a mosaic in scene units, shaded equally for all filters, with what the mosaic
+    says of them.
+    """
+    estimated, limit = mosaic.calibration.noise is None, clipping_level(mosaic)
+    return Cleaned(samples, limit, estimated=estimated, shading=mosaic.calibration.shading)
 
 
 def restore_frame(
@@ -313,27 +286,8 @@ def restore_frame(
     """
     confidence = block_confidence(mended, settings.confidence)
     unclipped = unclipped_blocks(mended) if settings.highlights.used else None
-    return replace(
-        restore_highlights(mended, settings.highlights, progress),
-        confidence=confidence,
-        unclipped=unclipped,
-    )
-
-
-class BurstEvidence(NamedTuple):
-    """Evidence of the other frames of a burst about the whole blocks of one frame.
-
-    Attributes
-    ----------
-    sums : BlockSums | None
-        What they add to the sums of Eqs. 8-9; None = there are no others.
-    alone : FloatArray
-        How far luminance at the sites is known from this frame alone, 0 to 1, float32 (rows,
-        columns).
-    """
-
-    sums: BlockSums | None
-    alone: FloatArray
+    restored = restore_highlights(mended, settings.highlights, progress)
+    return replace(restored, confidence=confidence, unclipped=unclipped)
 
 
 def estimate_colour(
@@ -341,7 +295,8 @@ def estimate_colour(
     luminance: FloatArray,
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
-    others: BurstEvidence | None = None,
+    others: BlockSums | None = None,
+    alone: FloatArray | None = None,
 ) -> Measured:
     """The colour of every block of a frame, and the luminance that this makes most probable.
 
@@ -349,8 +304,11 @@ def estimate_colour(
     ----------
     luminance : FloatArray
         (H, W), filled in and denoised, scene units; as float32 it is not copied.
-    others : BurstEvidence | None, optional
-        What the other frames of a burst know.
+    others : BlockSums | None, optional
+        What the other frames of a burst add to the sums of Eqs. 8-9; None = there are no others.
+    alone : FloatArray | None, optional
+        How far luminance at the sites of the whole blocks is known from this frame alone, 0 to 1,
+        float32 (rows, columns); None = all of it.
 
     Raises
     ------
@@ -367,10 +325,9 @@ def estimate_colour(
     3
     """
     luminance = _checked_luminance(luminance, frame.mosaic.shape)
-    sums, alone = others or (None, None)
     # c_j, Eqs. 6-9
-    blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)
-    blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, sums)
+    blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, others)
+    blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, others)
     blocks = replace_doubtful_colour(blocks, frame)
     calibration = replace(frame.mosaic.calibration, shading=frame.shading)
     measured = Measured(frame.mosaic.pattern, calibration, luminance, blocks, None, frame.lost)

@@ -32,21 +32,16 @@ def check_frames(mosaics: Sequence[Mosaic], settings: RenderSettings) -> None:
         raise InputError(
             f"settings is {shown(settings)}, expected RenderSettings, such as offline.PAPER"
         )
-    for pattern, (height, width) in ((mosaic.pattern, mosaic.shape) for mosaic in mosaics):
-        if not pattern.panchromatic_mask(
-            (min(height, pattern.period), min(width, pattern.period))
-        ).any():
+    for mosaic in mosaics:
+        (height, width), period = mosaic.shape, mosaic.pattern.period
+        if not mosaic.pattern.panchromatic_mask((min(height, period), min(width, period))).any():
             raise InputError(
                 f"a frame of {width} x {height} pixels without a panchromatic one does not "
                 "measure luminance; use a larger one"
             )
-    white = mosaics[0].calibration.full_scale
-    step = 0.5 * float(mosaics[0].calibration.scale().min())
-    brightest = (
-        max(float(np.abs((mosaic.samples.min(), mosaic.samples.max())).max()) for mosaic in mosaics)
-        / white
-    )
-    least = min(1 / _FARTHEST, step / white)
+    white, step = mosaics[0].calibration.full_scale, mosaics[0].calibration.scale().min() / 2
+    ends = [(mosaic.samples.min(), mosaic.samples.max()) for mosaic in mosaics]
+    brightest, least = float(np.abs(ends).max()) / white, min(1 / _FARTHEST, step / white)
     codes = any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics)
     if brightest and not codes and not least <= brightest <= _FARTHEST:
         raise InputError(

@@ -69,10 +69,8 @@ class BlockGrid:
             -(origin + size // 2) % self.period
             for origin, size in zip(self.block_origin, self.block_shape, strict=True)
         )
-        return (above, -(above + self.frame[0]) % self.period), (
-            left,
-            -(left + self.frame[1]) % self.period,
-        )
+        below, right = -(above + self.frame[0]) % self.period, -(left + self.frame[1]) % self.period
+        return (above, below), (left, right)
 
     @cached_property
     def patches(self) -> tuple[int, int]:

@@ -230,11 +230,9 @@ class SensorCalibration:
                 f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= "
                 f"black, at least {_LEAST_RANGE} codes below white, which is 65535 at most"
             )
-        held = {
-            "noise": self.noise.shot if self.noise else None,
-            "shading": self.shading.gain if self.shading else None,
-        }
-        for part, values in held.items():
+        shot = self.noise.shot if self.noise else None
+        gain = self.shading.gain if self.shading else None
+        for part, values in (("noise", shot), ("shading", gain)):
             if values is not None and len(values) != planes:
                 raise InputError(
                     f"calibration: {part} has {len(values)} planes, expected {planes} ({letters}W)"

@@ -52,6 +52,15 @@ def primaries_to_xyz(
     return adaptation(source) @ (columns * np.linalg.solve(columns, source))
 
 
+def white_reading(camera_to_xyz: ArrayLike, neutral: Sequence[float] | None) -> DoubleArray:
+    """What white reads in each channel: the neutral, or what the matrix, (3, C), maps to D50 where
+    that is None; float64 (C,).
+    """
+    if neutral is None:
+        return np.linalg.lstsq(np.array(camera_to_xyz), D50)[0]
+    return np.array(neutral)
+
+
 def as_rows(matrix: NDArray[np.floating]) -> Matrix:
     """A matrix as nested tuples, which frozen dataclasses can keep."""
     return tuple(tuple(row) for row in matrix.tolist())

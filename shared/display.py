@@ -20,7 +20,7 @@ import numpy as np
 
 from .arrays import DoubleArray
 from .calibration import SensorCalibration
-from .colorimetry import BRADFORD, D50, SRGB_TO_XYZ, adaptation, is_pair, nominal_to_xyz
+from .colorimetry import BRADFORD, SRGB_TO_XYZ, adaptation, is_pair, nominal_to_xyz, white_reading
 from .errors import InputError
 
 SATURATED = 0.90, 0.99
@@ -57,11 +57,7 @@ def display_white(
     [0.25, 1.0, 0.5]
     """
     camera_to_xyz = _camera_to_xyz(calibration)
-    neutral = (
-        np.linalg.lstsq(camera_to_xyz, D50)[0]
-        if calibration.neutral is None
-        else np.array(calibration.neutral)
-    )
+    neutral = white_reading(camera_to_xyz, calibration.neutral)
     coloured = camera_to_xyz.any(axis=0)
     # channels without a colour do not count
     neutral = np.where(coloured, neutral, neutral[coloured].max())

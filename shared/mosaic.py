@@ -64,13 +64,8 @@ class Mosaic:
                     f"{self.calibration.bits} bits hold"
                 )
         elif np.issubdtype(samples.dtype, np.floating):
-            flags = samples.flags
-            frozen = (
-                flags.owndata
-                and flags.c_contiguous
-                and not flags.writeable
-                and samples.dtype == np.float32
-            )
+            flags, is_single = samples.flags, samples.dtype == np.float32
+            frozen = is_single and flags.owndata and flags.c_contiguous and not flags.writeable
             kept = samples if frozen else np.array(samples, np.float32, order="C")
             # A NaN is the largest and the smallest of all.
             if not np.isfinite([kept.min(), kept.max()]).all():

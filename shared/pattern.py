@@ -189,11 +189,8 @@ class CfaPattern:
                 f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; "
                 f"at most {PERIODS[-1]} is possible"
             )
-        return cls(
-            tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)),
-            origin,
-            channels,
-        )
+        tile = [row * (side // width) for row in rows] * (side // len(rows))
+        return cls(tuple(tile), origin, channels)
 
     @classmethod
     def from_json(cls, document: Any) -> "CfaPattern":
@@ -271,6 +268,12 @@ class CfaPattern:
         """
         (_, rows), (_, columns) = self._spans
         return rows, columns
+
+    @property
+    def block_middle(self) -> tuple[int, int]:
+        """Sensor (row, column) of a pixel in the middle of a block, at which a patch begins."""
+        (row, column), (down, across) = self.block_origin, self.block_shape
+        return row + down // 2, column + across // 2
 
     @cached_property
     def sites(self) -> tuple[tuple[int, int, int], ...]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .calibration import SensorCalibration, derived_channel
-from .colorimetry import D50, Matrix, as_rows, xyz
+from .colorimetry import Matrix, as_rows, white_reading, xyz
 from .errors import InputError
 from .lights import illuminant_xy
 from .mosaic import Mosaic
@@ -209,19 +209,11 @@ def balanced(
     """
     white, matrix = np.array(normalised(neutral)), calibration.camera_to_xyz
     if matrix is not None and calibration.lights is None:
-        before = (
-            np.linalg.lstsq(np.array(matrix), D50)[0]
-            if calibration.neutral is None
-            else np.array(calibration.neutral)
-        )
+        before = white_reading(matrix, calibration.neutral)
         if before.min() <= 0:
             raise InputError(
                 "calibration: camera_to_xyz maps no possible reading to white; calibrate again"
             )
         matrix = as_rows(np.array(matrix) * (normalised(before) / white))
-    return replace(
-        calibration,
-        neutral=tuple(white.tolist()),
-        neutral_estimated=estimated,
-        camera_to_xyz=matrix,
-    )
+    seen = tuple(white.tolist())
+    return replace(calibration, neutral=seen, neutral_estimated=estimated, camera_to_xyz=matrix)

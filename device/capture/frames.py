@@ -198,11 +198,6 @@ class FrameLayout:
         return FORMATS[self.format].bits
 
     @property
-    def has_words(self) -> bool:
-        """True if samples are 16-bit words, of which they may use the lower bits only."""
-        return self.bits == 16
-
-    @property
     def line_bytes(self) -> int:
         """Bytes of a line without padding; the last group of packed pixels is always whole."""
         packing = FORMATS[self.format]
@@ -226,9 +221,8 @@ class FrameLayout:
         """
         if len(data) != self.frame_bytes:
             raise InputError(self.misfit(len(data)))
-        lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)[
-            :, : self.line_bytes
-        ]
+        lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)
+        lines = lines[:, : self.line_bytes]
         packing = FORMATS[self.format]
         if packing.words:
             words = lines.view(packing.words)
@@ -373,7 +367,8 @@ class Sensor:
 
     def __post_init__(self) -> None:
         bits = self.calibration.bits
-        if bits > self.layout.bits or (not self.layout.has_words and bits != self.layout.bits):
+        # samples of 16-bit words may use the lower bits only
+        if bits > self.layout.bits or bits != self.layout.bits < 16:
             raise InputError(
                 f"the calibration is for samples of {bits} bits, {self.layout.format} has "
                 f"{self.layout.bits}: they belong to different modes of the sensor"
@@ -383,11 +378,8 @@ class Sensor:
     def dark(self) -> Mosaic:
         """A frame without light, for preparations before the first frame arrives."""
         black = round(min(self.calibration.black_level))
-        return Mosaic(
-            np.full((self.layout.height, self.layout.width), black, np.uint16),
-            self.pattern,
-            self.calibration,
-        )
+        codes = np.full((self.layout.height, self.layout.width), black, np.uint16)
+        return Mosaic(codes, self.pattern, self.calibration)
 
     def mosaic(self, frame: RawFrame) -> Mosaic:
         """The mosaic of a frame.

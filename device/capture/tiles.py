@@ -103,10 +103,6 @@ def _local_mean(parts: FloatArray, window: int) -> FloatArray:
     sums = wide.cumsum(axis=1, dtype=np.float64)
     sums.cumsum(axis=2, out=sums)
     size = before + after + 1
-    box = (
-        sums[:, size:, size:]
-        - sums[:, :-size, size:]
-        - sums[:, size:, :-size]
-        + sums[:, :-size, :-size]
-    )
+    upper, lower = sums[:, :-size], sums[:, size:]
+    box = lower[..., size:] - upper[..., size:] - lower[..., :-size] + upper[..., :-size]
     return (box / size**2).astype(np.float32)

@@ -56,8 +56,4 @@ def tile_name(pattern: CfaPattern) -> str:
     """The tile of a graph: its letters from the first pixel of a patch on, rows separated by
     "/".
     """
-    down, across = (
-        origin + block // 2
-        for origin, block in zip(pattern.block_origin, pattern.block_shape, strict=True)
-    )
-    return "/".join(pattern.letters_from((down, across)))
+    return "/".join(pattern.letters_from(pattern.block_middle))

@@ -198,14 +198,8 @@ class Geometry:
                 (0, value - half) if value >= half else (1, value - half + period)
                 for value, half in zip(site, self.half, strict=True)
             )
-            holes.append(
-                Hole(
-                    row % cell * cell + column % cell,
-                    row // cell * self.across + column // cell,
-                    down,
-                    right,
-                )
-            )
+            pixel = row % cell * cell + column % cell
+            holes.append(Hole(pixel, row // cell * self.across + column // cell, down, right))
         return holes
 
     @property
@@ -262,12 +256,8 @@ class Geometry:
         if self.pattern.is_scattered:
             return [self._slope(axis)]
         height, width = self.pattern.block_shape
-        return [
-            {
-                place: _CORNER if place[axis] >= 0 else -_CORNER
-                for place in product((-1, height), (-1, width))
-            }
-        ]
+        corners = product((-1, height), (-1, width))
+        return [{place: _CORNER if place[axis] >= 0 else -_CORNER for place in corners}]
 
     def _slope(self, axis: int) -> dict[Place, float]:
         """Weights of the sum of all differences across scattered sites, in which many cancel each
@@ -286,15 +276,8 @@ def _masks(pattern: CfaPattern, side: int) -> FloatArray:
     """Masks of the panchromatic pixels of a patch that lie in each square of `side` pixels: 1 or 0,
     float32 (squares, K, K).
     """
-    first = [
-        origin + size // 2
-        for origin, size in zip(pattern.block_origin, pattern.block_shape, strict=True)
-    ]
-    clear = pattern.filter_map((pattern.period, pattern.period), (first[0], first[1])) == len(
-        pattern.channels
-    )
-    number = np.arange(pattern.period) // side
-    index = number[:, None] * (pattern.period // side) + number
-    return (clear & (index == np.arange((pattern.period // side) ** 2)[:, None, None])).astype(
-        np.float32
-    )
+    period, across = pattern.period, pattern.period // side
+    clear = pattern.panchromatic_mask((period, period), pattern.block_middle)
+    number = np.arange(period) // side
+    index = number[:, None] * across + number
+    return (clear & (index == np.arange(across**2)[:, None, None])).astype(np.float32)

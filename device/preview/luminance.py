@@ -158,19 +158,15 @@ def pixel_light(g: PatternGraph, filled: str) -> tuple[list[str], str]:
     and the mean of each cell.
     """
     period, across, cell = g.geometry.pattern.period, g.geometry.across, g.geometry.cell
-    above, below, left, right = g.geometry.halo
     # Space to depth, while samples have 2 bytes, in three steps for which onnxruntime has fast
     # code: separate rows, separate columns, then bring whole rows of patches into the order (pixels
     # of a cell, cells). One step would take ten times as long.
-    codes = g(
-        "Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [1]
-    )
+    codes = g("Unsqueeze", _patches(g), [1])
     codes = g("Transpose", g("Reshape", codes, [-1, period, 0]), perm=[1, 0, 2])
     codes = g("Transpose", g("Reshape", codes, [0, 0, -1, period]), perm=[0, 1, 3, 2])
     codes = g.reshape(codes, [across, cell, g.patches[0], across, cell, g.patches[1]])
-    codes = g.reshape(
-        g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5]), [cell**2 * across**2, *g.patches]
-    )
+    codes = g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5])
+    codes = g.reshape(codes, [cell**2 * across**2, *g.patches])
     pixels = []
     for pixel, part in enumerate(g.split(codes, [across**2] * cell**2, axis=0)):
         light = g("Sub", g("Cast", part, to=FLOAT), g.black)
@@ -197,11 +193,15 @@ def mean_light(g: PatternGraph) -> tuple[list[str], str]:
     of the cells.
     """
     counts = g.geometry.pixels.sum(axis=(1, 2))[:, None, None]
-    above, below, left, right = g.geometry.halo
-    inner = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
-    image, strides = g("Unsqueeze", inner, [0, 1]), [g.geometry.pattern.period] * 2
+    image, strides = g("Unsqueeze", _patches(g), [0, 1]), [g.geometry.pattern.period] * 2
     sums = g("Squeeze", g("Conv", image, g.geometry.pixels[:, None], strides=strides), [0])
     light = g("Sub", g("Mul", sums, 1 / counts), g.black)
     parts = g.split(light, [g.geometry.across**2] * g.geometry.within**2, axis=0)
     mean = parts[0] if len(parts) == 1 else g("Mul", g.sum(parts), 1 / len(parts))
     return [g.reshape(light, [len(parts), 1, g.geometry.across**2, *g.patches])], mean
+
+
+def _patches(g: PatternGraph) -> str:
+    """The samples of the patches, without those around them."""
+    above, below, left, right = g.geometry.halo
+    return g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])

@@ -103,10 +103,8 @@ class Preview:
         pattern, scale, linear = mosaic.pattern, self._geometry.scale, self._linear
         self._check(pattern)
         rows, columns = (
-            _Axis.of(size, origin, block, pattern.period, scale)
-            for size, origin, block in zip(
-                mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True
-            )
+            _Axis.of(size, middle, pattern.period, scale)
+            for size, middle in zip(mosaic.shape, pattern.block_middle, strict=True)
         )
         above, below, left, right = self._geometry.halo
         even, levels = even_light(mosaic)
@@ -197,8 +195,8 @@ class _Axis:
     period: int
 
     @classmethod
-    def of(cls, size: int, origin: int, block: int, period: int, scale: int) -> "_Axis":
-        first = -(-(origin + block // 2) % period)
+    def of(cls, size: int, middle: int, period: int, scale: int) -> "_Axis":
+        first = -(-middle % period)
         skip = ((scale - 1) // 2 - first) // scale
         pixels = max(size // scale, 1)
         return cls(first, -(-(skip + pixels) * scale // period), skip, pixels, period)

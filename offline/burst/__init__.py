@@ -18,7 +18,7 @@ from ...shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..memory import burst_memory
 from ..parts import RowStage
-from ..render import BurstEvidence, colour_bands, estimate_colour, row_stages
+from ..render import colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
 from ..stages.shading import ShadingCorrection
 from ..units import check_frames
@@ -131,11 +131,8 @@ def merge_burst(
     progress.stage("merging", 1)
     merged = _merged(comparison, settings)
     progress.advance()
-    return MergedBurst(
-        distinct[comparison.reference],
-        tuple(judged[number] for number in range(len(frames))),
-        *merged,
-    )
+    verdicts = tuple(judged[number] for number in range(len(frames)))
+    return MergedBurst(distinct[comparison.reference], verdicts, *merged)
 
 
 def render_burst_bands(
@@ -178,6 +175,6 @@ def _merged(
     single_frame = single_frame_weight(sites.of(noise_ratio).min(axis=2))
     if sites.pattern.is_scattered:
         single_frame = np.maximum(single_frame, sites.of(uncovered(kept, sites)).mean(axis=2))
-    others = BurstEvidence(sums, single_frame.astype(np.float32))
-    measured = estimate_colour(cleaned, luminance, settings, SILENT, others)
+    alone = single_frame.astype(np.float32)
+    measured = estimate_colour(cleaned, luminance, settings, SILENT, sums, alone)
     return noise_ratio, measured, samples.relit(measured.luminance - luminance)

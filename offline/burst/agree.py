@@ -75,13 +75,9 @@ class Frame(View):
 
     def darker(self, gain: float) -> "Frame":
         """Return the frame as if it had been exposed `gain` times less."""
-        noise = self.noise and self.noise.in_units_of(gain)
-        return Frame(
-            self.luminance / np.float32(gain),
-            noise,
-            self.limit / gain,
-            colours=self.colours / np.float32(gain),
-        )
+        noise, unit = self.noise and self.noise.in_units_of(gain), np.float32(gain)
+        limit, colours = self.limit / gain, self.colours / unit
+        return Frame(self.luminance / unit, noise, limit, colours=colours)
 
 
 @dataclass(frozen=True, eq=False)

@@ -315,24 +315,18 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     the motion says.
     """
     shape, inside = copy.reference.shape, np.isfinite(displaced(copy.frame, motion))
-    nodes = np.ix_(
-        *(
-            np.rint(np.linspace(0, size - 1, max(round(size / _TILE) + 1, 2))).astype(np.intp)
-            for size in shape
-        )
-    )
+    places = [np.linspace(0, size - 1, max(round(size / _TILE) + 1, 2)) for size in shape]
+    nodes = np.ix_(*(np.rint(along).astype(np.intp) for along in places))
     local = np.zeros((*np.broadcast(*nodes).shape, 2), np.float32)
     steep = np.square(np.gradient(copy.reference)).sum(axis=0)
     weight = (inside * steep / (steep + max(float(steep.mean()), TINY))).astype(np.float32)
     dark, bright = np.quantile(copy.reference, (0.005, 0.995))
+    scale = 255 / max(bright - dark, TINY)
     optical = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
     moved = [_aligned(copy, motion).light]
     for _ in range(_FLOWS):
-        codes = [
-            (plane - dark) * (255 / max(bright - dark, TINY))
-            for plane in (copy.reference, moved[-1])
-        ]
+        codes = [(plane - dark) * scale for plane in (copy.reference, moved[-1])]
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
         flow = optical.calc(first, second, np.zeros((*shape, 2), np.float32))
         flow = np.moveaxis(flow, 2, 0)[::-1]

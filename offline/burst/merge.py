@@ -146,12 +146,9 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, noise_ratio: Float
     _, height, width = frames.planes.shape
     for tile in range(pieces[0], pieces[1]):
         core = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
-        area = (
-            max(core[0] - _MARGIN, 0),
-            min(core[1] + _MARGIN, height),
-            max(core[2] - _MARGIN, 0),
-            min(core[3] + _MARGIN, width),
-        )
+        top, bottom = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height)
+        left, right = max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
+        area = top, bottom, left, right
         extents = np.empty((len(frames.planes), 4), np.intp)
         fine = _start(frames, area, core, noise_ratio, extents)
         _sharpen(fine, samples_in(frames, area, extents))
@@ -186,9 +183,8 @@ def _start(frames: Frames, area: Area, core: Area, noise_ratio: Floats2, extents
                     continue
                 precision = _precision(frames.noise, frame, frames.planes[0, y, x])
                 share = (_FILLED + _measured(frames.panchromatic, to_y, to_x)) * agrees / 255.0
-                mean[row, column] += (
-                    share * precision * interpolated(frames.planes[frame], to_y, to_x)
-                )
+                light = interpolated(frames.planes[frame], to_y, to_x)
+                mean[row, column] += share * precision * light
                 totals[row, column] += share * precision
                 spreads[row, column] += share * share * precision
         # A sample lies within half a pixel of a pixel of the reference: within two of its place in
@@ -256,9 +252,8 @@ def samples_in(frames: Frames, area: Area, extents: Ints2) -> Floats2:
                 y, x = reference_place(frames.motions, frame, float(row), float(column))
                 if not (area[0] <= y <= area[1] - 1 and area[2] <= x <= area[3] - 1):
                     continue
-                agrees = frames.agreement[
-                    frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)
-                ]
+                near = min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)
+                agrees = frames.agreement[frame, near[0], near[1]]
                 if agrees == 0:
                     continue
                 value = frames.planes[frame, row, column]

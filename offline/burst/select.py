@@ -14,21 +14,12 @@ from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..frame import Cleaned
 from ..numerics.gaussian import gaussian, smoothed
-from ..render import restore_frame
+from ..render import restore_frame, uncleaned
 from ..settings import RenderSettings
 from ..stages.defects import mend_defects
-from ..stages.highlights import clipping_level
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
-from .agree import (
-    CLIPPED,
-    Frame,
-    Reference,
-    agreement,
-    lit_evenly,
-    shaded_alike,
-    unclipped,
-)
+from .agree import CLIPPED, Frame, Reference, agreement, lit_evenly, shaded_alike, unclipped
 from .align import TINY, Alignment, View, align
 from .motion import Motion, displaced
 
@@ -411,12 +402,9 @@ def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSetting
     noise : NoiseModel | None
         See `noise_models`.
     """
-    known, estimated = mosaic.calibration, mosaic.calibration.noise is None
-    calibration = replace(known, noise=noise and noise.possible())
-    samples, limit = mosaic.calibrated(calibration).evenly_shaded(), clipping_level(mosaic)
-    return mend_defects(
-        Cleaned(samples, limit, estimated=estimated, shading=known.shading), settings.defects
-    )
+    calibration = replace(mosaic.calibration, noise=noise and noise.possible())
+    samples = mosaic.calibrated(calibration).evenly_shaded()
+    return mend_defects(uncleaned(mosaic, samples), settings.defects)
 
 
 def frame_of(cleaned: Cleaned, settings: RenderSettings) -> Frame:

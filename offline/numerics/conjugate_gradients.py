@@ -171,11 +171,8 @@ def solve(
             return math.sqrt(worst / norm) if norm != 0 else 0.0, used
         used += 1
         for field in range(count):
-            _turn(
-                direction[field],
-                better[field],
-                np.float32(squared[field] / before[field] if before[field] > 0 else 0),
-            )
+            turn = np.float32(squared[field] / before[field] if before[field] > 0 else 0)
+            _turn(direction[field], better[field], turn)
         _multiply(system.links, _ONE if scaled else _ZERO, direction, applied)
         for field in range(count):
             if not scaled:

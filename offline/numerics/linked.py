@@ -74,11 +74,7 @@ class Solution(NamedTuple):
 
 
 def fitted(
-    luminance: FloatArray,
-    samples: Samples,
-    prior: Prior,
-    extent: Extent,
-    solver: str,
+    luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent, solver: str
 ) -> FloatArray:
     """Fields of some rows of a part of the picture, float32 (F, rows, W).
 
@@ -92,15 +88,12 @@ def fitted(
     """
     rows, width = extent.end - extent.first, luminance.shape[1]
     tiles = -(-rows // TILE) * -(-width // TILE)
-    solution = Solution(
-        np.empty((len(samples.weights), rows, width), np.float32),
-        np.empty(tiles),
-        np.empty(tiles, np.intp),
-    )
+    fields = np.empty((len(samples.weights), rows, width), np.float32)
+    solution = Solution(fields, np.empty(tiles), np.empty(tiles, np.intp))
     contiguous = Samples(*map(np.ascontiguousarray, samples))
     solve_tiles(np.ascontiguousarray(luminance), contiguous, prior, extent, solution)
     check_convergence(solver, solution.used, solution.residuals, extent.tolerance)
-    return solution.fields
+    return fields
 
 
 @parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))

@@ -86,9 +86,8 @@ def estimate_chromaticities(
     gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
     if others is not None:
-        chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(
-            sigma, gamma
-        )
+        own = BlockSums(sums.weight, sums.weight * chromaticity)
+        chromaticity = (own + others).solved(sigma, gamma)
     unfiltered = chromaticity
     if settings.repetitions:
         chromaticity = oriented_medians(chromaticity, settings.repetitions, progress)
@@ -122,10 +121,8 @@ def _detail(
         light * (removed**2).sum(axis=2),
     )
     error, noise, power = smoothed(np.stack(energies).astype(np.float32), _DETAIL_WIDTH)
-    share = np.clip(
-        1 - (error / gain + noise) / np.maximum(power, np.float32(_LEAST_DIVISOR)), 0, 1
-    )
-    return share[..., None] * removed
+    wrong = (error / gain + noise) / np.maximum(power, np.float32(_LEAST_DIVISOR))
+    return np.clip(1 - wrong, 0, 1)[..., None] * removed
 
 
 def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
@@ -216,7 +213,7 @@ def oriented_median(
     for row in range(pieces[0], pieces[1]):
         near = np.array([mirrored(row + step, rows) for step in range(-2, 3)])
         for channel in range(channels):
-            _copy(before[channel, row], after[channel, row])
+            after[channel, row] = before[channel, row]
         if not changed[near].any():
             continue
         nearest[:] = np.inf
@@ -239,24 +236,10 @@ def oriented_median(
                 nearest[column] = min(nearest[column], distance[column])
         for channel in range(channels):
             mine = after[channel, row]
-            changes[row] |= _differ(mine, before[channel, row])
+            changes[row] |= (mine != before[channel, row]).any()
             for step in range(1, 3):
                 mine[2 - step] = mine[2 + mirrored(-step, columns)]
                 mine[columns + 1 + step] = mine[2 + mirrored(columns - 1 + step, columns)]
-
-
-@kernel
-def _copy(source: Doubles1, target: Doubles1) -> None:
-    for column in range(len(target)):
-        target[column] = source[column]
-
-
-@kernel
-def _differ(line: Doubles1, other: Doubles1) -> bool:
-    differ = False
-    for column in range(len(line)):
-        differ |= line[column] != other[column]
-    return differ
 
 
 @kernel

@@ -208,11 +208,8 @@ def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
     # the same.
     ratios, level = means / np.maximum(levels, dark), levels.mean(axis=0)
     sums = ratios.sum(axis=0)
-    mixture = np.where(
-        sums > _LEAST_SLOPES,
-        ratios / np.maximum(sums, np.float32(_LEAST_SLOPES)),
-        np.float32(1 / count),
-    )
+    mixture = ratios / np.maximum(sums, np.float32(_LEAST_SLOPES))
+    mixture = np.where(sums > _LEAST_SLOPES, mixture, np.float32(1 / count))
     slope, error = np.empty_like(means), np.zeros_like(total)
     for channel, (x, y, level_x, level_y, single) in enumerate(
         zip(*near[:2], levels, means, mixture, strict=True)
@@ -240,7 +237,8 @@ def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArr
     """Return the confidence in lines, 0 to 1, (rows, columns)."""
     rest, apart = _residuals(lines, near), near.estimate - lines.at(near.mean)
     apart -= apart.mean(axis=0)
-    power, printed = _square(apart), smoothed(near.strokes, _WIDTH)
+    power = np.einsum("iyx,iyx->yx", apart, apart)
+    printed = smoothed(near.strokes, _WIDTH)
     # Pooling leaves a rest of noise in estimates. In print that is no evidence; in shadows without
     # strokes it may be colour.
     printed /= printed + np.float32(_PRINT) * near.noise + np.float32(_LEAST_DIVISOR)
@@ -280,10 +278,8 @@ def _likelihood(lines: ColourLines, near: _Blocks) -> FloatArray:
     of_light = near.strokes * np.float32(len(near.light) ** 2)
     own = (near.noise + near.surface) / near.weight
     variance = lines.slope**2 * of_light + own
-    return (
-        -(np.log(variance) + np.square(near.samples - lines.at(near.light)) / variance).sum(axis=0)
-        / 2
-    )
+    squares = np.square(near.samples - lines.at(near.light))
+    return -(np.log(variance) + squares / variance).sum(axis=0) / 2
 
 
 def _residuals(lines: ColourLines, near: _Blocks) -> FloatArray:
@@ -291,10 +287,6 @@ def _residuals(lines: ColourLines, near: _Blocks) -> FloatArray:
     rest = near.samples - lines.at(near.light)
     rest -= rest.mean(axis=0)
     return rest
-
-
-def _square(colours: FloatArray) -> FloatArray:
-    return np.einsum("iyx,iyx->yx", colours, colours)
 
 
 def _believed(value: FloatArray, limit: float) -> FloatArray:

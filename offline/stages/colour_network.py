@@ -340,27 +340,18 @@ class Cells:
     @classmethod
     def of(cls, sites: Sites) -> "Cells":
         """Return the cells of a frame with channels R, G and B."""
-        pattern = sites.pattern
-        grid = sites.grid
-        period = grid.period
-        steps = Block.of(sites.pattern).steps
+        pattern, grid, period = sites.pattern, sites.grid, sites.grid.period
+        steps = Block.of(pattern).steps
         axes = list[tuple[int, int, int]]()
         for axis, whole in enumerate((grid.whole_rows, grid.whole_columns)):
             # pixels of a cell before its block
             before = (period - grid.block_shape[axis] + (steps[axis] < 0)) // 2
             start = -((before - pattern.block_origin[axis]) % period)
-            axes.append(
-                (
-                    start,
-                    -(-(grid.frame[axis] - start) // period),
-                    (int(whole[0]) - before - start) // period,
-                )
-            )
+            count = -(-(grid.frame[axis] - start) // period)
+            axes.append((start, count, (int(whole[0]) - before - start) // period))
         origin, shape, blocks = ((down, across) for down, across in zip(*axes, strict=True))
-        order = sorted(
-            range(len(pattern.sites)),
-            key=lambda site: np.multiply(pattern.sites[site][:2], steps).tolist(),
-        )
+        places = [np.multiply(site[:2], steps).tolist() for site in pattern.sites]
+        order = sorted(range(len(places)), key=places.__getitem__)
         channels = [pattern.channels.index(letter) for letter in "RGB"]
         return cls(grid.frame, period, origin, shape, blocks, steps, channels, order)
 
@@ -415,11 +406,9 @@ class Cells:
         mirrored region of cells.
         """
         first, end = (_HALO + cell for cell in inner)
-        return (
-            (region[0] + first, region[0] + end)
-            if self.steps[axis] > 0
-            else (region[1] - end, region[1] - first)
-        )
+        if self.steps[axis] > 0:
+            return region[0] + first, region[0] + end
+        return region[1] - end, region[1] - first
 
     def turned(self, planes: FloatArray) -> FloatArray:
         """Return planes (..., rows, columns) in the orientation that the network knows, or back

@@ -70,10 +70,8 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
     )
     tolerance = settings.tolerance * np.where(clipped, _CLIPPED, 1.0)
     unsure = sum_noise(frame.sites, around.light, frame.gamma, frame.noise) if frame.noise else 0.0
-    confidence = 1 / (
-        1
-        + (apart / (tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure)) ** _STEEPNESS
-    )
+    usual = tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure
+    confidence = 1 / (1 + (apart / usual) ** _STEEPNESS)
     if clipped.any():
         confidence[clipped] *= brightness_agreement(total, unsure)[clipped]
     return confidence

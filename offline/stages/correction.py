@@ -171,9 +171,8 @@ def _block_residuals(
         share = (lines.share[rows] * (1 - least / far))[..., None]
         picture += share * apart
         weight += share * (slope - weight)
-    error = (measured.samples[rows] * gamma[sites.channels] - picture) * measured.unclipped[
-        rows, :, None
-    ]
+    error = measured.samples[rows] * gamma[sites.channels] - picture
+    error = error * measured.unclipped[rows, :, None]
     return error.astype(np.float32, copy=False), weight
 
 
@@ -208,9 +207,8 @@ def estimate_errors(
     share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
     of_light = np.minimum(np.square(measured.fill_error[rows]), most)
-    of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean) / np.float32(
-        1 - 1 / len(gamma)
-    )
+    of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean)
+    of_colour /= np.float32(1 - 1 / len(gamma))
     if measured.lines is not None:
         confidence = measured.lines.share[rows]
         of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
@@ -267,14 +265,13 @@ def posterior_means(
             of_light = np.float64(given.light[row, column])
             of_colour = np.float64(given.colour[row, column])
             weight, uncertain = given.weight[row, column], of_light + of_colour
+            ridge = _RIDGE * uncertain if uncertain > 0 else 1.0
             for s in range(count):
                 solution[s] = given.error[row, column, s]
                 for t in range(count):
                     both = max(weight[s], _ZERO) * np.float64(max(weight[t], _ZERO))
                     covariance[s, t] = near[s, t] * (of_light * both + of_colour * alike[s, t])
-                covariance[s, s] += given.noise[row, column, s] + (
-                    _RIDGE * uncertain if uncertain > 0 else 1.0
-                )
+                covariance[s, s] += given.noise[row, column, s] + ridge
             _solve(covariance, solution)
             for s in range(count):
                 of_site = 0.0
@@ -373,9 +370,8 @@ class Correction(RowStage):
             for place, channel in zip(places, channels, strict=True)
         ]
         error = self.samples.residual(part, blocks)
-        light, tints = estimate_errors(
-            error, np.stack(colours, axis=2), self.samples, blocks, gamma
-        )
+        weight = np.stack(colours, axis=2)
+        light, tints = estimate_errors(error, weight, self.samples, blocks, gamma)
         if self.samples.kept is not None:
             tints *= self.samples.kept[blocks, :, None, None]
         luminance, chromaticity = copy_array(part.luminance), copy_array(part.chromaticity)

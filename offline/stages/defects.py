@@ -70,9 +70,8 @@ class DefectsSettings(StageSettings):
 # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
 _LEAST_LIGHT = 2e-4
 _FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a corner has no more
-_MOST_OUTLIERS = (
-    0.01  # fraction of the samples: if more than this stand out, they belong to the picture
-)
+# fraction of the samples: if more than this stand out, they belong to the picture
+_MOST_OUTLIERS = 0.01
 _CHANNEL = 1 / 3  # of the floor: about the share of light that a channel sees
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
 # share of squared samples, and scene units squared: weights are finite where nothing changes
@@ -218,11 +217,8 @@ class _Strip:
         steps = (-period, 0), (period, 0), (0, -period), (0, period)
         tiles = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
         usual = _mean(tiles, 0).clip(0) + black
-        sites = np.where(
-            self.around(row, column, 1, self.coloured),
-            self.around(row, column, 1),
-            np.float32(np.nan),
-        )
+        are_sites = self.around(row, column, 1, self.coloured)
+        sites = np.where(are_sites, self.around(row, column, 1), np.float32(np.nan))
         darker, brighter = (
             ((sites + noise[:, None]).clip(0) + black) / usual
             for noise in (self.noise(high), -self.noise(high))
@@ -290,16 +286,10 @@ def predicted(frame: Cleaned, bad: BoolArray, places: tuple[IndexArray, IndexArr
         for down, across in ORIENTATIONS:
             before, after = window[:, 2 - down, 2 - across], window[:, 2 + down, 2 + across]
             right, left = max(across, 0), max(-across, 0)
-            change = _mean(
-                np.abs(
-                    window[:, down:, right : 5 - left] - window[:, : 5 - down, left : 5 - right]
-                ),
-                (1, 2),
-            )
+            apart = window[:, down:, right : 5 - left] - window[:, : 5 - down, left : 5 - right]
+            change = np.nan_to_num(_mean(np.abs(apart), (1, 2)))
             flat = _FLAT * (before**2 + after**2) + _TINY
-            weight = np.nan_to_num(
-                1 / ((np.nan_to_num(change) ** 2 + flat) * (down**2 + across**2))
-            )
+            weight = np.nan_to_num(1 / ((change**2 + flat) * (down**2 + across**2)))
             total += weight * np.nan_to_num(before + after) / 2
             weights += weight
         mean = np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)

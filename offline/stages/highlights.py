@@ -136,12 +136,8 @@ def restore_highlights(
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
         interpolate(light, first, pattern.period, plane)
-        raised = corrected(
-            plane,
-            np.where(clear & ~over, nearby, np.float32(np.nan)),
-            _TOLERANCE * clipping,
-            _WIDTH * pattern.period,
-        )
+        known = np.where(clear & ~over, nearby, np.float32(np.nan))
+        raised = corrected(plane, known, _TOLERANCE * clipping, _WIDTH * pattern.period)
         np.copyto(result[inner], np.maximum(raised, nearby)[kept], where=over[kept])
 
     in_strips(spread, len(signal), STRIP // 2)
@@ -215,9 +211,8 @@ def shown_at_sites(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> B
     reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)
     even = np.full(1 + 2 * reach, 1 / (1 + 2 * reach), np.float32)
     total, count = filtered(np.stack([lost.clip(0, 1), clear]), even)
-    return np.rint(
-        255 * np.where(clear, lost, total / np.maximum(count, _LEAST_COUNT)).clip(0, 1)
-    ).astype(np.uint8)
+    mean = total / np.maximum(count, _LEAST_COUNT)
+    return np.rint(255 * np.where(clear, lost, mean).clip(0, 1)).astype(np.uint8)
 
 
 def _largest_near(plane: DoubleArray) -> DoubleArray:

@@ -102,9 +102,8 @@ _AROUND = 1.0
 # up to there. At 3.3 its iterations end 4 % short (measured), so that brighter frames start with a
 # larger one.
 _WHITE = 3.0
-_BAYER_SITES = (
-    4  # sites of a block that the samples in it are a good start for: those of a Bayer block
-)
+# sites of a block that the samples in it are a good start for: those of a Bayer block
+_BAYER_SITES = 4
 _PIECE = 128  # rows of blocks that are filled between two reports of progress
 
 
@@ -131,17 +130,10 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
         progress.stage("luminance", -(-len(rows) // _PIECE))
-        luminance = _fill_isolated(
-            copy_array(signal) if start is signal else start,
-            pattern,
-            (rows, columns),
-            thresholds,
-            progress,
-        )
-    else:
-        progress.stage("luminance", settings.iterations)
-        luminance = fill(start, holes, thresholds, progress)
-    return luminance
+        start = copy_array(signal) if start is signal else start
+        return _fill_isolated(start, pattern, (rows, columns), thresholds, progress)
+    progress.stage("luminance", settings.iterations)
+    return fill(start, holes, thresholds, progress)
 
 
 def fill(

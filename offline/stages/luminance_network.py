@@ -49,12 +49,7 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     """
     pattern, noise = mosaic.pattern, mosaic.calibration.noise
     count = len(pattern.sites)
-    if (
-        pattern.is_scattered
-        or pattern.block_shape != (2, 2)
-        or count not in PATHS
-        or pattern.period < _LEAST_PERIOD
-    ):
+    if pattern.block_shape != (2, 2) or count not in PATHS or pattern.period < _LEAST_PERIOD:
         return luminance
     network, sites, steps = load_network(PATHS[count]), Sites.in_frame(mosaic), mirrors(pattern)
     order = [
@@ -123,13 +118,11 @@ def network_inputs(
     # half the time of means and squares
     mean = np.einsum("ij->i", pixels)[:, None] / np.float32(SIDE**2)
     pixels -= mean
-    units: FloatArray = np.sqrt(
-        np.einsum("ij,ij->i", pixels, pixels)[:, None] / np.float32(SIDE**2)
-    )
+    squares = np.einsum("ij,ij->i", pixels, pixels)[:, None]
+    units: FloatArray = np.sqrt(squares / np.float32(SIDE**2))
     deviation = np.sqrt(noise.variance(mean, -1) if noise else np.zeros_like(mean))
-    asked = np.flatnonzero(
-        units > np.maximum(np.float32(_PLAIN) * np.abs(mean), np.float32(_CLEAR) * deviation)
-    )
+    plain = np.maximum(np.float32(_PLAIN) * np.abs(mean), np.float32(_CLEAR) * deviation)
+    asked = np.flatnonzero(units > plain)
     units, inputs = units[asked], np.empty((len(asked), SIDE**2 + 1), np.float32)
     np.divide(pixels[asked], units, out=inputs[:, :-1])
     inputs[:, -1:] = np.log2(1 + deviation[asked] / units)

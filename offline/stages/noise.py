@@ -56,9 +56,8 @@ def with_noise_model(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
     if mosaic.calibration.noise is not None or not settings.estimate:
         return mosaic
     noise = estimate_noise(mosaic)
-    return replace(
-        mosaic, calibration=replace(mosaic.calibration, noise=noise.possible() if noise else None)
-    )
+    calibration = replace(mosaic.calibration, noise=noise and noise.possible())
+    return replace(mosaic, calibration=calibration)
 
 
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
@@ -103,11 +102,8 @@ def _fitted(mosaic: Mosaic) -> tuple[float, float, float, float] | None:
     bins = np.array_split(np.argsort(mean, kind="stable"), min(_BINS, mean.size // _LEAST_TILES))
     levels = np.array([mean[tiles].mean() for tiles in bins])
     # The filter's outputs along a line are not independent: this is the number of independent ones.
-    freedom = (
-        _LINES
-        * _LENGTH
-        / np.square(np.correlate(_FILTER, _FILTER, "full").astype(np.float64)).sum()
-    )
+    correlation = np.correlate(_FILTER, _FILTER, "full").astype(np.float64)
+    freedom = _LINES * _LENGTH / np.square(correlation).sum()
     # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over
     # its mean.
     smooth = (1 - 2 / (9 * freedom) + _NORMAL_QUANTILE * (2 / (9 * freedom)) ** 0.5) ** 3
@@ -157,10 +153,8 @@ def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:
         line = np.linalg.lstsq(terms * weight[:, None], variances * weight)[0]
         if line.min() < 0:  # one of both is 0
             rest = int(line.argmax())
-            line = (
-                np.eye(2)[rest]
-                * np.linalg.lstsq(terms[:, [rest]] * weight[:, None], variances * weight)[0]
-            )
+            term = terms[:, [rest]] * weight[:, None]
+            line = np.eye(2)[rest] * np.linalg.lstsq(term, variances * weight)[0]
         expected = np.maximum(terms @ line, tiny)
         smooth = variances <= _TEXTURED * expected
         if not smooth.any():

@@ -115,23 +115,18 @@ class Pinning(RowStage):
         places = samples.inside(part, tiles)
         luminance = np.stack([part.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
-        squared = np.square(luminance) / np.maximum(
-            np.square(luminance).mean(axis=2, keepdims=True), np.float32(DARK**2)
-        )
-        weight = (
-            _confidence(power[..., None] * squared, variance)
-            * np.minimum(squared, 1)
-            * samples.unclipped[tiles, :, None]
-        )
+        mean = np.square(luminance).mean(axis=2, keepdims=True)
+        squared = np.square(luminance) / np.maximum(mean, np.float32(DARK**2))
+        weight = _confidence(power[..., None] * squared, variance) * np.minimum(squared, 1)
+        weight *= samples.unclipped[tiles, :, None]
         if samples.lines is not None:
             apart = 1 - samples.lines.share[tiles]
             confidence, weight = confidence * apart, weight * apart[..., None]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
         for site, place in enumerate(places):
             lit = luminance[..., site] > DARK
-            ratios[place] = np.where(
-                lit, samples.samples[tiles, :, site] / np.where(lit, luminance[..., site], 1), 0
-            )
+            ratio = samples.samples[tiles, :, site] / np.where(lit, luminance[..., site], 1)
+            ratios[place] = np.where(lit, ratio, 0)
             weights[place] = np.where(lit, weight[..., site], 0)
         return self._pinned(part, rows, self._base(part, confidence, tiles), ratios, weights)
 

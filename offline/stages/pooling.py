@@ -167,9 +167,8 @@ def pool_blocks(
     for blur, tolerance, radius in settings.passes:
         compared = smoothed(surer * chromaticity, blur)
         features = np.stack([*compared, brightness, (2 * tolerance) * variance])
-        near = np.exp(-np.square(np.arange(radius + 1) * (_WINDOW_WIDTH / radius)) / 2).astype(
-            np.float32
-        )
+        distance = np.arange(radius + 1) * (_WINDOW_WIDTH / radius)
+        near = np.exp(-np.square(distance) / 2).astype(np.float32)
         pooled = _pooled(sums, features, near)
         variance = own + chromaticity_variance(pooled, apart)
         chromaticity = np.moveaxis(_solved(pooled, frame, apart, expected), 2, 0)
@@ -185,12 +184,8 @@ def _pooled(sums: FloatArray, features: FloatArray, near: FloatArray) -> FloatAr
     more, wider = -count % _TOGETHER, -columns % WIDTH
     sides = (radius, radius), (radius, radius + wider)
     pooled = np.zeros((count + more, rows, columns + wider), np.float32)
-    pool(
-        np.pad(sums, ((0, more), *sides)),
-        np.pad(features, ((0, 0), *sides), constant_values=1),
-        near,
-        pooled,
-    )
+    features = np.pad(features, ((0, 0), *sides), constant_values=1)
+    pool(np.pad(sums, ((0, more), *sides)), features, near, pooled)
     return pooled[:count, :, :columns]
 
 
@@ -285,42 +280,30 @@ def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled
     for row in range(pieces[0], pieces[1]):
         for first in range(0, len(sums), _TOGETHER):
             for column in range(0, pooled.shape[2], WIDTH):
+                down, across = row + radius, column + radius
                 a = b = c = d = e = f = load(pooled, (first, row, column))
                 for y in range(row, row + 2 * radius + 1):
                     for x in range(column, column + 2 * radius + 1):
-                        distance = _squared_difference(
-                            features, 0, y, x, row + radius, column + radius
-                        )
+                        distance = _squared_difference(features, 0, y, x, down, across)
                         for plane in range(1, light):
-                            distance += _squared_difference(
-                                features, plane, y, x, row + radius, column + radius
-                            )
-                        noise = load(features, (light + 1, y, x)) + load(
-                            features, (light + 1, row + radius, column + radius)
-                        )
+                            distance += _squared_difference(features, plane, y, x, down, across)
+                        noise = load(features, (light + 1, y, x))
+                        noise += load(features, (light + 1, down, across))
                         distance = quotient(distance, noise)
-                        distance += _squared_difference(
-                            features, light, y, x, row + radius, column + radius
-                        )
+                        distance += _squared_difference(features, light, y, x, down, across)
                         weight = greater(_ONE - _SHARE * distance, _ZERO)
                         weight *= weight
                         weight *= weight
                         weight *= weight
-                        weight *= weight * (
-                            near[abs(y - row - radius)] * near[abs(x - column - radius)]
-                        )
+                        weight *= weight * (near[abs(y - down)] * near[abs(x - across)])
                         a += weight * load(sums, (first, y, x))
                         b += weight * load(sums, (first + 1, y, x))
                         c += weight * load(sums, (first + 2, y, x))
                         d += weight * load(sums, (first + 3, y, x))
                         e += weight * load(sums, (first + 4, y, x))
                         f += weight * load(sums, (first + 5, y, x))
-                store(pooled, (first, row, column), a)
-                store(pooled, (first + 1, row, column), b)
-                store(pooled, (first + 2, row, column), c)
-                store(pooled, (first + 3, row, column), d)
-                store(pooled, (first + 4, row, column), e)
-                store(pooled, (first + 5, row, column), f)
+                for step, value in enumerate((a, b, c, d, e, f)):
+                    store(pooled, (first + step, row, column), value)
 
 
 @kernel

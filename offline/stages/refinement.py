@@ -79,11 +79,8 @@ class Refinement(RowStage):
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows with their chromaticity refined."""
         luminance, period = self.measured.luminance, self.measured.pattern.period
-        return Part(
-            rows[0],
-            part.rows(*rows).luminance,
-            refine(part, rows, luminance, period, self.sigma, self.settings),
-        )
+        refined = refine(part, rows, luminance, period, self.sigma, self.settings)
+        return Part(rows[0], part.rows(*rows).luminance, refined)
 
 
 def refine(

@@ -20,7 +20,10 @@ mosaic = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration.of_bits
 samples = np.clip(mosaic.samples / 3 * 4095, 0, 4095).astype(np.uint16)
 samples[70, 100] = 4095  # defective
 settings = getattr(offline, sys.argv[1])
-offline.warm_up(settings)
+tiny = np.full((24, 24, 3), 0.2, np.float32)
+tiny[:, 12:] = 0.5, 0.1, 0.05  # on no line
+tiny = simulate_additive(tiny, CfaPattern.bayer(6), SensorCalibration(), 0.01, np.random.default_rng(0))
+offline.render(tiny, settings)
 shared = {"interpolate", "smooth"}  # by stages; quickly compiled
 print({name for name in kernels if kernels[name].ready} ^ set(used_kernels(settings)) <= shared)
 offline.render(type(mosaic)(samples, mosaic.pattern, mosaic.calibration), settings)
