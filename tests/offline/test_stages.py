@@ -270,6 +270,21 @@ def test_a_halo_that_is_too_small_is_found(
     assert np.array_equal(checked.rgb, plain.rgb)
 
 
+@pytest.mark.parametrize("down", [-3, 3])
+def test_a_halo_that_is_too_small_on_one_side_is_found(down: int) -> None:
+    class Shift(RowStage):
+        name, halo = "shift", Halo(2)
+
+        def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+            places = (np.arange(len(part.luminance)) + down).clip(0, len(part.luminance) - 1)
+            return replace(part, chromaticity=part.chromaticity[places]).rows(*rows)
+
+    with pytest.raises(InputError, match="the stage 'shift' looks farther than its Halo"):
+        render(
+            shot(50), stages=lambda *arguments: [*row_stages(*arguments), Shift()], check_halos=True
+        )
+
+
 def test_halos_of_the_stages_of_a_render_pass_the_check() -> None:
     mosaic = shot(300)
     assert np.array_equal(render(mosaic, check_halos=True).rgb, render(mosaic).rgb)

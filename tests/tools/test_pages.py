@@ -114,10 +114,18 @@ assert matplotlib.rcParams["axes.grid"] == (sys.argv[2] == "plain" and matplotli
 
 
 @pytest.mark.parametrize(
-    "place", ["folder", "MATPLOTLIBRC", "MPLCONFIGDIR", "MPLBACKEND", "program"]
+    ("place", "backend"),
+    [
+        ("folder", ""),
+        ("MATPLOTLIBRC", ""),
+        ("MPLCONFIGDIR", ""),
+        ("MPLBACKEND", "module://no_such_package.backend"),
+        ("MPLBACKEND", "no_such_name"),  # which matplotlib refuses when it is imported
+        ("program", ""),
+    ],
 )
 def test_plots_do_not_depend_on_the_users_settings(
-    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    place: str, backend: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("MATPLOTLIBRC", "MPLCONFIGDIR", "MPLBACKEND"):
         monkeypatch.delenv(name, raising=False)
@@ -129,13 +137,12 @@ def test_plots_do_not_depend_on_the_users_settings(
         check=True,
     )
     assert b"ResourceWarning" not in done.stderr
-    backend, script, folder = "", PLOT, ROOT
+    script, folder = PLOT, ROOT
     (tmp_path / "matplotlibrc").write_text(SETTINGS)
     if place == "folder":
         script, folder = f"import sys; sys.path.append({str(ROOT)!r})\n{PLOT}", tmp_path
     elif place == "MPLBACKEND":
-        backend = "module://no_such_package.backend"
-        monkeypatch.setenv("MPLBACKEND", backend)
+        monkeypatch.setenv(place, backend)
     elif place == "program":  # that has plotted itself
         script = (
             f"import matplotlib; matplotlib.rc_file({str(tmp_path / 'matplotlibrc')!r})\n{PLOT}"
