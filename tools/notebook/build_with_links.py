@@ -6,28 +6,9 @@ installed that cannot be imported, so the build ends.
 """
 
 from pathlib import Path
+from typing import Any
 
-from setuptools.build_meta import (
-    build_editable,
-    build_sdist,
-    build_wheel,
-    get_requires_for_build_editable,
-    get_requires_for_build_sdist,
-    get_requires_for_build_wheel,
-    prepare_metadata_for_build_editable,
-    prepare_metadata_for_build_wheel,
-)
-
-__all__ = [
-    "build_editable",
-    "build_sdist",
-    "build_wheel",
-    "get_requires_for_build_editable",
-    "get_requires_for_build_sdist",
-    "get_requires_for_build_wheel",
-    "prepare_metadata_for_build_editable",
-    "prepare_metadata_for_build_wheel",
-]
+from setuptools import build_meta
 
 _FACADE = Path(__file__).parent / "panchroma"
 for _name in ("device", "offline", "shared", "tools"):
@@ -40,3 +21,7 @@ for _name in ("device", "offline", "shared", "tools"):
             "was made without symbolic links. Clone again with `git clone -c core.symlinks=true`, "
             "on Windows inside the Windows Subsystem for Linux"
         )
+
+
+def __getattr__(name: str) -> Any:
+    return getattr(build_meta, name)  # the hooks of PEP 517 and PEP 660
