@@ -66,10 +66,7 @@ def available_threads() -> int:
     if not asked:
         return processors()
     if not (asked.isdecimal() and int(asked) > 0):
-        raise InputError(
-            f"the environment variable {THREADS} is {asked!r}, expected a number of threads, 1 or "
-            "more"
-        )
+        raise InputError(f"{THREADS} is {asked!r}, expected a number of threads, 1 or more")
     return int(asked)
 
 

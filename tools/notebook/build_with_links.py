@@ -10,9 +10,8 @@ from typing import Any
 
 from setuptools import build_meta
 
-_FACADE = Path(__file__).parent / "panchroma"
 for _name in ("device", "offline", "shared", "tools"):
-    _link = _FACADE / _name
+    _link = Path(__file__).parent / "panchroma" / _name
     if not _link.exists():  # as in a source distribution
         _link.symlink_to(Path("../../..", _name))
     if not (_link / "__init__.py").is_file():
