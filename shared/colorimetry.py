@@ -53,8 +53,8 @@ def primaries_to_xyz(
 
 
 def white_reading(camera_to_xyz: ArrayLike, neutral: Sequence[float] | None) -> DoubleArray:
-    """What white reads in each channel: the neutral, or what the matrix, (3, C), maps to D50 where
-    that is None; float64 (C,).
+    """Return the reading of white in each channel, float64 (C,): the neutral, or where that is None
+    what the matrix, (3, C), maps to D50.
     """
     if neutral is None:
         return np.linalg.lstsq(np.array(camera_to_xyz), D50)[0]
