@@ -224,10 +224,10 @@ def test_without_a_temporary_folder_a_kernel_is_compiled_all_the_same(
 
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), OutputError("no permission")])
 def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(
-    error: Exception, monkeypatch: pytest.MonkeyPatch
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(product, "write_durably", Mock(side_effect=error))
-    monkeypatch.setattr(product, "_version", lambda: "f" * 16)
+    monkeypatch.setattr(product, "_folders", lambda _: [tmp_path])
     made, numbers = product.ParallelKernel(more, len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
