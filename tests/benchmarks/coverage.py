@@ -7,13 +7,15 @@ colours fall off unlike each other, and the light on a chart of any size at any 
 calibrated from every subset of its frames. Of each kind of subset the table says how many cameras
 are refused, how many get the verdict "do not use it", and how often the 95 % intervals of the
 others cover the truth, with the largest error, in half widths: of gamma; of black level, gain and
-read noise, where frames measure them.
+read noise, where frames measure them. Rows of a variant (`VARIANTS`) begin with its name. Without
+flat frames the truth is gamma at the place of the charts.
 """
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -31,8 +33,15 @@ from tests.benchmarks.harness import options
 from tests.tools.calibration.known_camera import PATTERNS, REFERENCE, true_place
 
 SHAPE = (400, 600)
+VARIANTS: dict[str, dict[str, Any]] = {
+    "": {},
+    "corner, planes": {"corner": True},
+    "corner, light": {"corner": True, "in_light": True},
+}
+"""What differs from the cameras as they are drawn."""
 KINDS = (
     "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat", "dark+flat", "flat",
+    *(f"corner, {where}: {kind}" for where in ("planes", "light") for kind in ("chart+dark", "chart+dark+flat", "charts+dark+flat")),
 )  # fmt: skip
 SIGMAS = 1.96
 NAMES = ("gamma", "black", "shot", "read")
@@ -49,6 +58,9 @@ class SimulatedCamera:
     electrons: at full scale.
     read: (C + 1,), electrons.
     falls: (C + 1, 4), fall-off per plane: shares of r^2, r^4, row and column.
+    in_light: the fall-off of the channels is that of the light, and that of panchromatic samples
+    follows.
+    corner: its charts are small, and in the corners of the frame.
     """
 
     pattern: CfaPattern
@@ -58,6 +70,8 @@ class SimulatedCamera:
     electrons: float
     read: DoubleArray
     falls: DoubleArray
+    in_light: bool = False
+    corner: bool = False
 
     @staticmethod
     def drawn(random: np.random.Generator) -> "SimulatedCamera":
@@ -89,17 +103,29 @@ class SimulatedCamera:
         """
         height, width = rgb.shape[:2]
         planes = self.pattern.filter_map((height, width))
-        signal = np.concatenate([rgb, (rgb @ self.gamma)[..., None]], axis=2, dtype=np.float64)
         middle = np.array([height - 1, width - 1]) / 2
         y, x = (np.mgrid[:height, :width] - middle[:, None, None]) / np.hypot(*middle)
-        shapes = np.stack([y**2 + x**2, (y**2 + x**2) ** 2, y, x], axis=-1)
-        signal *= np.maximum(1 - shapes @ self.falls.T, 0.1)
+        left = self.left_at(y, x)
+        light = rgb * left[..., :-1]
+        clear = light @ self.gamma if self.in_light else (rgb @ self.gamma) * left[..., -1]
+        signal = np.concatenate([light, clear[..., None]], axis=2, dtype=np.float64)
         filtered = np.take_along_axis(signal, planes[..., None].astype(int), axis=2)[..., 0]
         light = filtered / self.gamma.sum() * self.electrons
         counted = random.poisson(light) + random.normal(0, 1, light.shape) * self.read[planes]
         white, black = self.states.white_level, self.black[planes] + drift
         codes = np.rint(black + counted / self.electrons * (white - black)).clip(0, white)
         return Mosaic(codes.astype(np.uint16), self.pattern, self.states)
+
+    def left_at(self, y: DoubleArray, x: DoubleArray) -> DoubleArray:
+        """What the fall-off leaves of each plane at places, (..., C + 1)."""
+        square = y**2 + x**2
+        shapes = np.stack([square, square**2, y, x], axis=-1)
+        return np.asarray(np.maximum(1 - shapes @ self.falls.T, 0.1))
+
+    def gamma_at(self, places: DoubleArray) -> DoubleArray:
+        """The mean of gamma at places (N, 2) of a frame whose shading is not undone."""
+        *left, clear = self.left_at(*places.T).T
+        return self.gamma * (1 if self.in_light else np.mean(clear / left, axis=1))
 
 
 @dataclass
@@ -123,13 +149,15 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     frames = Frames()
     for number in range(3):
         colour = random.uniform(0.5, 1, 3)
-        share = random.choice([1.0, 0.8])
+        share = 0.5 if camera.corner else random.choice([1.0, 0.8])
         high, wide = (round(share * side) for side in SHAPE)
         rows = np.linspace(0, SHAPE[0] - 1, high).round().astype(int)
         columns = np.linspace(0, SHAPE[1] - 1, wide).round().astype(int)
         scene = np.full((*SHAPE, 3), 0.35, np.float32)
         top = int(random.integers(0, SHAPE[0] - high + 1))
         left = int(random.integers(0, SHAPE[1] - wide + 1))
+        if camera.corner:
+            top, left = random.choice([0, SHAPE[0] - high]), random.choice([0, SHAPE[1] - wide])
         scene[top : top + high, left : left + wide] = charts()[np.ix_(rows, columns)]
         scene *= colour / (colour.max() * 0.9) * random.uniform(0.4, 0.95)
         scale = wide / SHAPE[1], high / SHAPE[0]
@@ -180,7 +208,9 @@ def errors(
     }
     gamma, dark = outcome.measured.gamma, outcome.measured.dark
     if gamma is not None:
-        off["gamma"] = (gamma.gamma - camera.gamma) / gamma.half_width
+        flat = outcome.measured.shading is not None
+        truth = camera.gamma if flat else camera.gamma_at(gamma.where)
+        off["gamma"] = (gamma.gamma - truth) / gamma.half_width
     if dark is not None:
         off["black"] = (dark.black - camera.black) / (SIGMAS * dark.black_error)
     if outcome.camera is not None and "noise" in outcome.camera.measured:
@@ -213,19 +243,22 @@ class Counts:
 def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
     """Calibrate cameras, by their numbers, from these kinds of subsets."""
     counts = {kind: Counts() for kind in kinds}
-    for number in cameras:
+    wanted = [(kind, *kind.rpartition(": ")[::2]) for kind in kinds]
+    for number, variant in product(cameras, dict.fromkeys(name for _, name, _ in wanted)):
         random = np.random.default_rng(number)
-        camera = SimulatedCamera.drawn(random)
+        camera = replace(SimulatedCamera.drawn(random), **VARIANTS[variant])
         frames = session_of(camera, random)
-        for kind, count in counts.items():
-            outcome = calibrated(frames, kind)
+        for kind, of_variant, parts in wanted:
+            if of_variant != variant:
+                continue
+            count, outcome = counts[kind], calibrated(frames, parts)
             if outcome is None or (outcome.camera is None and not outcome.contradictions):
                 count.refused += 1
                 continue
             if outcome.verdict == "do not use it":
                 count.unfit += 1
                 continue
-            for name, off in errors(outcome, camera, gamma_known="chart" in kind).items():
+            for name, off in errors(outcome, camera, gamma_known="chart" in parts).items():
                 count.off[name] += off.tolist()
             if (gamma := outcome.measured.gamma) is not None:
                 count.wide.append(gamma.worst)

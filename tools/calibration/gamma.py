@@ -16,6 +16,11 @@ from the panchromatic one, makes gamma change over the frame: gamma_i (1 + a_i(p
 in the middle. Both are unknowns beside gamma, with Gaussian priors: narrow if dark and flat frames
 have measured them, wide if not. So intervals of gamma cover what was assumed. Gamma is stated for
 the place of the chart: only there do colours measure it.
+
+Flat frames show how each plane falls off, but not why. If its own pixels see less light, Eq. 7
+holds after that is undone. If the lens dims a colour, it dims that colour's share of panchromatic
+light too: Eq. 7 holds before, and afterwards with gamma_i gain_w / gain_i. So a share from 0 to 1
+of that change is an unknown of each channel, and gamma is stated without it: for the middle.
 """
 
 from collections.abc import Mapping, Sequence
@@ -78,16 +83,16 @@ class Assumed:
         (C + 1,), black level, codes.
     black_measured : bool
         Whether dark frames have measured it.
-    colour : DoubleArray
-        (C,), in the corners, share of the light by which a channel may fall off otherwise than the
-        panchromatic samples.
+    colour : float
+        In the corners, share of the light by which a channel may fall off otherwise than the
+        panchromatic samples, and than known shading.
     tilt : float
         Share by which it may do so from one side to the middle.
     """
 
     black: DoubleArray
     black_measured: bool
-    colour: DoubleArray
+    colour: float
     tilt: float
 
     @classmethod
@@ -123,17 +128,10 @@ class Assumed:
         elif stated is not None:
             errors = numbers("measured.black_level.standard_error", stated, len(level))
             black = np.hypot(errors, drift)
-        colour = np.full(len(calibration.channels), _KNOWN_COLOUR)
-        if calibration.shading:
-            # A lens that dims a colour, rather than the sensor that sees less of it, dims its share
-            # of panchromatic light too. Flat frames do not tell these apart, and with that share
-            # gamma itself changes towards the corners.
-            *colours, panchromatic = calibration.shading.sketch
-            falls = np.array([np.abs(panchromatic / gain - 1).max() for gain in colours])
-            return cls(black, is_measured, np.hypot(colour, falls), _KNOWN_COLOUR)
-        if even or "shading" in measured:
-            return cls(black, is_measured, colour, _KNOWN_COLOUR)
-        return cls(black, is_measured, np.full_like(colour, _UNKNOWN_COLOUR), _UNKNOWN_TILT)
+        colour, tilt = _UNKNOWN_COLOUR, _UNKNOWN_TILT
+        if even or calibration.shading or "shading" in measured:
+            colour = tilt = _KNOWN_COLOUR
+        return cls(black, is_measured, colour, tilt)
 
     def precision(
         self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
@@ -154,17 +152,33 @@ class Assumed:
         part = self.black / span * weights
         # In common, errors of the channels cancel that of the panchromatic plane in part.
         common = abs(part[-1] - part[:-1].sum())
-        sides = [self.colour, self.colour, self.tilt, self.tilt]
-        shapes = np.concatenate([np.maximum(np.abs(gamma), 1e-3) * side for side in sides])
-        by_offset = 1 / max(common, float(np.sqrt((part**2).sum()))) ** 2 if offset else 0.0
-        return np.diag([*np.zeros(len(gamma)), by_offset, *shapes**-2.0])
+        at = named(len(gamma))
+        precision = np.zeros(at["light"].stop)
+        if offset:
+            precision[at["offset"]] = 1 / max(common, float(np.sqrt((part**2).sum()))) ** 2
+        sides = {"bowl": self.colour, "rim": self.colour, "down": self.tilt, "right": self.tilt}
+        for name, side in {**sides, "light": 1.0}.items():
+            precision[at[name]] = (np.maximum(np.abs(gamma), 1e-3) * side) ** -2.0
+        return np.diag(precision)
 
 
-def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
-    """Return the terms of the panchromatic level at N places, (N, P): colours, 1, and colours times
-    each shape of shading.
+_OF_CHANNELS = "bowl", "rim", "down", "right", "light"
 
-    Shapes of shading: two that are round, and two that tilt.
+
+def named(channels: int) -> dict[str, slice]:
+    """Return the places of the unknowns among all P, by name: gamma, offset, and shading of each
+    channel, in two shapes that are round, two that tilt, and that of flat frames, if it is in the
+    light.
+    """
+    names = ("gamma", "offset", *_OF_CHANNELS)
+    ends = np.cumsum([0, channels, 1, *[channels] * len(_OF_CHANNELS)]).tolist()
+    return dict(zip(names, map(slice, ends[:-1], ends[1:]), strict=True))
+
+
+def unknowns(
+    colours: DoubleArray, places: DoubleArray, dimming: DoubleArray | float = 0.0
+) -> DoubleArray:
+    """Return what each unknown adds to the panchromatic level at N places, (N, P), see `named`.
 
     Parameters
     ----------
@@ -173,12 +187,15 @@ def unknowns(colours: DoubleArray, places: DoubleArray) -> DoubleArray:
     places : DoubleArray
         (N, 2), row and column from the middle of the frame, in halves of its diagonal; or (1, 2),
         one place of all.
+    dimming : DoubleArray | float, optional
+        (N, C), see `PlaceSamples`; half of it, and more or less as the unknown says.
     """
     places = np.broadcast_to(places, (len(colours), 2))
     square = (places**2).sum(axis=1, keepdims=True)
-    shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:])
+    shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:], dimming / 2)
     one = np.ones((len(colours), 1))
-    return np.concatenate([colours, one, *(colours * shape for shape in shapes)], axis=1)
+    terms = colours * (1 + dimming / 2), one, *(colours * shape for shape in shapes)
+    return np.concatenate(terms, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,7 +275,7 @@ class GammaFit:
         solution, covariance = self._solved()
         one = np.eye(len(self.calibration.channels))
         terms = np.mean([unknowns(one, place[None]) for place in self.where], axis=0)
-        terms[:, len(one)] = 0.0  # the offset is no part of gamma
+        terms[:, named(len(one))["offset"]] = 0.0  # it is no part of gamma
         return terms @ solution, terms @ covariance @ terms.T
 
     @property
@@ -279,11 +296,13 @@ class GammaFit:
         The error includes that of the black level only where dark frames have measured it.
         """
         solution, covariance = self._solved(offset=False)
-        index, prior = len(self.calibration.channels), 0.0
+        at, prior = named(len(self.calibration.channels)), 0.0
+        place = at["offset"].start
         if self.assumed.black_measured:
-            prior = 1 / self.assumed.precision(solution[:index], self.calibration)[index, index]
-        variance = max(covariance[index, index], 0.0) * self.widened + prior
-        return float(solution[index]), float(np.sqrt(variance))
+            gamma = solution[at["gamma"]]
+            prior = 1 / self.assumed.precision(gamma, self.calibration)[place, place]
+        variance = max(covariance[place, place], 0.0) * self.widened + prior
+        return float(solution[place]), float(np.sqrt(variance))
 
     @property
     def black_deviation(self) -> float:
@@ -338,7 +357,7 @@ def fit_gamma(
             f"gamma: {int(exposed.sum())} of {len(level)} patches are lit and not clipped, and "
             f"{least} are needed: change the exposure, or {_INSTEAD}"
         )
-    problem = _Problem(level, colours, places.where, mean_variance(places, exposed))
+    problem = _Problem(places, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
     solution, prior = problem.start(used), np.zeros(0)
     for _ in range(_ROUNDS):
@@ -424,14 +443,13 @@ def fit_with_derived(
 class _Problem:
     """The regression of N panchromatic levels on the channels and all that disturbs them.
 
-    level: (N,); colours: (N, C); places: see `unknowns`; variance: (N, C + 1), of the means.
+    variance: (N, C + 1), of the means.
     """
 
-    def __init__(
-        self, level: DoubleArray, colours: DoubleArray, places: DoubleArray, variance: DoubleArray
-    ) -> None:
-        self.level, self.colours, self.places, self.variance = level, colours, places, variance
-        self.terms = unknowns(colours, places)
+    def __init__(self, places: PlaceSamples, variance: DoubleArray) -> None:
+        self.level, self.colours = places.mean[:, -1], places.mean[:, :-1]
+        self.places, self.variance = places, variance
+        self.terms = unknowns(self.colours, places.where, places.dimming)
 
     def start(self, used: BoolArray) -> DoubleArray:
         """Return unknowns (P,) to begin with: gamma by weighted least squares, 0 for the others."""
@@ -468,7 +486,7 @@ class _Problem:
         total = _total(self.variance, gamma)
         residual = (self.level - self.terms @ solution) / total
         pull = self.variance[:, :-1] * gamma * residual[:, None]
-        likely = unknowns(self.colours + pull, self.places)[used]
+        likely = unknowns(self.colours + pull, self.places.where, self.places.dimming)[used]
         return (likely / total[used, None]).T @ likely
 
 

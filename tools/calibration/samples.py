@@ -45,6 +45,10 @@ class PlaceSamples:
         (N,), whether a sample is at the white level.
     where : DoubleArray
         (N, 2), row and column from the middle of the frame, in halves of its diagonal.
+    dimming : DoubleArray | float
+        (N, C), how much more than panchromatic levels those of a channel fall off there, as a share
+        of what known shading leaves of them: its gain of panchromatic samples over the channel's,
+        minus 1.
     """
 
     mean: DoubleArray
@@ -52,6 +56,7 @@ class PlaceSamples:
     count: DoubleArray
     clipped: BoolArray
     where: DoubleArray
+    dimming: DoubleArray | float = 0.0
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
@@ -101,9 +106,17 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     moments = [_moments(*pixels, levels[pixels], planes[pixels], number) for pixels in patches]
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
     at_white = np.array([clipped[pixels].any() for pixels in patches])
-    last = np.array(mosaic.shape) - 1
-    middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches]) - last / 2
-    return PlaceSamples(mean, variance, count, at_white, 2 * middles / np.hypot(*last))
+    last, gain = np.array(mosaic.shape) - 1, np.ones(mean.shape)
+    middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches])
+    if shading := mosaic.calibration.shading:
+        for place, (row, column) in zip(gain, middles.astype(int).tolist(), strict=True):
+            part = slice(row, row + 1), slice(column, column + 1)
+            place[:] = [
+                shading.of_plane(mosaic.shape, plane, *part).item() for plane in range(number)
+            ]
+    where = 2 * (middles - last / 2) / np.hypot(*last)
+    dimming = gain[:, -1:] / gain[:, :-1] - 1
+    return PlaceSamples(mean, variance, count, at_white, where, dimming)
 
 
 def _moments(
