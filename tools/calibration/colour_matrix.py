@@ -9,7 +9,7 @@ from itertools import permutations
 import numpy as np
 
 from ...shared import CfaPattern
-from ...shared.arrays import DoubleArray
+from ...shared.arrays import BoolArray, DoubleArray
 from ...shared.colorimetry import D50, SRGB_TO_XYZ, xyz
 from ...shared.errors import InputError
 from ...shared.lights import illuminant_xy
@@ -19,6 +19,7 @@ from .chart.place import COLUMNS, PATCHES, ROWS
 
 # Neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light.
 GREYS = 19, 20, 21
+_FEWEST_PATCHES, _FEWEST_GREYS = 20, 2  # that tell colours and white
 FEWEST_CHANNELS = 3  # that can tell the colours of a chart apart
 UNEVEN = 1.5  # brightest over dimmest light on the chart: worth a word
 _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
@@ -56,6 +57,8 @@ class ColourFit:
         (24, 3), L*a*b* of the patches after correction.
     reference : DoubleArray
         (24, 3), L*a*b* of the reference.
+    used : BoolArray
+        (24,), False for patches that were left out.
     """
 
     camera: DoubleArray
@@ -66,6 +69,7 @@ class ColourFit:
     light: DoubleArray
     lab: DoubleArray
     reference: DoubleArray
+    used: BoolArray
 
     @property
     def unevenness(self) -> float:
@@ -74,47 +78,61 @@ class ColourFit:
 
     @cached_property
     def difference(self) -> DoubleArray:
-        """The dE2000 of each patch, (24,)."""
-        return delta_e_2000(self.lab, self.reference)
+        """The dE2000 of each patch, (24,); masked where it was left out."""
+        return self._differences(self.lab)
 
     @cached_property
     def plain(self) -> DoubleArray:
         """Residual if the light is treated as even."""
-        matrix, _, light = _fit(self.camera, self.colours, self.cells, field=False)
-        return delta_e_2000(xyz_to_lab((self.camera / light[:, None]) @ matrix.T), self.reference)
+        used = self.used.astype(float)
+        matrix, _, light = _fit(self.camera, self.colours, self.cells, field=False, used=used)
+        return self._differences(xyz_to_lab((self.camera / light[:, None]) @ matrix.T))
+
+    def _differences(self, lab: DoubleArray) -> DoubleArray:
+        return np.ma.masked_array(delta_e_2000(lab, self.reference), ~self.used)
 
     @cached_property
     def left_out(self) -> DoubleArray:
         """The dE2000 of each patch with matrix and illumination field from the 23 others, (24,); it
         takes 24 times as long.
         """
-        errors = np.zeros(PATCHES)
-        for index, used in enumerate(1 - np.eye(PATCHES)):
+        lab = np.zeros((PATCHES, 3))
+        for index, used in enumerate(self.used * (1 - np.eye(PATCHES))):
             matrix, _, light = _fit(self.camera, self.colours, self.cells, field=True, used=used)
-            lab = xyz_to_lab(self.camera[index] / light[index] @ matrix.T)
-            errors[index] = delta_e_2000(lab, self.reference[index])
-        return errors
+            lab[index] = xyz_to_lab(self.camera[index] / light[index] @ matrix.T)
+        return self._differences(lab)
 
 
-def fit_colour(camera: DoubleArray, colours: DoubleArray, cells: DoubleArray) -> ColourFit:
+def fit_colour(
+    camera: DoubleArray, colours: DoubleArray, cells: DoubleArray, used: BoolArray | None = None
+) -> ColourFit:
     """Fit matrix, neutral and illumination field to the patches of one chart.
 
     Parameters
     ----------
     camera, colours, cells : DoubleArray
         See `ColourFit`.
+    used : BoolArray | None, optional
+        See `ColourFit`; None = all patches.
 
     Raises
     ------
     InputError
-        If the grey patches have no light in some channel.
+        If too many patches are left out, or the grey ones have no light in some channel.
     """
-    if camera.shape[0] != PATCHES or not (camera[list(GREYS)] > 0).all():
+    used = np.ones(len(camera), bool) if used is None else used
+    greys = [index for index in GREYS if used[index]]
+    if used.sum() < _FEWEST_PATCHES or len(greys) < _FEWEST_GREYS:
+        raise InputError(
+            f"colour: {int(used.sum())} patches, {len(greys)} of them grey, are lit and not "
+            f"clipped, and {_FEWEST_PATCHES} and {_FEWEST_GREYS} are needed; expose less"
+        )
+    if camera.shape[0] != PATCHES or not (camera[greys] > 0).all():
         raise InputError("colour: the grey patches have no light in some channel; expose more")
-    matrix, neutral, light = _fit(camera, colours, cells, field=True)
-    lab = xyz_to_lab((camera / light[:, None]) @ matrix.T)
+    matrix, neutral, light = _fit(camera, colours, cells, field=True, used=used.astype(float))
+    lab, reference = xyz_to_lab((camera / light[:, None]) @ matrix.T), xyz_to_lab(colours)
     light = light / light.mean()
-    return ColourFit(camera, colours, cells, matrix, neutral, light, lab, xyz_to_lab(colours))
+    return ColourFit(camera, colours, cells, matrix, neutral, light, lab, reference, used)
 
 
 def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> float:
@@ -132,7 +150,8 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
     white, before = (xyz(*illuminant_xy(light)) for light in lights)
     expected = np.zeros(len(one.neutral))
     for fit in (one, other):
-        sensitivity, *_ = np.linalg.lstsq(fit.colours, fit.camera / fit.light[:, None], rcond=None)
+        even = (fit.camera / fit.light[:, None])[fit.used]
+        sensitivity, *_ = np.linalg.lstsq(fit.colours[fit.used], even, rcond=None)
         ratio = np.maximum(white @ sensitivity, 1e-6) / np.maximum(before @ sensitivity, 1e-6)
         expected += np.log(ratio) / 2
     measured = np.log(one.neutral / other.neutral)

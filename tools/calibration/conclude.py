@@ -18,6 +18,7 @@ from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight
+from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
@@ -37,11 +38,23 @@ _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
 _LIKELY_CHANGE = (0.6, 1.9)
 # Mean dE2000: an average chart in average light stays below; above it the colours are useless.
 _GOOD_COLOUR, _USELESS_COLOUR = 4.0, 6.0
+# dE2000 of a patch from the others, alone and over their median: it has dirt, or a reflection
+_ODD_COLOUR, _ODD = 15.0, 5.0
 
 # Of what dark and flat frames show.
 _MANY = 1e-3  # of the pixels
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 _GOOD_READ, _GOOD_NOISE = 0.05, 0.1  # half width over read noise, and over variance at full scale
+
+_REMEDIES = {
+    "gamma": "shoot a ColorChecker",
+    "colour": "shoot a ColorChecker",
+    "noise": "take pairs of flat frames (`flat`), and dark frames (`dark`)",
+    "black_level": "take dark frames (`dark`)",
+    "defects": "take dark and flat frames (`dark`, `flat`)",
+    "shading": "take flat frames (`flat`)",
+}
+"""What to do for each part that was not measured."""
 
 # Of a camera file that is updated.
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
@@ -70,6 +83,8 @@ class Part:
         Why there must not be a camera file; "" = there may be one.
     result : Any
         The fit, for the report.
+    missing : str
+        Why it was not measured, and the remedy; "" = it was, or what is usual.
     """
 
     name: str
@@ -79,6 +94,7 @@ class Part:
     contradictions: Sequence[str] = ()
     refusal: str = ""
     result: Any = None
+    missing: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +118,8 @@ class Result:
         Sentences on what is wrong beyond doubt: the camera must not be used.
     warnings
         Sentences for the user.
+    missing
+        Parts that neither these frames nor the old camera file measured, and what to do.
     """
 
     measured: Measurements
@@ -111,6 +129,7 @@ class Result:
     refusal: str
     contradictions: tuple[str, ...]
     warnings: tuple[str, ...]
+    missing: Mapping[str, str]
 
     @property
     def verdict(self) -> str:
@@ -154,8 +173,15 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
         camera = Camera(calibration, base.pattern, facts, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
     lines = [line for part in parts.values() for line in part.warnings]
+    known, missing = measured.known | sources, {}
+    for name, remedy in _REMEDIES.items():
+        if name not in known and (name != "colour" or len(calibration.channels) >= FEWEST_CHANNELS):
+            missing[name] = (name in parts and parts[name].missing) or remedy
+    for name, why in missing.items():
+        was = "were" if name == "defects" else "was"
+        lines.append(f"{name.replace('_', ' ')} {was} not measured: {why}")
     warnings = (*measured.remarks, *lines, *_outdated(measured, sources))
-    return Result(measured, parts, sources, camera, refusal, contradictions, warnings)
+    return Result(measured, parts, sources, camera, refusal, contradictions, warnings, missing)
 
 
 def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
@@ -184,10 +210,10 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     fit = measured.gamma
     if fit is None:
         stated = ", ".join(f"{value:g}" for value in measured.calibration.gamma)
-        line = f"gamma was not measured, and stays as the shots state it ({stated})"
+        line = f"it stays as the shots state it ({stated})"
         if len(measured.calibration.channels) >= FEWEST_CHANNELS:
             line += "; shoot a ColorChecker, and add it with `update`"
-        return None if "gamma" in measured.known else Part("gamma", warnings=[line])
+        return Part("gamma", missing=line)
     refusal, contradictions = "", _contradictions(fit, measured.shots)
     try:
         check_determined(fit)
@@ -267,10 +293,14 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
             "reflections, a dirty chart, or a sensor that is not linear"
         )
     for shot in shots:
-        if left_out := int((~shot.fit.used).sum()):
-            line = f"{left_out} patches are clipped, or do not fit the others, and were left out"
-            remedy = "expose less, for clipped patches tell no colours, and avoid reflections"
-            warnings.append(f"{shot.name}: {line}; {remedy}")
+        clipped = shot.places.clipped
+        for left_out, why, remedy in (
+            (clipped, "clipped", "expose less"),
+            (~shot.fit.used & ~clipped, "at odds with the others", "avoid reflections and dirt"),
+        ):
+            if left_out.any():
+                names = ", ".join(np.array(NAMES)[left_out])
+                warnings.append(f"{shot.name}: left out, for {why}: {names}; {remedy}")
     return warnings
 
 
@@ -279,7 +309,7 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
 
 @dataclass(frozen=True, eq=False)
 class ChartColours:
-    """The colours of a chart without clipped patches.
+    """The colours of a chart.
 
     Attributes
     ----------
@@ -294,17 +324,19 @@ class ChartColours:
 
 
 def conclude_colour(measured: Measurements) -> Part | None:
-    """Return the camera's colours: of every chart without clipped patches those that predict the
-    left-out patches best.
+    """Return the camera's colours: of every chart with enough patches that are not clipped those
+    that predict the left-out patches best.
 
     Under two lights, those under each; the part is refused unless both are known.
     """
     lights = measured.lights or ("",)
-    charts = {light: _charts_under(measured, light) for light in lights}
+    faults: list[str] = []
+    charts = {light: _charts_under(measured, light, faults) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
-        why = "no chart without clipped patches was found under the light"
-        refusal = f"{why} {' and '.join(missing)}"
-        return Part("colour", refusal=refusal) if measured.lights else None
+        if not measured.lights:
+            return Part("colour", missing="; ".join(faults))
+        why = "no chart whose patches are not clipped was found under the light"
+        return Part("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
     if measured.lights and (wrong := _wrong_lights(charts)):
         return Part("colour", refusal=wrong)
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
@@ -312,6 +344,11 @@ def conclude_colour(measured: Measurements) -> Part | None:
     for chart in best:
         name, mean = chart.shot.name, float(chart.fit.difference.mean())
         off = f"{name}: the colours differ from the reference by a mean dE2000 of {mean:.1f}"
+        warnings += [
+            f"{name}: the colour of {patch} does not fit the others, and was left out; avoid "
+            "reflections and dirt"
+            for patch in np.array(NAMES)[chart.shot.places.exposed & ~chart.fit.used]
+        ]
         if (unevenness := chart.fit.unevenness) > UNEVEN:
             warnings.append(
                 f"{name}: the light on the chart is uneven, up to {unevenness:.2f} times brighter "
@@ -335,13 +372,26 @@ def conclude_colour(measured: Measurements) -> Part | None:
     return Part("colour", facts, changes, warnings, contradictions, result=best)
 
 
-def _charts_under(measured: Measurements, light: str) -> list[ChartColours]:
-    """Return the charts under one light that show colours."""
+def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list[ChartColours]:
+    """Return the charts under one light that show colours; the faults of others are added to
+    `faults`.
+    """
     gamma, charts = measured.gamma, []
     for shot in measured.shots:
-        if gamma is not None and shot.light == light and not shot.places.clipped.any():
-            levels = reconciled(shot.places, gamma.gamma)
-            fit = fit_colour(levels, measured.chart_colours, shot.chart.cells)
+        if gamma is None or shot.light != light:
+            continue
+        levels, used = reconciled(shot.places, gamma.gamma), shot.places.exposed
+        try:
+            fit = fit_colour(levels, measured.chart_colours, shot.chart.cells, used)
+            odd = int(fit.left_out.argmax())
+            if fit.left_out[odd] > max(
+                _ODD_COLOUR, _ODD * float(np.median(np.asarray(fit.left_out)[used]))
+            ):
+                used = used & (np.arange(used.size) != odd)
+                fit = fit_colour(levels, measured.chart_colours, shot.chart.cells, used)
+        except InputError as error:
+            faults.append(f"{shot.name}: {error}")
+        else:
             charts.append(ChartColours(shot, fit))
     return charts
 
@@ -437,10 +487,7 @@ def conclude_defects(measured: Measurements) -> Part | None:
 def conclude_noise(measured: Measurements) -> Part | None:
     """Return the noise of each plane."""
     if not measured.flats:
-        remedy = "take pairs of flat frames (`flat`), and dark frames (`dark`)"
-        line = f"noise was not measured; {remedy}"
-        is_missed = measured.shots and "noise" not in measured.known
-        return Part("noise", warnings=[line]) if is_missed else None
+        return None
     black = measured.assumed().black
     noise = noise_of_flats(measured.flats, measured.calibration, measured.dark, black)
     # In scene units noise is as uncertain as their size, which is that of gamma.

@@ -92,7 +92,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         fell in, or if they clearly differ in noise or level.
     """
     first = frames[0]
-    planes = planes_of(first.pattern, first.shape)
+    planes = planes_of(first, defects=True)  # which are found anew
     number = len(first.pattern.planes)
     stack = np.stack([frame.codes for frame in frames]).astype(np.float64)
     mean = stack.mean(axis=0)
@@ -161,7 +161,7 @@ def _check_light(
     and light has shot noise: the planes' variances rise along a line over their levels. Heat lifts
     all planes alike, and an electronic offset has no noise.
     """
-    letters, planes = frame.pattern.planes, planes_of(frame.pattern, frame.shape)
+    letters, planes = frame.pattern.planes, planes_of(frame, defects=True)
     limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK)
     lift = black - black[:-1].min()
     variance = noise**2

@@ -350,7 +350,7 @@ def fit_gamma(
     assumed = assumed or Assumed.of(calibration)
     channels = places.mean.shape[1] - 1
     level, colours = places.mean[:, -1], places.mean[:, :-1]
-    exposed = ~places.clipped & (places.count.min(axis=1) >= 1) & (level > 0)
+    exposed = places.exposed & (level > 0)
     least = 2 * channels
     if exposed.sum() < least:
         raise InputError(
@@ -494,7 +494,7 @@ def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
     """Return the most likely channel levels (N, C) that fulfil Eq. 7 exactly, given the measured
     levels and gamma.
     """
-    variance = mean_variance(places, ~places.clipped)
+    variance = mean_variance(places, places.exposed)
     disagreement = places.mean[:, -1] - places.mean[:, :-1] @ gamma
     pull = variance[:, :-1] * gamma / _total(variance, gamma)[:, None]
     return places.mean[:, :-1] + pull * disagreement[:, None]

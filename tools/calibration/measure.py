@@ -263,6 +263,7 @@ class Session:
         self._console, self._sensor, self._read_file = console, sensor, read
         # Fields of the calibration that count more than what a frame states.
         self._known: dict[str, Any] = {}
+        self._defects = set(old.calibration.defects if old else ())
         if old:
             self._known["shading"] = old.calibration.shading
             if "black_level" in old.measured:
@@ -291,6 +292,7 @@ class Session:
             fault = "states another black level than the dark frames show"
             self._console.note(f"{path} {fault}: {figures(stated.black_level)} codes")
         self._known["black_level"] = tuple(dark.black.tolist())
+        self._defects |= set(dark.defects)
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
@@ -376,7 +378,9 @@ class Session:
         stated = replace(stated, sensor=sensor)
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
-        mosaic = mosaic.calibrated(replace(stated, **self._known))
+        defects = self._defects.union(stated.defects)
+        known = self._known | {"defects": tuple(sorted(defects))}
+        mosaic = mosaic.calibrated(replace(stated, **known))
         if check := _CHECKS.get(kind):
             check(mosaic)
         digest = hashlib.sha256(mosaic.codes.data).digest()

@@ -21,6 +21,7 @@ from .samples import (
     CLIPPED,
     PlaceSamples,
     clipped_moments,
+    inliers,
     levels_of,
     planes_of,
     robust_deviation,
@@ -33,6 +34,7 @@ _HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
 _MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
+_LEAST = 1e-3  # of full scale: pixels that differ by less are no defects
 # Logarithm of the light, from tile to tile; of all steps, those that lenses of 3 stops do not make;
 # of the brightest tile, what is not told from black.
 _STEP, _STEPS, _FLOOR = 0.5, 0.05, 0.02
@@ -189,7 +191,7 @@ def check_flat(frame: Mosaic) -> None:
     """Raise InputError if a frame that is given as flat shows a scene: its dark edges would pass
     for dead pixels.
     """
-    planes, levels = planes_of(frame.pattern, frame.shape), levels_of(frame)
+    planes, levels = planes_of(frame), levels_of(frame)
     clear = planes == len(frame.pattern.planes) - 1
     middles = [float(np.median(levels[window][clear[window]])) for window in tiles(planes)]
     side = math.isqrt(len(middles))
@@ -215,7 +217,7 @@ def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:
     InputError
         If there is no pair.
     """
-    planes = planes_of(frames[0].pattern, frames[0].shape)
+    planes = planes_of(frames[0])
     white = len(frames[0].pattern.planes) - 1
     levels = [levels_of(frame).astype(np.float64) for frame in frames]
     brightness = [float(np.median(level[planes == white])) for level in levels]
@@ -235,7 +237,9 @@ def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:
     mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
     number = len(mean)
     places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
-    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], planes))
+    return FlatResult(
+        len(pairs), places, *_dead(*frames_of[-1], planes_of(frames[0], defects=True))
+    )
 
 
 def noise_of_flats(
@@ -309,6 +313,7 @@ def _pair_points(
             a, b = (frame[window][planes[window] == plane] for frame in (one, two))
             centre, spread = clipped_moments(a - b)
             good = np.abs(a - b - centre) <= CLIP * max(spread, 1e-12)
+            good &= inliers(a + b - np.median(a + b), max(spread, _LEAST))
             a, b = a[good], b[good]
             place[:, plane] = (a.mean() + b.mean()) / 2, (a - b).var(ddof=1) / 2, a.size
             brightest = max(brightest, float(np.quantile(np.maximum(a, b), 0.99)))

@@ -12,7 +12,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from ...shared import CfaPattern, Mosaic
+from ...shared import Mosaic
 from ...shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
@@ -20,8 +20,10 @@ CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation 
 LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
 # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
 _TILES = 12
-# standard deviations: dust, glints, hot pixels; one Gaussian sample in two million is beyond
-_OUTLIER = 5.0
+_FEW = 9  # samples: fewer do not tell their own deviation
+# Of a patch, single clipped samples that stand out: defects or glints, not the patch.
+_LONE, _LONE_PART = 2, 0.02
+NO_PLANE = 255  # of a defective sample, see `planes_of`
 
 
 Pixels = tuple[IndexArray, IndexArray]
@@ -42,7 +44,7 @@ class PlaceSamples:
     count : DoubleArray
         (N, C + 1), number of samples.
     clipped : BoolArray
-        (N,), whether a sample is at the white level.
+        (N,), whether samples are at the white level that do not stand out from the others.
     where : DoubleArray
         (N, 2), row and column from the middle of the frame, in halves of its diagonal.
     dimming : DoubleArray | float
@@ -57,6 +59,11 @@ class PlaceSamples:
     clipped: BoolArray
     where: DoubleArray
     dimming: DoubleArray | float = 0.0
+
+    @property
+    def exposed(self) -> BoolArray:
+        """The places that have samples of all planes and are not clipped, (N,)."""
+        return ~self.clipped & (self.count.min(axis=1) >= 1)
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
@@ -81,15 +88,38 @@ def robust_deviation(residuals: DoubleArray) -> float:
     return 1.4826 * float(np.median(np.abs(residuals)))  # 1.4826: for a Gaussian
 
 
-def planes_of(pattern: CfaPattern, shape: tuple[int, int]) -> ByteArray:
+def planes_of(mosaic: Mosaic, *, defects: bool = False) -> ByteArray:
     """Return the plane of each sample, uint8 (H, W), as `CfaPattern.filter_map`; a channel without
     filters has every second panchromatic pixel of a row, because it is read by their electronics.
+
+    Parameters
+    ----------
+    defects : bool, optional
+        Whether defects that the calibration lists count; otherwise their plane is `NO_PLANE`.
     """
-    planes = pattern.filter_map(shape)
+    pattern = mosaic.pattern
+    planes = pattern.filter_map(mosaic.shape)
     if pattern.derived is not None:
         clear = planes == len(pattern.channels)
         planes[clear & (clear.cumsum(axis=1, dtype=np.uint8) % 2 == 1)] = pattern.derived
+    if not defects:
+        planes[listed_defects(mosaic)] = NO_PLANE
     return planes
+
+
+def listed_defects(mosaic: Mosaic) -> Pixels:
+    """Return the pixels in the calibration's list of defects that lie in the frame."""
+    places = np.array(mosaic.calibration.defects, np.intp).reshape(-1, 2)
+    rows, columns = places[(places < mosaic.shape).all(axis=1)].T
+    return rows, columns
+
+
+def inliers(residuals: DoubleArray, least: float) -> BoolArray:
+    """Mark residuals about 0 that do not stand out: dust, glints and defects do.
+
+    least: deviation that all may have; few codes have no median deviation.
+    """
+    return np.abs(residuals) <= CLIP * max(robust_deviation(residuals), least)
 
 
 def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
@@ -97,18 +127,25 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
 
     The light may fall off across a patch, equally for all filters: a linear surface is fitted to
     the panchromatic samples, which are many, and all samples are divided by it, so that samples at
-    different sites can be compared.
+    different sites can be compared. Defects that are listed, and samples that stand out, are left
+    out.
     """
-    levels, pattern = levels_of(mosaic).astype(np.float64), mosaic.pattern
-    planes, number = planes_of(pattern, mosaic.shape), len(pattern.planes)
+    levels, number = levels_of(mosaic).astype(np.float64), len(mosaic.pattern.planes)
+    planes, calibration = planes_of(mosaic), mosaic.calibration
     # What saturates is what the sensor reads.
     clipped = levels_of(without_shading(mosaic)) >= CLIPPED
-    moments = [_moments(*pixels, levels[pixels], planes[pixels], number) for pixels in patches]
+    code = 1 / (calibration.white_level - calibration.black_level[-1])
+    moments, at_white = [], []
+    for pixels in patches:
+        plane, full = planes[pixels], clipped[pixels] & (planes[pixels] != NO_PLANE)
+        moment, kept = _moments(*pixels, levels[pixels], plane, number, code)
+        moments.append(moment)
+        lone = int((full & ~kept).sum())
+        at_white.append((full & kept).any() or lone > max(_LONE, _LONE_PART * full.size))
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
-    at_white = np.array([clipped[pixels].any() for pixels in patches])
     last, gain = np.array(mosaic.shape) - 1, np.ones(mean.shape)
     middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches])
-    if shading := mosaic.calibration.shading:
+    if shading := calibration.shading:
         for place, (row, column) in zip(gain, middles.astype(int).tolist(), strict=True):
             part = slice(row, row + 1), slice(column, column + 1)
             place[:] = [
@@ -116,41 +153,49 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
             ]
     where = 2 * (middles - last / 2) / np.hypot(*last)
     dimming = gain[:, -1:] / gain[:, :-1] - 1
-    return PlaceSamples(mean, variance, count, at_white, where, dimming)
+    return PlaceSamples(mean, variance, count, np.array(at_white), where, dimming)
 
 
 def _moments(
-    rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int
-) -> DoubleArray:
-    """Return mean, variance and count per plane, (3, number)."""
+    rows: IndexArray,
+    columns: IndexArray,
+    values: DoubleArray,
+    plane: ByteArray,
+    number: int,
+    code: float,
+) -> tuple[DoubleArray, BoolArray]:
+    """Return mean, variance and count per plane, (3, number), and the samples that count; code:
+    the level of one.
+    """
     design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
-    white = plane == number - 1
-    fitted, *_ = np.linalg.lstsq(design[white], values[white], rcond=None)
+    kept = plane == number - 1
+    kept[kept] = inliers(values[kept] - np.median(values[kept]), code)
+    fitted, *_ = np.linalg.lstsq(design[kept], values[kept], rcond=None)
     shading = np.ones(values.size)
     if fitted[0] > 0:
         shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0)
-    own = (plane == index for index in range(number))
-    return np.array([_robust(values[here], shading[here]) for here in own], np.float64).T
-
-
-def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:
-    """Return mean at shading 1, variance, and number of the samples without outliers."""
-    if values.size < 2:
-        return (float(values.sum()), 0.0, values.size)
-    residual = values - np.median(values / shading) * shading
-    spread = robust_deviation(residual)
-    # With few samples the spread itself is uncertain: keep them all.
-    if values.size >= 9 and spread > 0:
-        kept = np.abs(residual) <= _OUTLIER * spread
-        values, shading = values[kept], shading[kept]
-    mean = float(values.sum() / shading.sum())  # maximum likelihood for photons
-    variance = float(((values - mean * shading) ** 2).sum() / max(values.size - 1, 1))
-    return mean, variance, values.size
+    spread = robust_deviation((values - fitted[0] * shading)[kept])
+    moments = np.zeros((3, number))
+    for index in range(number):
+        here = np.flatnonzero(plane == index)
+        if here.size > 2:  # of two nobody knows the one that stands out
+            middle = float(np.median(values[here] / shading[here]))
+            # Few samples tell their spread less well than the panchromatic ones, by photon noise.
+            least = spread * max(middle / max(fitted[0], code), 1) ** 0.5 * (here.size < _FEW)
+            good = inliers(values[here] - middle * shading[here], max(code, least))
+            here = here[good]
+        kept[plane == index] = False
+        kept[here] = True
+        if here.size:
+            mean = values[here].sum() / shading[here].sum()  # maximum likelihood for photons
+            squares = ((values[here] - mean * shading[here]) ** 2).sum()
+            moments[:, index] = mean, squares / max(here.size - 1, 1), here.size
+    return moments, kept
 
 
 def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
-    rarest = int(np.bincount(planes.ravel()).min())
+    rarest = int(np.bincount(planes[planes != NO_PLANE]).min())
     number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _TILES))
     yield from windows(planes.shape, (number, number))
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...shared import CfaPattern, Mosaic, Shading
+from ...shared import Mosaic, Shading
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
 from ...shared.shading import ZOOMED, basis
@@ -126,13 +126,13 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     light, parts = _mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
     for _ in range(_ROUNDS):
-        tiles = _measured(light, pattern, shading)
+        tiles = _measured(light, frames[0][1], shading)
         if not tiles.light.min() > 0:
             remedy = "expose more, up to three quarters of full scale"
             raise InputError(f"flat frames: they are dark, at least in places; {remedy}")
         shading, error = _refined(shading, tiles)
     _check_alike(parts)
-    left = _measured(light, pattern, shading)
+    left = _measured(light, frames[0][1], shading)
     _check_light(left, shading, pattern.channels)
     residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
     if residual > _RESIDUAL:
@@ -168,13 +168,14 @@ def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, 
     Raises InputError if all are clipped.
     """
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
-    planes, letters = planes_of(pattern, shape), pattern.planes
-    number, clear = np.bincount(planes.ravel()), planes == len(letters) - 1
+    planes, letters = planes_of(frames[0][1]), pattern.planes
+    number, clear = np.bincount(planes.ravel())[: len(letters)], planes == len(letters) - 1
     down, right = (np.linspace(0, length, _PARTS, endpoint=False).astype(int) for length in shape)
     total, parts, clipped = np.zeros(shape), {}, []
     for name, frame in frames:
         levels = levels_of(frame)
-        shares = np.bincount(planes[levels >= CLIPPED], minlength=len(letters)) / number
+        clipped_planes = np.bincount(planes[levels >= CLIPPED], minlength=len(letters))
+        shares = clipped_planes[: len(letters)] / number
         if shares.max() > _CLIPPED_PART:
             clipped.append((float(shares.max()), letters[int(shares.argmax())], name))
             continue
@@ -209,12 +210,11 @@ def _check_alike(parts: dict[str, DoubleArray]) -> None:
             )
 
 
-def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:
-    """Measure the light of a frame, (H, W), in tiles, with the shading undone as far as it is
-    known.
+def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Tiles:
+    """Measure the light of a frame like this one, (H, W), in tiles, with the shading undone as far
+    as it is known.
     """
-    shape = light.shape[0], light.shape[1]
-    planes = planes_of(pattern, shape)
+    shape, pattern, planes = frame.shape, frame.pattern, planes_of(frame)
     down, right = (min(length // (_TILE * pattern.period), _MOST_TILES) for length in shape)
     measured = np.zeros((5, len(shading.gain), down * right))
     for plane in range(len(shading.gain)):

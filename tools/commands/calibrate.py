@@ -192,7 +192,9 @@ def _write(
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
     sensor, gamma = calibration.sensor or "unnamed sensor", figures(calibration.gamma)
     described = f"{sensor}, gamma {gamma}, measured: {parts}, id {calibration.id}"
-    console.say(f"{output}: {described}; {verdict}")
+    missing = (f"{name.replace('_', ' ')} ({why})" for name, why in result.missing.items())
+    unmeasured = f"; not measured: {', '.join(missing)}" if result.missing else ""
+    console.say(f"{output}: {described}; {verdict}{unmeasured}")
     warnings = map(console.spell, (*result.contradictions, *result.warnings))
     facts = {"verdict": verdict, "warnings": [*warnings]}
     console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)

@@ -113,7 +113,9 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
     slope = np.linspace(1, 1 / brighter, chart().shape[axis])
     taken = frame(chart().rgb * np.expand_dims(slope, (1 - axis, 2)))
     shots = [on_chart(taken)]
-    outcome = conclude(Measurements(REFERENCE, base_of(), dark=DARK, flats=FLAT, shots=shots))
+    even = ShadingResult(None, 2, 0.001)
+    seen = Measurements(REFERENCE, base_of(), None, DARK, FLAT, shots, shading=even)
+    outcome = conclude(seen)
     assert outcome.verdict == ("use it with care" if brighter > 1 else "use it")
     told = any("the light on the chart is uneven" in line for line in outcome.warnings)
     assert told == (brighter > 1)

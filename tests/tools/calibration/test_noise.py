@@ -85,8 +85,9 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     assert error[-1] < 0.5 * true[-1]
     warnings = concluded(frames[0], None, seen).warnings
     assert sum("; take dark frames (`dark`), or" in line for line in warnings) == 1
-    (unknown,) = concluded(frames[0], measure_dark(darks(4)), seen).warnings
-    assert "gamma was not measured" in unknown
+    outcome = concluded(frames[0], measure_dark(darks(4)), seen)
+    assert list(outcome.missing) == ["gamma", "colour", "shading"]
+    assert len(outcome.warnings) == 3
 
 
 def test_flats_without_partner_and_dead_pixels() -> None:

@@ -17,6 +17,7 @@ from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.calibration.conclude import Result, conclude
 from panchroma.tools.calibration.files import check_same
+from panchroma.tools.calibration.gamma import GammaFit
 from panchroma.tools.calibration.measure import Measurements, Session
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import (
@@ -112,6 +113,64 @@ def test_a_copy_of_a_chart_does_not_count_whatever_it_is_called() -> None:
     assert line.startswith("copy.dng: it is the same shot as chart0.dng: a copy adds nothing")
     assert another.skipped == []
     assert (another.gamma.half_width < 0.8 * seen.gamma.half_width).all()
+
+
+def concluded_kinds(kinds: tuple[str, ...], edit: Callable[[Mosaic], Mosaic]) -> Result:
+    frames = {kind: several(kind, 4, edit) for kind in kinds}
+    return concluded(**frames, shots=several("chart", 1, edit))
+
+
+@cache
+def clean_gamma(*kinds: str) -> GammaFit:
+    return concluded_kinds(kinds, lambda mosaic: mosaic).measured.gamma
+
+
+@pytest.mark.parametrize("kinds", [(), ("dark",), ("flat",), ("dark", "flat")])
+@pytest.mark.parametrize("number", [1, 100])
+def test_bad_pixels_cost_neither_a_patch_nor_the_colour(
+    kinds: tuple[str, ...], number: int
+) -> None:
+    """Stuck at any level: one in the white patch, or in every patch and elsewhere."""
+    random = np.random.default_rng(number)
+    middles = [(int(rows.mean()), int(columns.mean())) for rows, columns in true_place().measured()]
+    places = np.array(middles if number > 1 else [middles[18]])
+    places += random.integers(-3, 3, places.shape)
+    more = random.integers(0, SHAPE, (number - len(places), 2))
+    rows, columns = np.concatenate([places, more]).T
+    stuck = random.choice([0, 1500, 4095, 4095], number)
+
+    def bad(mosaic: Mosaic) -> Mosaic:
+        codes = mosaic.codes.copy()
+        codes[rows, columns] = stuck
+        return replace(mosaic, samples=codes)
+
+    outcome, clean = concluded_kinds(kinds, bad), clean_gamma(*kinds)
+    gamma = outcome.measured.gamma
+    assert (np.abs(gamma.gamma - clean.gamma) < 0.15 * clean.half_width).all()
+    assert (gamma.half_width < 1.05 * clean.half_width).all()
+    assert outcome.measured.shots[0].fit.used.all()
+    assert outcome.facts["colour"]["mean_dE2000"] < 2
+    assert outcome.verdict == ("use it" if len(kinds) == 2 else "use it with care")
+    if len(kinds) == 2:
+        true = set(zip(rows.tolist(), columns.tolist(), strict=True))
+        assert len(true ^ set(outcome.camera.calibration.defects)) <= 1
+
+
+def test_a_patch_that_does_not_fit_is_named_and_the_colour_stays() -> None:
+    rows, columns = true_place().measured()[12]
+    dirty, bright = chart().rgb.copy(), 1.3 * chart().rgb
+    dirty[rows, columns] *= (3, 1, 0.4)
+    for rgb, said in (
+        (dirty, "the colour of blue does not fit the others, and was left out; avoid reflections"),
+        (bright, "left out, for clipped: white; expose less"),
+    ):
+        outcome = concluded(shots={"chart.dng": frame(rgb)})
+        assert sum(said in line for line in outcome.warnings) == 1, outcome.warnings
+        assert outcome.facts["colour"]["mean_dE2000"] < 2
+        assert outcome.parts["colour"].result[0].fit.used.sum() == 23
+    over = concluded(shots={"chart.dng": frame(3 * chart().rgb)})
+    assert "are lit and not clipped" in over.missing["colour"]
+    assert "expose less" in over.missing["colour"]
 
 
 STATED = ((3, 4), (50, 60), (200, 300))

@@ -121,6 +121,7 @@ def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> N
     first = calibrated(folder, output, "chart")
     assert first["verdict"] == "use it with care"
     assert any("noise was not measured" in line for line in first["warnings"])
+    assert "was not measured: take flat frames (--flat)" in first["warnings"][-1]
     before, text = read_camera(output), output.read_text()
     darks = repeated("--dark", folder.glob("dark*"))
     outcome = run("calibrate", *darks, "-o", output, "--update", code=0)
@@ -131,6 +132,8 @@ def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> N
     assert kept == before.measured
     assert (tmp_path / "camera.json.bak").read_text() == text
     assert "measured now: black_level, defects; kept as it was: gamma, colour" in outcome.out
+    said = r"with care; not measured: noise \(take pairs of.*\), shading \(take flat .*\)\n$"
+    assert re.search(said, outcome.out)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "camera.json.bak"]
 
 

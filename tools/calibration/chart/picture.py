@@ -5,7 +5,7 @@ from scipy.ndimage import convolve, map_coordinates
 
 from ....shared import Mosaic
 from ....shared.arrays import ByteArray, FloatArray
-from ..samples import levels_of
+from ..samples import levels_of, listed_defects
 from .place import INNER, PATCH, ChartPlace
 
 # pixels: a hole is filled from samples at most this far away; no site of a scattered tile is
@@ -20,9 +20,12 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     Where luminance was not measured it is the local mean. The chromaticity of a block is the ratio
     of its samples to luminance (gamma is not used), interpolated bilinearly.
     """
-    levels = levels_of(mosaic)
+    levels, pattern = levels_of(mosaic).copy(), mosaic.pattern
+    # A defect gets the level of the next sample of its kind.
+    rows, columns = listed_defects(mosaic)
+    step = np.where(rows < pattern.period, pattern.period, -pattern.period)
+    levels[rows, columns] = levels[np.minimum(rows + step, mosaic.shape[0] - 1), columns]
     luminance = _luminance(mosaic, levels)
-    pattern = mosaic.pattern
     grid = pattern.grid(mosaic.shape)
     rows, columns = grid.whole_rows, grid.whole_columns
     ratios = np.zeros((rows.size, columns.size, len(pattern.channels)), np.float32)
