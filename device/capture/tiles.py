@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ...shared.arrays import BoolArray, CodeArray, DoubleArray, FloatArray
@@ -75,7 +76,7 @@ class Tiles:
         places: (N, K, K).
         """
         down, across = _averages(self.parts.shape[1], period)[self.places.T % period]
-        means = down @ self.parts @ across.transpose(0, 2, 1)
+        means = (down @ self.parts @ across.transpose(0, 2, 1)).astype(np.float64)
         return means - means.mean(axis=(1, 2), keepdims=True)
 
     def panchromatic(self, pattern: CfaPattern) -> BoolArray:
@@ -87,22 +88,27 @@ class Tiles:
 
 
 @lru_cache(maxsize=64)
-def _averages(side: int, period: int) -> DoubleArray:
+def _averages(side: int, period: int) -> FloatArray:
     """Weights of a tile's rows in the mean at each place of a period: (phase of the first row,
     place, row), (K, K, `side`).
     """
     of_place = np.arange(side) % period == np.arange(period)[:, None]
     shifted = np.stack([of_place[np.arange(period) - phase] for phase in range(period)])
-    return shifted / shifted.sum(axis=2, keepdims=True)
+    weights: FloatArray = (shifted / shifted.sum(axis=2, keepdims=True)).astype(np.float32)
+    return weights
 
 
 def _local_mean(parts: FloatArray, window: int) -> FloatArray:
-    before = min(window // 2, parts.shape[1] - 2)
-    after = before - 1 + window % 2
-    wide = np.pad(parts, ((0, 0), (before + 1, after), (before + 1, after)), "reflect")
-    sums = wide.cumsum(axis=1, dtype=np.float64)
-    sums.cumsum(axis=2, out=sums)
-    size = before + after + 1
-    upper, lower = sums[:, :-size], sums[:, size:]
-    box = lower[..., size:] - upper[..., size:] - lower[..., :-size] + upper[..., :-size]
-    return (box / size**2).astype(np.float32)
+    down, across = (_box(side, window) for side in parts.shape[1:])
+    return np.asarray(down @ parts @ across.T, np.float32)
+
+
+@lru_cache(maxsize=64)
+def _box(side: int, window: int) -> FloatArray:
+    """Weights of the samples of a line in the mean around each, mirrored at its ends: (`side`,
+    `side`).
+    """
+    before = max(min(window // 2, side - 2), 0)
+    after = max(before - 1 + window % 2, 0)
+    lines = np.pad(np.eye(side, dtype=np.float32), ((before, after), (0, 0)), "reflect")
+    return sliding_window_view(lines, before + after + 1, axis=0).mean(axis=2)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
 from ...shared.arrays import CodeArray
+from ...shared.errors import InputError
 from ...shared.reading import opened_file
 from .identity import identify
 from .source import STREAM, SourceOptions, layout_of, recording, standard_input
@@ -21,6 +22,9 @@ from .source import STREAM, SourceOptions, layout_of, recording, standard_input
 # strides at which rows repeat most; groups of samples by which they may be wrong
 _LIKELY, _NEAR = 2, 2
 _BYTES = 1 << 19  # of the middle of a frame
+# What each reading is tried with: rows in the middle of the frame, and parts of these; all of a
+# frame would take ten times as long.
+_ROWS, _PARTS = 512, 64
 _SMOOTH = 61  # samples of the running mean that is subtracted
 _BAND = 2049  # frequencies over which the spectrum is evened out
 # A frequency counts at most this many times its surroundings: the lower bits of packed samples come
@@ -38,7 +42,8 @@ def first_frame(options: SourceOptions) -> tuple[Bytes, FrameLayout]:
     Raises
     ------
     InputError
-        For what cannot be read, and for a description that does not fit.
+        For what cannot be read, and for a description that does not fit, as a size that the length
+        of a file contradicts.
     """
     layout, _ = layout_of(options)
     if options.source == STREAM:
@@ -46,10 +51,14 @@ def first_frame(options: SourceOptions) -> tuple[Bytes, FrameLayout]:
         with standard_input() as stream:
             return next(read_frames(stream, layout)).data, layout
     with opened_file(options.source, sys.maxsize, "a raw frame") as file:
-        layout.check_recording(file.seek(0, os.SEEK_END))
+        length = file.seek(0, os.SEEK_END)
+        layout.check_recording(length)
         file.seek(0)
         data = file.read(layout.frame_bytes)
     layout.unpack(data)  # raises InputError
+    if length % layout.frame_bytes:
+        remedy = "a recording whose last frame is cut off can be given on standard input"
+        raise InputError(f"{layout.misfit(length)}; {likely_reading(data, layout) or remedy}")
     return data, layout
 
 
@@ -69,12 +78,13 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
     for readings in _readings(data, layout):
         named = []
         for name, stride in readings:
-            identity = identify(_read_as(data, layout.width, name, stride))
+            identity = identify(_read_as(data, layout.width, name, stride), _PARTS)
             if identity and identity.name:
                 named.append((identity.certainty, identity.name, name, stride))
         if named:
             _, tile, name, stride = max(named)
-            return f"likely {_options(layout, name, stride)}, which shows the tile {tile}"
+            options = _options(layout, name, stride)
+            return f"likely {options}, which shows the tile {tile}" if options else ""
     return ""
 
 
@@ -95,14 +105,16 @@ def _readings(data: Bytes, layout: FrameLayout) -> Iterator[set[Reading]]:
 
 
 def _read_as(data: Bytes, most: int, name: str, stride: int) -> CodeArray:
-    """Unpack the samples of a frame in another reading, `most` of a line at most; empty if no line
-    is as short.
+    """Unpack the samples in the middle of a frame in another reading, `most` of a line at most;
+    empty if no line is as short.
     """
     packing = FORMATS[name]
     height, width = len(data) // stride, min(most, stride // packing.length * packing.pixels)
     if min(height, width) < 1:
         return np.empty((0, 0), np.uint16)
-    return FrameLayout(width, height, name, stride).unpack(memoryview(data)[: height * stride])
+    rows = min(height, _ROWS)
+    middle = memoryview(data)[(height - rows) // 2 * stride :][: rows * stride]
+    return FrameLayout(width, rows, name, stride).unpack(middle)
 
 
 def _options(layout: FrameLayout, name: str, stride: int) -> str:

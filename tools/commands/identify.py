@@ -5,9 +5,11 @@ FILE is a shot, a DNG or camera RAW of any maker, a grey TIFF, PNG or NPY with t
 --size and --pixel-format, a raw frame or stream (- is standard input), of which the first frame
 counts. Sites with one filter read the same in every scene, and panchromatic ones (W) are the
 brightest. Which of two colours is red and which is blue only a picture of something known tells.
+Filters for C, M and Y have the letters G, R and B: put their own in place of those.
 """
 
 import argparse
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import numpy as np
 
 from ...shared.arrays import CodeArray
 from ...shared.errors import InputError
+from ...shared.pattern import PANCHROMATIC
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import Source, once, plan
@@ -115,7 +118,8 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     if facts["pattern"] is None:
         reason = "none of its pixels is panchromatic, or a colour site is too far from those"
         return [*rows, ("go on", f"Panchroma cannot use this tile: {reason}")]
-    if facts["alternatives"]:
+    counts = Counter("".join(facts["letters"]).replace(PANCHROMATIC, "")).values()
+    if len({*counts}) < len(counts):
         unknown = "which of the colours with equally many sites is which"
         rows.append(("not known", f"{unknown}: a picture of something red shows it"))
     for number, (name, origin) in enumerate([facts["pattern"], *facts["alternatives"]]):

@@ -10,7 +10,7 @@ import pytest
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import CodeArray, FloatArray
 from panchroma.shared.tiles import CLEAR, TILES, letters_of
-from panchroma.tools.capture.identity import DENSE, UNKNOWN, describe, facts_of, identify
+from panchroma.tools.capture.identity import COMPARED, DENSE, UNKNOWN, describe, facts_of, identify
 from panchroma.tools.simulation.load import load_scene
 from tests.data import photograph
 from tests.scenes import leaves
@@ -77,6 +77,8 @@ def picture(name: str) -> FloatArray:
             for period in (3, 4, 5, *range(7, 17))
         ),
         *((name, letters, "RGB") for name, letters in DENSE.items()),
+        *((letters, letters, "RGB") for letters in COMPARED if "V" not in letters),
+        *((letters, letters, "VRGNU") for letters in COMPARED if "V" in letters),
         *(("", letters, "RGB") for letters in (SPARSE, "RWWG/WWWW/WBWW/WWWW")),
         ("", "CMWWW/CYWWW/YWWWW/WWWWW/WWWWW", "CMY"),
     ],
@@ -89,7 +91,8 @@ def test_every_tile_is_found_wherever_it_begins(name: str, letters: str, channel
     rows = range(period) if period <= 6 else (1, period - 2)
     for origin in ((row, (3 * row + 1) % period) for row in rows) if name else [(2, 3)]:
         tile = tile_of(letters, origin)
-        scene = SCENE if name and period <= 6 else LARGE
+        scene = SCENE if name and period <= 6 and channels == "RGB" else LARGE
+        scene = np.concatenate([scene, scene[::-1, :, : len(channels) - 3]], axis=2)
         facts = facts_of(taken(scene, tile, channels=channels))
         assert (facts["name"] or "") == name, origin
         assert same_sites(tuple(facts["letters"]), tile), origin
