@@ -17,6 +17,7 @@ from ...shared import Camera
 from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
+from ...shared.figures import numbers
 from ...shared.lights import CalibratedLight
 from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
@@ -24,6 +25,7 @@ from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
 from .measure import Measurements, ShotMeasurement
 from .noise import SIGMAS, NoiseResult, noise_of_flats
+from .samples import figures
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
@@ -58,7 +60,7 @@ _REMEDIES = {
 
 # Of a camera file that is updated.
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
-_MOVED = 2.0  # standard errors of the black level
+_MOVED = 2.0  # standard errors of the black level, and 95 % intervals of gamma
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +235,17 @@ def conclude_gamma(measured: Measurements) -> Part | None:
         "residuals_over_noise": round(fit.spread, 2),
     }
     changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, measured.shots)
+    if measured.old and (before := measured.known.get("gamma")):
+        stated = before.get("half_width_95", [0] * fit.gamma.size)
+        width = numbers("measured.gamma.half_width_95", stated, fit.gamma.size)
+        old = np.array(measured.old.calibration.gamma)
+        moved = float((np.abs(fit.gamma - old) / np.hypot(fit.half_width, width)).max())
+        if moved > _MOVED:
+            warnings.append(
+                f"gamma was {figures(old)} in the camera file, and is {figures(fit.gamma)} now: "
+                f"they differ by {moved:.0f} times their intervals (95 %); is this another camera, "
+                "lens or light?"
+            )
     return Part("gamma", facts, changes, warnings, contradictions, refusal, fit)
 
 
@@ -327,9 +340,10 @@ def conclude_colour(measured: Measurements) -> Part | None:
     """Return the camera's colours: of every chart with enough patches that are not clipped those
     that predict the left-out patches best.
 
-    Under two lights, those under each; the part is refused unless both are known.
+    Under two lights, those under each; the part is refused unless both are known. Of two lights in
+    a camera file that is updated, those that are not measured anew stay.
     """
-    lights = measured.lights or ("",)
+    lights, two = measured.lights or ("",), (measured.old and measured.old.calibration.lights) or ()
     faults: list[str] = []
     charts = {light: _charts_under(measured, light, faults) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
@@ -337,7 +351,13 @@ def conclude_colour(measured: Measurements) -> Part | None:
             return Part("colour", missing="; ".join(faults))
         why = "no chart whose patches are not clipped was found under the light"
         return Part("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
-    if measured.lights and (wrong := _wrong_lights(charts)):
+    if two and not measured.lights:
+        names = " and ".join(light.illuminant for light in two)
+        line = f"the colours of the camera file, under {names}, stay as they are"
+        remedy = "name the light of the chart (`chart_light`) to replace those under it"
+        return Part("colour", warnings=[f"{line}; {remedy}"])
+    kept = [light for light in two if len(lights) == 1 and light.illuminant not in lights]
+    if measured.lights and (wrong := _wrong_lights(charts | _as_charts(kept, charts))):
         return Part("colour", refusal=wrong)
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
     warnings, contradictions = [], []
@@ -365,10 +385,11 @@ def conclude_colour(measured: Measurements) -> Part | None:
     facts, ((matrix, neutral), *_) = of_charts[0], colours
     changes: dict[str, Any] = {"camera_to_xyz": matrix, "neutral": neutral, "lights": None}
     if measured.lights:
-        both = (CalibratedLight(light, *pair) for light, pair in zip(lights, colours, strict=True))
-        changes = {"lights": tuple(both), "neutral": None, "neutral_estimated": False}
-        facts = {name: [chart[name] for chart in of_charts] for name in facts}
-        facts = {"light": list(lights), **facts}
+        both = [CalibratedLight(light, *pair) for light, pair in zip(lights, colours, strict=True)]
+        changes = {"lights": (*both, *kept), "neutral": None, "neutral_estimated": False}
+        of_charts += [_kept_facts(measured.known.get("colour", {}), light) for light in kept]
+        facts = {name: [chart.get(name) for chart in of_charts] for name in facts}
+        facts = {"light": [light.illuminant for light in (*both, *kept)], **facts}
     return Part("colour", facts, changes, warnings, contradictions, result=best)
 
 
@@ -396,7 +417,7 @@ def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list
     return charts
 
 
-def _colour_facts(chart: ChartColours) -> dict[str, object]:
+def _colour_facts(chart: ChartColours) -> Mapping[str, Any]:
     """Return how well the colours of a chart are known, for camera.json."""
     fit = chart.fit
     return {
@@ -405,6 +426,31 @@ def _colour_facts(chart: ChartColours) -> dict[str, object]:
         "max_dE2000": round(float(fit.difference.max()), 3),
         "leave_one_out_dE2000": round(float(fit.left_out.mean()), 3),
         "light_unevenness": round(fit.unevenness, 3),
+    }
+
+
+def _kept_facts(facts: Mapping[str, Any], light: CalibratedLight) -> Mapping[str, Any]:
+    """Return how well the colours under one of two lights of a camera file are known."""
+    stated = {name: values for name, values in facts.items() if isinstance(values, list)}
+    return {
+        name: value
+        for name, values in stated.items()
+        for illuminant, value in zip(stated.get("light", ()), values, strict=False)
+        if illuminant == light.illuminant
+    }
+
+
+def _as_charts(
+    kept: Sequence[CalibratedLight], charts: Mapping[str, list[ChartColours]]
+) -> dict[str, list[ChartColours]]:
+    """Return charts under another light as if taken under one that is kept: only its neutral is
+    known.
+    """
+    ((chart, *_), *_) = charts.values()
+    shot = replace(chart.shot, name="the chart of the camera file")
+    return {
+        light.illuminant: [ChartColours(shot, replace(chart.fit, neutral=np.array(light.neutral)))]
+        for light in kept
     }
 
 

@@ -55,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light = (
         "in place of SHOT: a light (A, D50, D55, D65, D75, or kelvin such as 3200) and a shot of "
         "the chart under it, or a folder of them; repeat it for more, two lights in all; pictures "
-        "under any light between the two then have the right colours"
+        "under any light between the two then have the right colours; with --update one of the "
+        "two in FILE is enough, and the other stays"
     )
     parser.add_argument("--chart-light", metavar="LIGHT=F", type=_light, **repeated, help=light)
     corners = (
@@ -93,7 +94,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from ..calibration.report import build_report
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
-    lights = _lights(arguments)
+    old = read_known(output) if arguments.update and output.is_file() else None
+    lights = _lights(arguments, old)
     files, searches = sort_files({kind: getattr(arguments, kind) for kind in KINDS} | lights)
     for search in searches:
         search.report(console)
@@ -110,7 +112,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     chart_colours = color_checker_xyz()
     if arguments.chart:
         chart_colours = read_reference(Path(arguments.chart))
-    old = read_known(output) if arguments.update and output.exists() else None
     measurements = measure_frames(console, files, chart_colours, corners, arguments.sensor, old)
     if old is not None and measurements.base is not None:
         check_same(output, old, measurements.base)
@@ -147,20 +148,22 @@ def color_checker_xyz() -> DoubleArray:
     return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 
 
-def _lights(arguments: argparse.Namespace) -> dict[str, list[str]]:
-    """The shots of the chart under each of two lights; empty if there is one, which needs no
-    name.
+def _lights(arguments: argparse.Namespace, old: Camera | None) -> dict[str, list[str]]:
+    """The shots of the chart under each of two lights, or one that the file `old` has; empty if
+    there is one, which needs no name.
     """
     shots: dict[str, list[str]] = {}
     for light, path in arguments.chart_light:
         illuminant_xy(light)
         shots.setdefault(light, []).append(path)
-    if len(shots) not in (0, 2):
+    known = [light.illuminant for light in (old and old.calibration.lights) or ()]
+    if len(shots) not in (0, 2) and not (len(shots) == 1 and shots.keys() <= {*known}):
         raise InputError(
             "--chart-light names two lights, with shots of the chart under each: --chart-light "
-            "A=F --chart-light D65=F; charts under one light need none"
+            "A=F --chart-light D65=F, or, with --update, one of two that FILE has "
+            f"({' and '.join(known) or 'it has none'}); charts under one light need none"
         )
-    if shots:
+    if len(shots) > 1:
         check_apart(*shots)
     return shots
 

@@ -2,6 +2,7 @@
 and what is refused.
 """
 
+import json
 import re
 import shutil
 from dataclasses import replace
@@ -142,7 +143,7 @@ def test_what_are_no_two_lights_is_refused(tmp_path: Path, words: list[str], why
         ("A=D65 D65=other", "white changes -?0.0 times as much .*--chart-light"),
         ("A=A 4000=D65", "white changes [12].* times as much"),
         ("A=A A=other D65=D65", "other.dng is given as under A .*, but white changes -?0.0"),
-        ("A=A D65=grey", "no chart without clipped patches was found under the light D65;"),
+        ("A=A D65=grey", "no chart whose patches are not clipped was found under the light D65;"),
     ],
 )
 def test_charts_under_other_lights_than_those_named_are_refused(
@@ -166,9 +167,32 @@ def test_white_changes_between_charts_as_it_does_between_their_lights(camera: st
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
-def test_a_chart_under_one_light_takes_the_place_of_two(bench: Bench, tmp_path: Path) -> None:
+def test_an_update_under_one_light_keeps_the_other(bench: Bench, tmp_path: Path) -> None:
+    """A chart under a light without a name measures gamma alone."""
     _, folder = bench
     output = Path(shutil.copy(folder / "camera.json", tmp_path))
-    run("calibrate", folder / "A.dng", "-o", output, "--update", code=0)
-    assert read_camera(output).calibration.lights is None
-    assert read_camera(output).calibration.neutral is not None
+    before, update = read_camera(output), ("-o", output, "--update")
+    run("calibrate", "--chart-light", f"D65={folder / 'other.dng'}", *update, code=0)
+    after = read_camera(output)
+    (warm, cold), (old_warm, old_cold) = after.calibration.lights, before.calibration.lights
+    assert (warm, cold.illuminant) == (old_warm, "D65")
+    assert cold.camera_to_xyz != old_cold.camera_to_xyz
+    places = after.measured["colour"]["light"]
+    assert dict(zip(places, after.measured["colour"]["shot"], strict=True)) == {
+        "A": "A.dng",
+        "D65": "other.dng",
+    }
+    outcome = run("calibrate", folder / "A.dng", *update, code=0)
+    assert "the colours of the camera file, under A and D65, stay as they are" in outcome.err
+    assert read_camera(output).calibration.lights == after.calibration.lights
+    for light, why in (("A", "white changes -?0.0 times as much"), ("D50", "one of two that FILE")):
+        wrong = run("calibrate", "--chart-light", f"{light}={folder / 'other.dng'}", *update)
+        assert re.search(why, wrong.err), wrong.err
+    assert read_camera(output).calibration.lights == after.calibration.lights
+    changed = json.loads(output.read_text())
+    changed["gamma"][0] *= 1.2
+    output.write_text(json.dumps(changed))
+    outcome = run("calibrate", folder / "A.dng", *update, code=0)
+    assert re.search(
+        r"gamma was .* in the camera file, and is .*: they differ by \d+ times", outcome.err
+    )
