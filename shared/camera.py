@@ -217,7 +217,7 @@ def read_camera(path: Path | str) -> Camera:
     try:
         return Camera.from_json(parsed_json(read_text(path, MAX_DOCUMENT, "a camera file")))
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise type(error)(f"{path}: {error}") from None
 
 
 def _shown(pattern: CfaPattern) -> str:

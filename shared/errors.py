@@ -1,13 +1,14 @@
 """The exceptions of Panchroma, and when to raise which.
 
-``InputError``
+``InputError``, a ValueError
     An input cannot be used: a file, an array, a setting. The message says what came, what was
-    expected, and the remedy (``ForeignFileError``: an intact file of another kind).
-``OutputError``
+    expected, and the remedy (``MissingFileError``, a FileNotFoundError too: there is no such file;
+    ``ForeignFileError``: an intact file of another kind).
+``OutputError``, an OSError
     An output cannot be written: it exists, the folder is missing, the disk is full.
-``ConvergenceError``
+``ConvergenceError``, an ArithmeticError
     An iterative solver did not reach its tolerance: the result would be wrong, so there is none.
-``RangeError``
+``RangeError``, an ArithmeticError
     A result has values that are not finite (NaN or infinite): it would be wrong, so there is none.
 ``DurabilityWarning``
     A result is complete, but may not survive a power cut: a warning of Python, once per folder.
@@ -21,8 +22,12 @@ class PanchromaError(Exception):
     """Base class of every error that Panchroma raises on purpose."""
 
 
-class InputError(PanchromaError):
+class InputError(PanchromaError, ValueError):
     """An input cannot be used; the message says what was expected."""
+
+
+class MissingFileError(FileNotFoundError, InputError):
+    """There is no file of the name that was given."""
 
 
 class ForeignFileError(InputError):
@@ -31,15 +36,15 @@ class ForeignFileError(InputError):
     """
 
 
-class OutputError(PanchromaError):
+class OutputError(PanchromaError, OSError):
     """A result cannot be written; no partial file was left behind."""
 
 
-class ConvergenceError(PanchromaError):
+class ConvergenceError(PanchromaError, ArithmeticError):
     """A solver did not reach its tolerance; the message states iterations and residual."""
 
 
-class RangeError(PanchromaError):
+class RangeError(PanchromaError, ArithmeticError):
     """A result has values that are not finite; the message says of what, how many, and where."""
 
 

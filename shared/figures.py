@@ -40,6 +40,8 @@ def parsed_json(text: str | bytes) -> Any:
         return json.loads(
             text, parse_int=_whole_number, parse_float=_finite_number, parse_constant=_finite_number
         )
+    except InputError:
+        raise
     except (ValueError, RecursionError) as error:  # ValueError: neither UTF-8 nor JSON
         raise InputError(f"is not JSON ({error})") from None
 

@@ -214,6 +214,8 @@ class CfaPattern:
             are_texts = all(isinstance(text, str) for text in texts)
             if fields.keys() != {"tile", "origin", "channels"} or not are_texts:
                 raise TypeError
+        except InputError:
+            raise
         except (TypeError, ValueError, KeyError):
             raise InputError(
                 f"pattern: {shown(document)} is not an object with tile, origin and channels"

@@ -10,7 +10,7 @@ from os import SEEK_END
 from pathlib import Path
 from typing import BinaryIO
 
-from .errors import InputError
+from .errors import InputError, MissingFileError
 
 MAX_PIXELS = 1 << 28
 """Largest number of pixels that readers accept by default: 268 million, more than all but a few
@@ -42,6 +42,8 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
 
     Raises
     ------
+    MissingFileError
+        When there is no such file.
     InputError
         For a folder, for a pipe or a device (which might never end), for an empty file, for a
         longer one, and when the file cannot be read.
@@ -56,7 +58,9 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
     except FileNotFoundError:
         wild, plain = "no file matches this name with wildcards", "there is no such file"
         what = wild if _WILD.search(str(path)) else plain
-        raise InputError(f"{what}; check the name") from None
+        raise MissingFileError(f"{what}; check the name") from None
+    except InputError:
+        raise
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise _unreadable(error) from error
     with stream:

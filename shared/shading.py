@@ -65,8 +65,9 @@ class Shading:
     residual: float = 0.0
 
     def __post_init__(self) -> None:
+        gain = numbers("shading: gain", self.gain, depth=3)
         try:
-            points = np.array(numbers("shading: gain", self.gain, depth=3), np.float64)
+            points = np.array(gain, np.float64)
         except ValueError:  # rows of different lengths
             points = np.zeros(0)
         if (

@@ -116,6 +116,8 @@ def _named(path: Path) -> Iterator[None]:
     """Make an OSError of the `with` block an OutputError that names the file and what to do."""
     try:
         yield
+    except OutputError:
+        raise
     except OSError as error:
         raise OutputError(f"{path}: {reason(error, path)}") from error
 

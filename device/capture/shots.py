@@ -154,6 +154,8 @@ def _check_link(link: Path) -> None:
             raise InputError(f"{link}: exists and is no link; {choose}")
     except FileNotFoundError:
         return
+    except InputError:
+        raise
     except (OSError, ValueError) as error:  # ValueError: a null character
         reason = getattr(error, "strerror", None) or error
         raise InputError(

@@ -1,10 +1,16 @@
 import os
+import pickle
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
-from panchroma.shared.errors import InputError
+from panchroma.shared.errors import ConvergenceError, InputError, MissingFileError, OutputError
+from panchroma.shared.figures import parsed_json
+from panchroma.shared.pattern import CfaPattern
 from panchroma.shared.reading import opened_file, read_text, read_whole
+from panchroma.shared.shading import Shading
 
 
 def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:
@@ -56,3 +62,32 @@ def test_other_encodings_are_refused_with_the_remedy(tmp_path: Path, encoding: s
     assert read_text(path, 99, "a list", otherwise="latin-1") == "\xe4"
     with pytest.raises(InputError, match="is not a text in UTF-8; save a list as UTF-8"):
         read_text(path, 99, "a list")
+
+
+def test_errors_are_those_of_python_too(tmp_path: Path) -> None:
+    """Programs that know nothing of Panchroma catch them, and they pass between processes."""
+    with pytest.raises(FileNotFoundError, match="no such file"):
+        read_whole(tmp_path / "missing", 9, "a text")
+    for kind, base in (
+        (InputError, ValueError),
+        (MissingFileError, ValueError),
+        (OutputError, OSError),
+        (ConvergenceError, ArithmeticError),
+    ):
+        passed = pickle.loads(pickle.dumps(kind("x: is odd")))
+        assert isinstance(passed, base)
+        assert (type(passed), str(passed)) == (kind, "x: is odd")
+
+
+@pytest.mark.parametrize(
+    ("refused", "words"),
+    [
+        (lambda: parsed_json('{"gamma": 1e999}'), "^holds '1e999', which is not a finite number"),
+        (lambda: CfaPattern.from_json({"tile": ["RG", "GB"], "origin": [0.5, 0]}), "origin is 0.5"),
+        (lambda: Shading(cast(Any, "x"), (9, 9)), "^shading: gain"),
+    ],
+)
+def test_a_reason_within_a_reason_is_kept(refused: Callable[[], object], words: str) -> None:
+    """An InputError is a ValueError, and is not taken for one of the library's beside it."""
+    with pytest.raises(InputError, match=words):
+        refused()

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from ...shared import Mosaic
 from ...shared.arrays import ByteArray, FloatArray
-from ...shared.errors import InputError, OutputError
+from ...shared.errors import InputError, OutputError, PanchromaError
 from ...shared.processors import threads
 from ..io.backup import keep_old
 from ..io.development import Development, write_picture
@@ -65,6 +65,8 @@ def attempt(
             return _up_to_date(output, "current", dry_run=True)
         facts = {"output": str(output), "dry_run": True}
         return Outcome(facts, (f"{job.source} -> {output}",), read().errors, "planned")
+    except PanchromaError:
+        raise
     except OSError as error:
         raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
 

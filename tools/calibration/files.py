@@ -94,7 +94,7 @@ def read_known(path: Path) -> Camera:
     try:
         Assumed.of(camera.calibration, measured=camera.measured)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise type(error)(f"{path}: {error}") from None
     return camera
 
 
@@ -106,7 +106,7 @@ def check_same(path: Path, old: Camera, base: Mosaic) -> None:
         old.check(base.pattern, base.calibration)
         old.check_size(base.shape)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise type(error)(f"{path}: {error}") from None
     known, stated = old.calibration.white_level, base.calibration.white_level
     if known != stated:
         raise InputError(f"{path}: the shots have white level {stated}, the camera file {known}")

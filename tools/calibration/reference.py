@@ -39,7 +39,7 @@ def read_reference(path: Path) -> DoubleArray:
     try:
         return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise type(error)(f"{path}: {error}") from None
 
 
 def _reference(text: str) -> DoubleArray:

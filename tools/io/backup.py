@@ -22,6 +22,8 @@ def keep_old(path: Path) -> Path:
         with path.open("rb") as old, durable_file(spare) as copy:
             shutil.copyfileobj(old, copy)
         shutil.copystat(path, spare)
+    except OutputError:
+        raise
     except OSError as error:
         raise OutputError(
             f"{path}: cannot be kept as {spare.name} ({error.strerror or error})"

@@ -17,6 +17,8 @@ def readable() -> Iterator[None]:
     """
     try:
         yield
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error})") from error
     except MemoryError as error:
