@@ -12,13 +12,13 @@ import platform
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
-from importlib.metadata import PackageNotFoundError, requires
+from importlib.metadata import requires
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...shared.errors import PanchromaError
 from ...shared.processors import processors
 from ..batch.compilation import compile_all
 from ..batch.console import Console
@@ -29,8 +29,6 @@ from ..io.versions import install_command, package_version, program_version
 from .options import add
 
 if TYPE_CHECKING:
-    from packaging.requirements import Requirement
-
     from ...shared import Mosaic
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
@@ -55,8 +53,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when
     something optional is missing.
     """
-    works = _works(console, arguments.compile)
-    findings = [*_program(), *_packages(), *works, *_machine()]
+    findings = [*_program(), *_checked("packages", _packages)]
+    findings += _checked("kernel cache", partial(_kernels, console, arguments.compile))
+    for name, check in _pictures().items():
+        findings += _checked(name, check)
+    findings += _machine()
     width = max(len(finding.name) for finding in findings) + 2
     for finding in findings:
         console.say(f"{finding.state:8}{finding.name:{width}}{finding.found}")
@@ -68,9 +69,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     counted = f"{states[BAD]} wrong, {states[MISSING]} optional things missing"
     console.say(counted if states[BAD] or states[MISSING] else "all is well")
     return FAILED if states[BAD] else 0
-
-
-# --- the checks: each reports what it finds, and how to repair what is wrong ---------------------
 
 
 class Finding(NamedTuple):
@@ -94,6 +92,18 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
+def _checked(name: str, check: Callable[[], Iterable[Finding]]) -> Iterator[Finding]:
+    """Yield what a check finds; what it raises is a finding, too."""
+    try:
+        yield from check()
+    except ModuleNotFoundError as error:
+        yield Finding(name, MISSING, f"needs the package {error.name}", install_command())
+    except Exception as error:  # a broken package may raise anything, and checks are to find it
+        reason, _, remedy = str(error).partition("; ")
+        again = install_command().replace("install", "install --force-reinstall", 1)
+        yield Finding(name, BAD, f"does not run: {reason}", remedy or again)
+
+
 def _program() -> Iterator[Finding]:
     yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
     yield Finding("Python", GOOD, f"{platform.python_version()} ({sys.executable})")
@@ -113,24 +123,13 @@ _MODULES = {
 
 def _packages() -> Iterator[Finding]:
     """The packages that pyproject.toml asks for, as the installation knows it."""
-    try:
-        from packaging.requirements import Requirement
+    from packaging.requirements import Requirement
 
-        wanted = [Requirement(text) for text in requires("panchroma") or ()]
-    except PackageNotFoundError:
-        reason = "Panchroma is not installed here: they are not known"
-        yield Finding("packages", BAD, reason, install_command())
-        return
-    except ModuleNotFoundError:
-        reason = "not looked at: the package packaging is not installed"
-        yield Finding("packages", MISSING, reason, "pip install packaging")
-        return
-    for one in wanted:
+    for one in map(Requirement, requires("panchroma") or ()):
         marker = one.marker
-        extras = (name for name in _EXTRAS if not marker or marker.evaluate({"extra": name}))
-        extra = next(extras, None)
-        if extra is not None and one.name != "panchroma":
-            yield _package(one, extra)
+        extras = [name for name in _EXTRAS if not marker or marker.evaluate({"extra": name})]
+        if extras and one.name != "panchroma":
+            yield _package(one.name, one.specifier, extras[0])
     installed = [name for name in (_OPENCV, *_OTHERS) if package_version(name)]
     if len(installed) > 1:
         reason = f"{' and '.join(installed)} overwrite each other"
@@ -138,62 +137,59 @@ def _packages() -> Iterator[Finding]:
         yield Finding("OpenCV", BAD, reason, remedy)
 
 
-def _package(wanted: "Requirement", extra: str) -> Finding:
-    name, version = wanted.name, package_version(wanted.name)
+def _package(name: str, wanted: Any, extra: str) -> Finding:
+    """A package, of which the versions `wanted` will do."""
+    if (version := package_version(name)) and not wanted.contains(version, prereleases=True):
+        reason = f"{version} is installed, {wanted} is needed"
+        return Finding(name, BAD, reason, f"pip install '{name}{wanted}'")
     try:
-        if version and not wanted.specifier.contains(version, prereleases=True):
-            reason = f"{version} is installed, {wanted.specifier} is needed"
-            return Finding(name, BAD, reason, f"pip install '{name}{wanted.specifier}'")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # packages warn about each other
             importlib.import_module(_MODULES.get(name, name))
     except Exception as error:  # a broken package may raise anything
         if version:
-            denied = isinstance(error, PermissionError)  # told by another check
-            remedy = "" if denied else f"pip install --force-reinstall {name}"
-            return Finding(name, BAD, f"{version} cannot be imported: {error}", remedy)
+            reason = f"{version} cannot be imported: {error}"
+            return Finding(name, BAD, reason, f"pip install --force-reinstall {name}")
         reason = f"not installed, belongs to panchroma{extra and f'[{extra}]'}"
         return Finding(name, MISSING if extra else BAD, reason, install_command(extra))
     return Finding(name, GOOD, version or "installed")
 
 
-def _kernels(console: Console, everything: bool) -> Finding:
+def _kernels(console: Console, everything: bool) -> Iterator[Finding]:
     """Compile the kernels of all presets, or simply all, that are not in the cache."""
-    try:
-        from ...offline import PRESETS, kernel_cache, kernels_to_compile
+    from ...offline import PRESETS, kernel_cache, kernels_to_compile
 
-        folder, needed = kernel_cache(), () if everything else PRESETS.values()
-        names = kernels_to_compile(*needed)
-        with console.progress("doctor") as progress:
-            compiled = compile_all(names, processors(), console.note)
-            errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
-        missing = kernels_to_compile(*needed)
-    except ModuleNotFoundError as error:
-        reason = f"needs the package {error.name}"
-        return Finding("kernel cache", MISSING, reason, install_command("offline"))
-    except PanchromaError as error:  # no machine code, or no folder to keep it in
-        return Finding("kernel cache", BAD, *str(error).split("; ", 1))
-    except Exception as error:  # a broken package may raise anything
-        return _broken("kernel cache", error)
-    if missing:
+    folder, needed = kernel_cache(), () if everything else PRESETS.values()
+    names = kernels_to_compile(*needed)
+    with console.progress("doctor") as progress:
+        compiled = compile_all(names, processors(), console.note)
+        errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
+    if missing := kernels_to_compile(*needed):
         reason = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
         remedy = "close other programs, free some disk space, or set NUMBA_CACHE_DIR"
-        return Finding("kernel cache", BAD, reason, remedy)
-    left = len(kernels_to_compile())
-    return Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled, {left} to compile")
-
-
-def _works(console: Console, compile_everything: bool) -> Iterator[Finding]:
-    """Open all networks (a camera has none), and make pictures of a grey wall in each way."""
-    yield _kernels(console, compile_everything)
-    yield _tried("networks", _open_networks)
-    yield _tried("preview", _preview)
-    try:
-        from ...offline import PRESETS
-    except Exception:  # reported with the kernels
+        yield Finding("kernel cache", BAD, reason, remedy)
         return
-    for preset, settings in PRESETS.items():
-        yield _tried(f"render, {preset}", partial(_render, settings))
+    left = len(kernels_to_compile())
+    found = f"{folder}, {len(names)} compiled, {left} to compile"
+    yield Finding("kernel cache", GOOD, found)
+
+
+def _pictures() -> dict[str, Callable[[], Iterator[Finding]]]:
+    """Checks that open all networks (a camera has none), and that make pictures of a grey wall in
+    each way.
+    """
+    works: dict[str, Callable[[], bool]] = {"networks": _open_networks, "preview": _preview}
+    with suppress(Exception):  # reported with the kernels
+        from ...offline import PRESETS
+
+        works |= {f"render, {name}": partial(_render, kind) for name, kind in PRESETS.items()}
+
+    def check(name: str) -> Iterator[Finding]:
+        if not works[name]():
+            raise ValueError("it makes a wrong picture")
+        yield Finding(name, GOOD, "runs")
+
+    return {name: partial(check, name) for name in works}
 
 
 def _open_networks() -> bool:
@@ -226,19 +222,6 @@ def _wall() -> "Mosaic":
 
 def _is_grey(picture: Any) -> bool:
     return bool(picture.max() - picture.min() < 0.02 * picture.max())
-
-
-def _tried(name: str, works: Callable[[], bool]) -> Finding:
-    try:
-        return Finding(name, GOOD, "runs") if works() else _broken(name)
-    except Exception as error:  # whatever it is, this check exists to find it
-        return _broken(name, error)
-
-
-def _broken(name: str, error: Exception | None = None) -> Finding:
-    reason = f"does not run: {error}" if error else "makes a wrong picture"
-    remedy = install_command().replace("install", "install --force-reinstall", 1)
-    return Finding(name, BAD, reason, remedy)
 
 
 def _machine() -> Iterator[Finding]:

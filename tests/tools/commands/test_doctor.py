@@ -60,7 +60,7 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
         install_command(""),
     )
     assert packages["scipy"].found == "9.9 cannot be imported: No module named 'no_such_module'"
-    monkeypatch.setattr(doctor, "_works", lambda *_: [])
+    monkeypatch.setattr(doctor, "_pictures", dict)
     run("doctor", code=1)
 
 
@@ -81,14 +81,14 @@ def test_a_package_below_its_minimum_is_wrong(
     for one in found:
         told = (f"{version} is installed, >=2.0 is needed", f"pip install '{one.name}>=2.0'")
         assert one[2:] == (told if state == BAD else (version, ""))
-    monkeypatch.setattr(doctor, "_works", lambda *_: [])
+    monkeypatch.setattr(doctor, "_pictures", dict)
     run("doctor", code=int(state == BAD))
 
 
 def test_without_packaging_versions_are_not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "packaging.requirements", None)
-    (found,) = doctor._packages()
-    assert (found.state, found.remedy) == (MISSING, "pip install packaging")
+    (found,) = doctor._checked("packages", doctor._packages)
+    assert (found.state, found.remedy) == (MISSING, install_command())
 
 
 def test_the_backend_of_a_notebook_breaks_no_package(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,17 +120,16 @@ def test_what_fails_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     red = Mock(return_value=Mock(rgb=np.ones((24, 24, 3)) * [1, 0.9, 0.9]))
     for path, mock in (("device.Preview.run", illegal), ("offline.render", red)):
         monkeypatch.setattr(f"panchroma.{path}", mock)
-    monkeypatch.setattr(doctor, "_kernels", lambda *_: Finding("kernel cache", GOOD, ""))
     damaged = Mock(side_effect=InputError("luminance.onnx: is not a network"))
     monkeypatch.setattr("panchroma.shared.networks.load_network", damaged)
-    found = {finding.name: finding for finding in doctor._works(Console(quiet=True), False)}
-    del found["kernel cache"]
+    checked = (doctor._checked(name, check) for name, check in doctor._pictures().items())
+    found = {finding.name: finding for (finding,) in checked}
     assert {finding.state for finding in found.values()} == {BAD}
     assert all("install --force-reinstall" in finding.remedy for finding in found.values())
     assert found["preview"].found == "does not run: illegal instruction"
     assert found["networks"].found == "does not run: luminance.onnx: is not a network"
     for preset in PRESETS:
-        assert found[f"render, {preset}"].found == "makes a wrong picture"
+        assert found[f"render, {preset}"].found == "does not run: it makes a wrong picture"
     monkeypatch.setattr(doctor, "available_memory", lambda: 100 * 2**20)
     *_, memory = doctor._machine()
     assert (memory.name, memory.state, memory.found) == ("memory", BAD, "0.1 GB free")
@@ -150,7 +149,7 @@ def test_a_compiler_that_makes_no_machine_code_is_seen(monkeypatch: pytest.Monke
 
 def test_a_compiler_that_is_broken_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("panchroma.offline.kernel_cache", Mock(side_effect=AttributeError("numba")))
-    found = doctor._kernels(Console(quiet=True), False)
+    (found,) = doctor._checked("kernels", lambda: doctor._kernels(Console(quiet=True), False))
     assert (found.state, found.found) == (BAD, "does not run: numba")
 
 
@@ -160,7 +159,7 @@ def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda *_: next(missing))
     monkeypatch.setattr(doctor, "compile_all", lambda names, *_: ((name, None) for name in names))
     compiled, again, kept_nowhere = (
-        doctor._kernels(Console(quiet=True), everything) for everything in (True, False, True)
+        next(doctor._kernels(Console(quiet=True), everything)) for everything in (True, False, True)
     )
     assert (compiled.state, compiled.found.split(", ")[1:]) == (
         GOOD,
@@ -170,5 +169,5 @@ def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch)
     assert (kept_nowhere.state, kept_nowhere.found) == (BAD, "not compiled: mix")
     nowhere = Mock(side_effect=OutputError("no folder; set NUMBA_CACHE_DIR"))
     monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
-    finding = doctor._kernels(Console(quiet=True), True)
+    (finding,) = doctor._checked("kernels", lambda: doctor._kernels(Console(quiet=True), True))
     assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)
