@@ -115,8 +115,8 @@ class Pinning(RowStage):
         places = samples.inside(part, tiles)
         luminance = np.stack([part.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
-        mean = np.square(luminance).mean(axis=2, keepdims=True)
-        squared = np.square(luminance) / np.maximum(mean, np.float32(DARK**2))
+        mean = np.square(luminance).mean(axis=2, dtype=np.float32, keepdims=True)
+        squared = np.square(luminance) / mean.clip(np.float32(DARK**2))
         weight = _confidence(power[..., None] * squared, variance) * np.minimum(squared, 1)
         weight *= samples.unclipped[tiles, :, None]
         if samples.lines is not None:

@@ -176,9 +176,9 @@ def _levelled(samples: NDArray[Any], page: TiffPage) -> tuple[FloatArray, FloatA
     if samples.dtype in (np.uint8, np.uint16):  # a table, such as of a logarithm, makes gaps
         planes = zip(np.moveaxis(samples, 2, 0), white, lowest, strict=True)
         limits = np.array([saturation(*plane) for plane in planes])
-    limits = ((limits - lowest) / (white - lowest)).astype(np.float32)
+    scaled: FloatArray = ((limits - lowest) / (white - lowest)).astype(np.float32)
     rgb = (rgb - black.astype(np.float32)) * (1 / (white - lowest)).astype(np.float32)
-    return np.maximum(rgb, 0, out=rgb)[_default_crop(page, rgb.shape)], limits
+    return np.maximum(rgb, 0, out=rgb)[_default_crop(page, rgb.shape)], scaled
 
 
 def _default_crop(page: TiffPage, shape: tuple[int, ...]) -> tuple[slice, slice]:

@@ -109,7 +109,8 @@ def test_the_standard_error_is_the_scatter_of_the_slopes() -> None:
         false = gaussian_filter(random.normal(0, 1, (270, 390, 3)), (12, 12, 0))
         light = np.linspace(0.1, 0.6, 390)[:, None]
         scene = light * (1 + 0.3 * colours / colours.std())
-        sums.append(colour_kept(scene + light * 0.1 * false / false.std(), scene))
+        picture = scene + light * 0.1 * false / false.std()
+        sums.append(colour_kept(picture.astype(np.float32), scene.astype(np.float32)))
     for together in (1, 4):
         pooled = [np.sum(sums[i : i + together], axis=0) for i in range(0, 60, together)]
         found, errors = np.stack([colour_slopes(each) for each in pooled], axis=1)

@@ -60,6 +60,8 @@ def write(
             kind = page.kind if page.kind != SEMANTIC else _UNUSED
             options: dict[str, Any] = {"photometric": page.photometric, "subfiletype": kind}
             options["extratags"] = [*(BAYER if page.photometric == CFA else ())]
+            if page.photometric == LINEAR_RAW:
+                options["planarconfig"] = "contig"  # tifffile 2026.11 writes separate planes
             if page is first:
                 options["subifds"] = len(below)
                 options["extratags"] += [*tags]
