@@ -372,7 +372,7 @@ def _grey_parts(measured: Measured, progress: Progress, *, whole: bool) -> Itera
     value for all pixels.
     """
     steps, grey = bands(measured.grid), np.float32(measured.calibration.grey)
-    progress.stage("colour", len(steps))
+    progress.stage("colouring pixels", len(steps))
     for first, end in steps:
         luminance = measured.luminance[first:end]
         chromaticity = np.broadcast_to(grey, (*luminance.shape, len(measured.gamma)))

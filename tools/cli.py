@@ -3,11 +3,11 @@
 import argparse
 import importlib
 import io
+import logging
 import os
 import re
 import signal
 import sys
-import warnings
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from functools import partial
@@ -16,10 +16,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from .batch.console import Console, StandardOutputError, fault, note_warnings, one_line, to_stdout
+from .batch.console import Console, StandardOutputError, fault, one_line, shown_by, to_stdout
 from .batch.signals import INTERRUPTED, Terminated, orderly_end
 from .commands.spelling import spelled
-from .io.versions import program_version
+from .io.versions import program_version, versions
 
 # Verb -> what it does, in the order of work. Each is a module of `tools.commands` that has
 # `add_arguments(parser)` and `run(arguments, console)`, which returns the exit code. Only the
@@ -38,8 +38,14 @@ VERBS = {
     "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: "
     "figures, and a page to look at",
     "doctor": "check the installation, and say how to repair it",
+    "completion": "print the script that lets a shell complete commands",
 }
 FAILED, USAGE = 1, 2
+_ENVIRONMENT = """
+environment variables:
+  PANCHROMA_THREADS     threads of each process (default: one per processor)
+  PANCHROMA_MAX_PIXELS  pixels of the largest file that is read (default: 268435456)
+  NUMBA_CACHE_DIR       folder of compiled kernels (default: beside the sources)"""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -68,9 +74,11 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
+    if arguments[:1] == ["help"]:
+        arguments = [*arguments[1:2], "--help"]
     console = Console(verbose=not {"-v", "--verbose"}.isdisjoint(arguments))
     try:
-        with orderly_end(last=argv is None), warnings.catch_warnings():
+        with orderly_end(last=argv is None):
             code, common = 0, list(takewhile(lambda word: word.startswith("-"), arguments))
             verb, *words = arguments[len(common) :] or [""]
             try:
@@ -86,9 +94,11 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                     own.error(f"unexpected argument: {unexpected[0]!r}")
                 console.json = getattr(parsed, "json", False)
                 console.quiet, console.verbose = parsed.quiet, parsed.verbose
-                note_warnings(console.note)
                 code = FAILED
-                code = _module(verb).run(parsed, console)
+                level = logging.INFO if console.verbose else logging.WARNING
+                with shown_by(console.note, level):
+                    console.note(*([versions()] if console.verbose else ()))
+                    code = _module(verb).run(parsed, console)
             finally:
                 if code:
                     from .batch import jobs  # not at the top: it imports NumPy
@@ -109,20 +119,26 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
-def build_parser(verb: str) -> tuple[argparse.ArgumentParser, argparse.ArgumentParser]:
-    """Return the parser of the command line, and that of the verb, the same without a verb.
+def build_parser(
+    *used: str, store: type[argparse.Action] | None = None
+) -> tuple[argparse.ArgumentParser, argparse.ArgumentParser]:
+    """Return the parser of the command line, and that of the last of these verbs, the same without
+    a verb.
 
     Parameters
     ----------
-    verb : str
-        The only one whose options are added; importing all would take a second.
+    *used : str
+        The verbs whose options are added; importing all would take a second.
+    store : type[argparse.Action] | None, optional
+        The action of their arguments that take values; None = that of argparse.
     """
     parser = _Parser(
         prog="panchroma",
         usage="panchroma VERB ... [options]",
         description="Software of a sparse-colour camera: simulate it, calibrate it, render its "
         "shots.",
-        epilog="panchroma VERB --help shows the options of a verb.",
+        epilog=f"panchroma help VERB shows the options of a verb.\n{_ENVIRONMENT}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
@@ -137,12 +153,14 @@ def build_parser(verb: str) -> tuple[argparse.ArgumentParser, argparse.ArgumentP
             formatter_class=argparse.RawDescriptionHelpFormatter,
             usage=f"panchroma {name} ...",
         )
-        if name == verb:
+        if name in used:
             own = child
+            if store:
+                own.register("action", None, store)
             module = _module(name)
             child.description = module.__doc__
             child.usage = " ".join(f"panchroma {name} {module.USAGE} [options]".split())
-            child.epilog = f"example:\n  {module.EXAMPLE}"
+            child.epilog = f"example:\n  {module.EXAMPLE}\n{_ENVIRONMENT}"
             module.add_arguments(child)
             _add_common(child, quiet=argparse.SUPPRESS, verbose=argparse.SUPPRESS)
     return parser, own
@@ -152,7 +170,7 @@ def _add_common(parser: argparse.ArgumentParser, quiet: object, verbose: object)
     """Add the options of every verb, which may stand before the verb, too; their defaults."""
     less = "show neither progress nor notes; errors and results remain"
     parser.add_argument("-q", "--quiet", action="store_true", default=quiet, help=less)
-    more = "show the traceback of what caused an error"
+    more = "show versions, what each stage does and takes, and tracebacks of errors"
     parser.add_argument("-v", "--verbose", action="store_true", default=verbose, help=more)
 
 

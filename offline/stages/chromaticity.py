@@ -82,7 +82,7 @@ def estimate_chromaticities(
     others : BlockSums | None, optional
         What other frames add to the sums of each whole block.
     """
-    progress.stage("chromaticity", settings.repetitions)
+    progress.stage("estimating colour of blocks", settings.repetitions)
     gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
     if others is not None:

@@ -88,7 +88,7 @@ def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress =
     """
     if not settings.used:
         return frame
-    progress.stage("defects", 2)
+    progress.stage("replacing defects", 2)
     bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.mosaic.shape, np.bool_)
     if settings.contrast:
         outliers = find_outliers(frame, settings, bad)

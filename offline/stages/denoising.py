@@ -100,7 +100,7 @@ def denoise_luminance(
     result = np.empty_like(luminance)
     step = max(_PIECE // width // _LEAST_ROWS, 1) * _LEAST_ROWS
     pieces = [(top, min(top + step, height)) for top in range(0, height, step)]
-    progress.stage("denoising", len(pieces))
+    progress.stage("denoising luminance", len(pieces))
     noise_model = np.float32(shot), np.float32(read)
     shrinkage = Shrinkage(sizes, transforms, *noise_model, np.float32(settings.threshold))
     for rows in pieces:

@@ -98,7 +98,7 @@ def restore_highlights(
     signal, clipping, sites = frame.signal, frame.clipping, frame.sites
     if not settings.used or not signal.max() >= clipping:
         return frame
-    progress.stage("highlights", 1)
+    progress.stage("restoring highlights", 1)
     samples, gamma, read = frame.samples, frame.gamma, np.flatnonzero(sites.pattern.site_counts)
     neutral = np.array(frame.mosaic.calibration.neutral or np.ones(len(gamma)), samples.dtype)
     result, total, gone = copy_array(signal), np.empty(sites.shape), np.empty(sites.shape)

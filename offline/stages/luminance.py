@@ -129,10 +129,10 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     )
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
-        progress.stage("luminance", -(-len(rows) // _PIECE))
+        progress.stage("reconstructing luminance", -(-len(rows) // _PIECE))
         start = copy_array(signal) if start is signal else start
         return _fill_isolated(start, pattern, (rows, columns), thresholds, progress)
-    progress.stage("luminance", settings.iterations)
+    progress.stage("reconstructing luminance", settings.iterations)
     return fill(start, holes, thresholds, progress)
 
 

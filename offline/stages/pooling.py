@@ -146,7 +146,7 @@ def pool_blocks(
     noise = frame.noise
     if not settings.used or noise is None or not noise.of_colours:
         return blocks
-    progress.stage("pooling", len(settings.passes))
+    progress.stage("pooling colour of blocks", len(settings.passes))
     sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey
     chromaticity = np.moveaxis(sites.whole(blocks), 2, 0)
     sums, light = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
@@ -234,7 +234,8 @@ def chromaticity_variance(sums: FloatArray, sigma: float = 1.0) -> FloatArray:
     sigma : float, optional
         1 / standard deviation of the prior; by default that of Eqs. 8-9.
     """
-    return 1 / (sums[: len(sums) // 2].mean(axis=0) + np.float32(sigma**2))
+    precision = sums[: len(sums) // 2].mean(axis=0, dtype=np.float32) + np.float32(sigma**2)
+    return np.float32(1) / precision
 
 
 def _solved(

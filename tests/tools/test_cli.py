@@ -6,6 +6,7 @@ import errno
 import os
 import re
 import signal
+import subprocess
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -51,6 +52,54 @@ def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
     assert "-v, --verbose" in outcome.out
     # Not the values of Python that say nothing to a user.
     assert not re.search(r"default: *(\(\)|\[|None|False|True|==)", " ".join(outcome.out.split()))
+
+
+def test_the_verb_help_is_the_option() -> None:
+    for words in (("render",), ()):
+        assert run("help", *words, code=0).out == run(*words, "--help", code=0).out
+    assert "there is no verb nonsense" in run("help nonsense", code=2).err
+
+
+def test_a_variable_that_help_names_is_an_error_where_its_value_is_none(
+    shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = re.findall(r"^  (PANCHROMA\w+) ", run("render --help", code=0).out, re.MULTILINE)
+    assert named == ["PANCHROMA_THREADS", "PANCHROMA_MAX_PIXELS"]
+    for name in named:
+        for value in ("many", "-1", "1.5"):
+            with monkeypatch.context() as changed:
+                changed.setenv(name, value)
+                (line,) = run("render", shots, "-o", out, code=2).errors
+                assert f"{name} is {value!r}, expected a number" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["ren"], ["render"]),
+        (["render", "--pre"], ["--preset"]),
+        (["render", "--preset", ""], ["best", "unlearned", "paper"]),
+        (["inspect", "notes.t"], ["notes.txt"]),
+        (["render", "x.dng", "--camera", "notes"], ["notes.txt"]),
+    ],
+)
+def test_bash_completes_verbs_options_values_and_files(
+    words: list[str], expected: list[str], script: str, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.txt").touch()
+    line = " ".join(f"'{word}'" for word in ("panchroma", *words))
+    ask = f"COMP_WORDS=({line}); COMP_CWORD={len(words)}; _shtab_panchroma"
+    call = ["bash", "-c", f'{script}\n{ask}\nprintf "%s\\n" "${{COMPREPLY[@]}}"']
+    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == expected
+
+
+@pytest.fixture(scope="module")
+def script() -> str:
+    """The completion of bash; those of zsh and fish know as many verbs."""
+    scripts = [run("completion", shell, code=0).out for shell in ("bash", "zsh", "fish")]
+    assert all(f"{verb}" in script for script in scripts for verb in cli.VERBS)
+    return scripts[0]
 
 
 LOADED = """
@@ -146,7 +195,7 @@ def test_options_of_every_verb_may_stand_before_it(shots: Path) -> None:
 # --- interrupts ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stage", ["luminance", "colour", "reading"])
+@pytest.mark.parametrize("stage", ["reconstructing luminance", "colouring pixels", "reading"])
 def test_an_interrupt_leaves_nothing_half_done(
     stage: str, shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,10 +301,10 @@ def test_closed_streams_are_no_trouble_and_not_taken_for_files(
     closed: str, shots: Path, out: Path
 ) -> None:
     shell = ("sh", "-c", f'exec "$@" {closed}', "sh")
-    outcome = spawn("render --preset paper", shots / SHOT, "-o", out, before=shell, code=0)
+    outcome = spawn("render -v --preset paper", shots / SHOT, "-o", out, before=shell, code=0)
     assert results(out) == {"builtin-24x18.tif"}
     assert (out / "builtin-24x18.tif").read_bytes()[:4] == b"II*\0"
-    assert ("colour" in outcome.err) == (closed == ">&-")
+    assert ("colouring pixels: " in outcome.err) == (closed == ">&-")
 
 
 @pytest.mark.filterwarnings("default")

@@ -33,7 +33,7 @@ def commands(page: str) -> list[list[str]]:
     return [
         command
         for command in words
-        if not command[0].startswith(("VERB", "-")) and "genicam:" not in command
+        if not command[0].startswith(("VERB", "help", "-")) and "genicam:" not in command
     ]
 
 

@@ -1,12 +1,13 @@
 """Output of a command: results on stdout, everything else on stderr."""
 
 import json as json_format
+import logging
 import re
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from .progress import StageProgress
 
 _PACKAGE = __name__.partition(".")[0]
+LOG = logging.getLogger(_PACKAGE)
+"""Notes of the library (WARNING), and the seconds of each stage (INFO)."""
 
 
 class StandardOutputError(Exception):
@@ -59,7 +62,7 @@ class Console:
     spell : Callable[[str], str], optional
         Writes messages in the words of the command line.
     verbose : bool, optional
-        An error is followed by the traceback of what caused it.
+        An error is followed by the traceback of what caused it; there is a line for each stage.
     """
 
     def __init__(
@@ -138,7 +141,7 @@ class Console:
         if self.quiet:
             return StageProgress(note=self.note)
         title = one_line(title)
-        if self._display is None and sys.stderr.isatty():
+        if self._display is None and sys.stderr.isatty() and not self.verbose:
             with suppress(ImportError):  # a camera has no package rich
                 self._display = rich_display()
         if self._display is None:
@@ -189,11 +192,17 @@ def traceback_of(error: BaseException) -> str:
     return "".join(traceback.format_exception(cause)) if cause else ""
 
 
-def note_warnings(note: Callable[[str], None]) -> None:
-    """Give warnings of Panchroma itself to `note`, for the rest of this program; others are shown
-    as before.
+@contextmanager
+def shown_by(note: Callable[[str], None], level: int) -> Iterator[None]:
+    """Give what Panchroma logs at this level, and its warnings, to `note` in a `with` block; the
+    warnings of others are shown as before.
     """
-    usual = warnings.showwarning
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            note(record.getMessage())
+
+    usual, before, handler = warnings.showwarning, LOG.level, Handler()
 
     def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
         if category.__module__.partition(".")[0] == _PACKAGE:
@@ -201,7 +210,15 @@ def note_warnings(note: Callable[[str], None]) -> None:
         else:
             usual(message, category, *place)
 
-    warnings.showwarning = show  # type: ignore[assignment]  # the rest is the place, which ours do not need
+    with warnings.catch_warnings():
+        warnings.showwarning = show  # type: ignore[assignment]  # the rest is the place, which ours do not need
+        LOG.addHandler(handler)
+        LOG.setLevel(level)
+        try:
+            yield
+        finally:
+            LOG.removeHandler(handler)
+            LOG.setLevel(before)
 
 
 def to_stdout(*lines: str) -> None:

@@ -14,7 +14,7 @@ from ..io.kind import PictureKind
 from ..io.samples import joined
 from .checks import check_light, needed_memory
 from .compilation import announced_compilation, compile_ahead
-from .console import to_stderr
+from .console import LOG, one_line
 from .memory import allowed_memory, format_bytes
 from .progress import REMARKS, StageProgress
 
@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 
-note_once = lru_cache(REMARKS)(to_stderr)
-"""Print a remark to standard error, each once in a run: programs open and simulate many shots."""
+
+@lru_cache(REMARKS)
+def note_once(text: str) -> None:
+    """Log a remark, each once in a run: programs open and simulate many shots."""
+    LOG.warning("%s", one_line(text))
 
 
 def settings_named(preset: object) -> "RenderSettings":
@@ -51,7 +54,7 @@ def render_array(
     """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light
     was (`offline.Rendering.lost`).
 
-    Standard error has a note while the renderer is being compiled.
+    The log has a note while the renderer is being compiled.
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def render_array(
             f"{columns} x {rows} pixels need {format_bytes(need)} of memory, {format_bytes(free)} "
             "are free; close other programs, or use the command panchroma render: it needs less"
         )
-    with announced_compilation(progress := StageProgress(note=to_stderr)):
+    with StageProgress(note=note_once) as progress, announced_compilation(progress):
         measured = measure(mosaic, settings, progress)
         bands = colour_bands(measured, settings, progress, row_stages if stages is None else stages)
         return joined(bands, mosaic.shape[0]), measured.lost

@@ -44,6 +44,10 @@ class Job:
     from_folder: bool = False
     frames: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        """Return the name of its source."""
+        return self.source
+
     @property
     def files(self) -> tuple[str, ...]:
         """The files that the outputs are made from."""

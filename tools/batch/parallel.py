@@ -9,7 +9,6 @@ import multiprocessing
 import os
 import signal
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -19,7 +18,7 @@ from itertools import chain, islice
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .console import StandardOutputError, WorkerFault, fault, note_warnings, traceback_of
+from .console import LOG, StandardOutputError, WorkerFault, fault, shown_by, traceback_of
 from .signals import raise_lost_signal
 
 if TYPE_CHECKING:  # it loads NumPy, before a worker process has set the number of its threads
@@ -182,7 +181,14 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
     pools: list[ProcessPool] = []  # the last one is at work
 
     def start() -> None:
-        pools.append(ProcessPool(count, initializer=_begin, initargs=(threads,), context=spawn))
+        pools.append(
+            ProcessPool(
+                count,
+                initializer=_begin,
+                initargs=(threads, LOG.getEffectiveLevel()),
+                context=spawn,
+            )
+        )
         with _blocked_signals():
             pools[-1].active  # noqa: B018  starts it
 
@@ -261,11 +267,12 @@ def _blocked_signals() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(threads: int) -> None:
+def _begin(threads: int, level: int) -> None:
     """Prepare a worker process, before it loads a numerical library."""
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # by which the pool stops it
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
+    LOG.setLevel(level)
 
 
 def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
@@ -276,9 +283,11 @@ def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]
     from .progress import StageProgress
 
     notes: list[str] = []
-    with warnings.catch_warnings():
-        note_warnings(notes.append)
-        result = _result_or_error(function, item, StageProgress(note=notes.append))
+    with (
+        shown_by(notes.append, LOG.getEffectiveLevel()),
+        StageProgress(str(item), notes.append) as listener,
+    ):
+        result = _result_or_error(function, item, listener)
     if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
         result = WorkerFault(fault(result), traceback_of(result))
     elif isinstance(result, Exception):

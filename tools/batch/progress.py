@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Self
 
 from ...shared.progress import Progress
-from .console import to_stderr
+from .console import LOG, to_stderr
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -18,11 +18,12 @@ REMARKS = 1000
 shots.
 """
 
-_BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
+_BETWEEN_REMARKS = 60.0  # seconds, where each is a line of its own
 
 
 class StageProgress(Progress):
-    """A listener that shows nothing but notes. Leaving its `with` block ends the display.
+    """A listener that shows nothing but notes; what each stage took goes to the log. Leaving its
+    `with` block ends the display.
 
     Parameters
     ----------
@@ -35,13 +36,15 @@ class StageProgress(Progress):
     def __init__(self, title: str = "", note: Note = lambda _: None) -> None:
         self._title, self.note = title, note
         self._stage = ""  # name of the current one
+        self._since = time.monotonic()
 
     def _label(self) -> str:
         return f"{self._title}: {self._stage}" if self._stage else self._title
 
     def stage(self, name: str, steps: int) -> None:
-        """Remember its name."""
-        self._stage = name
+        """Remember its name; log the seconds that the stage before took."""
+        self._end()
+        self._stage, self._since = name, time.monotonic()
 
     def remark(self, text: str) -> None:
         """Say in words how far the work is."""
@@ -51,34 +54,29 @@ class StageProgress(Progress):
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the display."""
-
-
-class LineProgress(StageProgress):
-    """One plain line per finished stage with the seconds it took, for logs and pipes."""
-
-    def __init__(self, title: str = "", note: Note = lambda _: None) -> None:
-        super().__init__(title, note)
-        self._since = self._remarked = time.monotonic()
-
-    def remark(self, text: str) -> None:
-        """Print the remark, if the last one is some seconds old."""
-        if time.monotonic() - self._remarked >= _BETWEEN_REMARKS:
-            self._remarked = time.monotonic()
-            to_stderr(f"{self._label()}, {text}")
-
-    def stage(self, name: str, steps: int) -> None:
-        """Print the time that the stage before took."""
-        self._end()
-        super().stage(name, steps)
-        self._since = time.monotonic()
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self._end()
 
     def _end(self) -> None:
         if self._stage:
-            to_stderr(f"{self._label()} {time.monotonic() - self._since:.1f} s")
+            LOG.info("%s: %.1f s", self._label(), time.monotonic() - self._since)
+
+
+class LineProgress(StageProgress):
+    """A plain line now and then that says how far long work is, for logs and pipes."""
+
+    _remarked = 0.0
+
+    def stage(self, name: str, steps: int) -> None:
+        """Begin to wait for the first remark."""
+        super().stage(name, steps)
+        self._remarked = self._remarked or self._since
+
+    def remark(self, text: str) -> None:
+        """Print the remark, if the last one is a minute old."""
+        if time.monotonic() - self._remarked >= _BETWEEN_REMARKS:
+            self._remarked = time.monotonic()
+            to_stderr(f"{self._label()}, {text}")
 
 
 class BarProgress(StageProgress):
@@ -106,6 +104,7 @@ class BarProgress(StageProgress):
         self._display.advance(self._task, steps)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        super().__exit__(kind)
         self._display.remove_task(self._task)
         self._display.stop()
 

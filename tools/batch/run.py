@@ -91,7 +91,7 @@ def render_all(
             executor = stack.enter_context(worker_processes(count, remedy, threads_each))
             results = executor.run(partial(attempt, order, allowed // count, 1), shots, note)
         else:
-            show = console.progress if not several else lambda _: StageProgress(note=console.note)
+            show = console.progress if not several else partial(StageProgress, note=console.note)
             work = partial(attempt, order, allowed, threads_each)
             results = one_by_one(work, shots, lambda shot: show(shot.source))
         return do_jobs(follow(results, shots, progress), console)

@@ -207,5 +207,5 @@ def camera_of(
         if camera:
             camera.check_pattern(pattern)
     except InputError as error:
-        raise InputError(f"{arguments.camera}: {error}") from None
+        raise type(error)(f"{arguments.camera}: {error}") from None
     return camera, pattern

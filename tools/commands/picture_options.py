@@ -54,8 +54,8 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     group.add_argument("--preset", choices=presets, default=presets[0], help=preset)
 
 
-def _balance(text: str) -> WhiteBalance:
-    return WhiteBalance.parse(numbers()(text) if "," in text else text)
+def _balance(text: str) -> str | tuple[float, ...]:
+    return numbers()(text) if "," in text else text
 
 
 def _format(name: str) -> str:
@@ -81,7 +81,8 @@ def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     kind.check_exposure(arguments.exposure)
-    arguments.wb.check(kind)
+    white = WhiteBalance.parse(arguments.wb)
+    white.check(kind)
     return {
         "preset": arguments.preset,
         "exposure": arguments.exposure,
@@ -90,7 +91,7 @@ def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
         "overwrite": arguments.overwrite,
         "dry_run": arguments.dry_run,
         "kind": kind,
-        "white": arguments.wb,
+        "white": white,
         "camera": read_camera(arguments.camera) if arguments.camera else None,
         "folder": output_folder(arguments.output, dry_run=arguments.dry_run),
         "run": secrets.token_hex(8),

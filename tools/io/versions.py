@@ -1,10 +1,13 @@
 """Versions of Panchroma and of the packages that it uses."""
 
 import json
+import platform
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from shlex import quote
+
+_TOLD = "numpy", "onnxruntime", "numba", "scipy", "opencv-contrib-python-headless", "rawpy"
 
 
 @cache
@@ -24,6 +27,14 @@ def program_version() -> str:
     installed.
     """
     return package_version("panchroma") or "unknown version"
+
+
+def versions() -> str:
+    """Versions of Panchroma, of Python, and of the packages that make pictures, for people."""
+    python = f"Python {platform.python_version()} on {platform.system()} ({platform.machine()})"
+    found = ((name, package_version(name)) for name in _TOLD)
+    packages = (f"{name} {version}" for name, version in found if version)
+    return ", ".join([f"Panchroma {program_version()}", python, *packages])
 
 
 def install_command(extra: str = "all") -> str:

@@ -1,11 +1,13 @@
 """What is shown, and where: results, records, remarks and bars, each on lines of its own."""
 
 import io
+import logging
 import sys
 
 import pytest
 
-from panchroma.tools.batch.console import Console, one_line
+from panchroma.tools.batch.console import LOG, Console, one_line, shown_by
+from panchroma.tools.batch.progress import LineProgress
 
 
 @pytest.mark.parametrize(
@@ -42,8 +44,7 @@ def test_machines_read_stdout_people_stderr_and_quiet_leaves_errors(
     *remarks, fault = shown.err.splitlines()
     assert fault == "panchroma: a fault"
     results = ["a result"] if json else []
-    expected = [] if quiet else [*results, "a note", "x: luminance"]
-    assert [line.rpartition(" 0.")[0] or line for line in remarks] == expected
+    assert remarks == ([] if quiet else [*results, "a note"])
 
 
 class Terminal(io.StringIO):
@@ -73,17 +74,38 @@ def test_a_terminal_shows_a_bar_whatever_the_file_is_called_and_results_go_elsew
     assert "a.dng" not in terminal.getvalue()
 
 
-def test_a_log_gets_a_line_per_stage_that_has_ended(capsys: pytest.CaptureFixture[str]) -> None:
-    shown = Console()
-    with shown.progress("x.dng") as progress:
-        progress.stage("luminance", 3)
-        progress.advance(3)
-        progress.stage("writing", 1)
-    failing = shown.progress("y.dng")
-    failing.stage("luminance", 3)
-    failing.__exit__(ValueError, ValueError("odd"), None)
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.rsplit(" ", 2)[0] for line in lines] == ["x.dng: luminance", "x.dng: writing"]
+def test_the_log_gets_a_line_per_stage_that_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal with `verbose`, too; what was logged before and after is not shown."""
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    shown = Console(verbose=True)
+    with shown_by(shown.note, logging.INFO):
+        with shown.progress("x.dng") as progress:
+            progress.stage("luminance", 3)
+            progress.advance(3)
+            progress.stage("writing", 1)
+        failing = shown.progress("y.dng")
+        failing.stage("luminance", 3)
+        failing.__exit__(ValueError, ValueError("odd"), None)
+    with shown_by(shown.note, logging.WARNING):
+        LOG.info("hidden")
+        LOG.warning("use `overwrite=True`\x1b")
+    LOG.info("hidden")
+    *lines, note = terminal.getvalue().splitlines()
+    assert [line.rsplit(" ", 2)[0] for line in lines] == ["x.dng: luminance:", "x.dng: writing:"]
+    assert note == r"use `overwrite=True`\x1b"
+
+
+def test_a_pipe_hears_of_long_work_once_a_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = iter([0.0, 10.0, 69.0, 71.0, 71.0, 100.0, 131.0, 131.0])
+    monkeypatch.setattr("panchroma.tools.batch.progress.time.monotonic", lambda: next(now))
+    progress = LineProgress("x")
+    progress.stage("compiling", 9)
+    for number in range(4):
+        progress.remark(f"{number} of 9")
+    lines = ["x: compiling, 1 of 9", "x: compiling, 3 of 9"]
+    assert capsys.readouterr().err.splitlines() == lines
 
 
 def test_results_and_records_cannot_forge_lines(capsys: pytest.CaptureFixture[str]) -> None:

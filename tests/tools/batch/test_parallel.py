@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -166,7 +167,8 @@ def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
     words = {0.2: "1 s", 40: "40 s", 700: "12 min", 12000: "3 h 20 min"}
     assert {seconds: duration(seconds) for seconds in words} == words
     times, said = iter([0.0, 40.0, 50.0]), list[str]()
-    monkeypatch.setattr("panchroma.tools.batch.parallel.time.monotonic", lambda: next(times))
+    clock = Mock(monotonic=lambda: next(times))
+    monkeypatch.setattr("panchroma.tools.batch.parallel.time", clock)
     monkeypatch.setattr(StageProgress, "remark", lambda _, text: said.append(text))
     results = one_by_one(lambda item, _: -item, [4, 5, 1], lambda _: StageProgress())
     assert dict(follow(results, [4, 5, 1], StageProgress())) == {4: -4, 5: -5, 1: -1}

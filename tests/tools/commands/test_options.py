@@ -68,7 +68,7 @@ def test_fractions_are_taken_everywhere(line: str, value: object) -> None:
 
 def test_fractions_are_taken_in_a_white_balance() -> None:
     stated = build_parser("render")[0].parse_args(["render", "x", "-o", "y", "--wb", "3/2,1,2"])
-    assert stated.wb.multipliers == (1.5, 1.0, 2.0)
+    assert stated.wb == (1.5, 1.0, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -135,10 +135,10 @@ def test_figures_fall_with_the_light() -> None:
     assert again.truth.white == light
 
 
-def test_a_note_is_shown_once_in_a_run(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_note_is_logged_once_in_a_run(caplog: pytest.LogCaptureFixture) -> None:
     bright = np.full((48, 48, 3), 7.125, np.float32)
     shots = [panchroma.simulate(bright, sigma=sigma) for sigma in (0.0, 0.01, 0.02)]
-    assert capfd.readouterr().err.count("the brightest value is 7.125") == 1
+    assert caplog.text.count("the brightest value is 7.125") == 1
     assert all("the brightest value is 7.125" in shot.notes[0] for shot in shots)
 
 

@@ -219,7 +219,7 @@ def render(
 
 
 def with_notes_shown(shot: Shot) -> Shot:
-    """The shot, after standard error has those of its notes that it has not had yet: a sweep opens
+    """The shot, after the log has those of its notes that it has not had yet: a sweep opens
     or simulates it many times.
     """
     for note in shot.notes:
