@@ -37,10 +37,12 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "": {},
     "corner, planes": {"corner": True},
     "corner, light": {"corner": True, "in_light": True},
+    "small": {"share": 0.45},
 }
 """What differs from the cameras as they are drawn."""
 KINDS = (
     "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat", "dark+flat", "flat",
+    "small: chart+dark", "small: chart+dark+flat",
     *(f"corner, {where}: {kind}" for where in ("planes", "light") for kind in ("chart+dark", "chart+dark+flat", "charts+dark+flat")),
 )  # fmt: skip
 SIGMAS = 1.96
@@ -60,7 +62,9 @@ class SimulatedCamera:
     falls: (C + 1, 4), fall-off per plane: shares of r^2, r^4, row and column.
     in_light: the fall-off of the channels is that of the light, and that of panchromatic samples
     follows.
-    corner: its charts are small, and in the corners of the frame.
+    corner: its charts are of half the width of the frame, and in its corners.
+    share: of the frame that a chart takes along each side, and coloured areas are around it; None =
+    a larger share, and an even grey.
     """
 
     pattern: CfaPattern
@@ -72,6 +76,7 @@ class SimulatedCamera:
     falls: DoubleArray
     in_light: bool = False
     corner: bool = False
+    share: float | None = None
 
     @staticmethod
     def drawn(random: np.random.Generator) -> "SimulatedCamera":
@@ -144,16 +149,29 @@ def charts() -> FloatArray:
     return chart_scene(600, 400).rgb
 
 
+def areas(random: np.random.Generator) -> FloatArray:
+    """Rectangles of all sizes and colours, most of them dull, some with a texture."""
+    scene = np.full((*SHAPE, 3), 0.35, np.float32)
+    for _ in range(150):
+        top, left = (int(random.integers(-60, side)) for side in SHAPE)
+        high, wide = np.exp(random.uniform(np.log(15), np.log(150), 2)).astype(int).tolist()
+        colour = random.uniform(0.05, 0.8) * random.uniform(0.2, 1, 3) ** random.choice([0.3, 1.5])
+        area = scene[max(top, 0) : top + high, max(left, 0) : left + wide]
+        rough = random.choice([0, 0, 0.01, 0.1])
+        area[:] = colour * np.exp(random.normal(0, rough, (*area.shape[:2], 1)))
+    return scene
+
+
 def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     """Three charts, four dark frames and pairs of flat frames of three exposures."""
     frames = Frames()
     for number in range(3):
         colour = random.uniform(0.5, 1, 3)
-        share = 0.5 if camera.corner else random.choice([1.0, 0.8])
+        share = camera.share or (0.5 if camera.corner else random.choice([1.0, 0.8]))
         high, wide = (round(share * side) for side in SHAPE)
         rows = np.linspace(0, SHAPE[0] - 1, high).round().astype(int)
         columns = np.linspace(0, SHAPE[1] - 1, wide).round().astype(int)
-        scene = np.full((*SHAPE, 3), 0.35, np.float32)
+        scene = areas(random) if camera.share else np.full((*SHAPE, 3), 0.35, np.float32)
         top = int(random.integers(0, SHAPE[0] - high + 1))
         left = int(random.integers(0, SHAPE[1] - wide + 1))
         if camera.corner:

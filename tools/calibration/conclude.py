@@ -228,7 +228,7 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     ):
         refusal = "; ".join(contradictions)
     facts = {
-        "from": "the patches of a ColorChecker",
+        "from": "the patches of a ColorChecker" + ", and even areas around it" * bool(fit.around),
         "shots": [shot.name for shot in measured.shots],
         "half_width_95": rounded(fit.half_width),
         "condition": round(fit.condition, 2),

@@ -68,6 +68,9 @@ _TRUST = 8.0  # weight of the noise line beside a place's own variance, in sampl
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
 _ROUNDS = 4
+# times the variance of the noise: what an even area has at most, as few samples estimate it
+_EVEN = 2.5
+_WORTHWHILE = 0.6  # of the interval: what areas around a chart have to leave of it
 # of its level: error of what a channel without filters is expected to see on a chart; filters are
 # not those of sRGB
 _EXPECTED = 0.03
@@ -231,6 +234,9 @@ class GammaFit:
         Sqrt(chi2 / freedom); 1 = noise explains the residuals.
     where : DoubleArray
         (M, 2), places for whose mean gamma is stated, see `unknowns`: the middle of each chart.
+    around : int
+        Number of areas around the chart among the N places; `level`, `predicted` and `used` are of
+        the patches alone.
     contradiction : float
         Of independent fits, as standard deviations of a normal number; 0 = there is only one fit.
     widened : float
@@ -250,6 +256,7 @@ class GammaFit:
     condition: float
     spread: float
     where: DoubleArray
+    around: int = 0
     contradiction: float = 0.0
     widened: float = 1.0
     limit: float = WORST_INTERVAL
@@ -328,7 +335,10 @@ class GammaFit:
 
 
 def fit_gamma(
-    places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None
+    places: PlaceSamples,
+    calibration: SensorCalibration,
+    assumed: Assumed | None = None,
+    patches: int | None = None,
 ) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
 
@@ -340,6 +350,9 @@ def fit_gamma(
         Of the shot; its levels are used.
     assumed
         What may be off; None = nothing was measured, see `Assumed.of`.
+    patches
+        How many of the places are patches, the first ones; None = all. Others only add to what
+        these tell.
 
     Raises
     ------
@@ -374,7 +387,8 @@ def fit_gamma(
             break
         used = kept
     information = problem.information(used, solution) / spread**2
-    condition = float(np.linalg.cond(colours[used] / level[used, None]))
+    of_chart = np.flatnonzero(used[:patches])
+    condition = float(np.linalg.cond(colours[of_chart] / level[of_chart, None]))
     if condition > (worst := max(_WORST_CONDITION, _PER_CHANNEL * channels)):
         raise InputError(
             f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most "
@@ -386,13 +400,39 @@ def fit_gamma(
         assumed=assumed,
         calibration=calibration,
         freedom=freedom,
-        level=level,
-        predicted=problem.terms @ solution,
-        used=used,
+        level=level[:patches],
+        predicted=(problem.terms @ solution)[:patches],
+        used=used[:patches],
         condition=condition,
         spread=float(np.sqrt((problem.scores(solution)[used] ** 2).sum() / freedom)),
-        where=places.where.mean(axis=0, keepdims=True),
+        where=places.where[:patches].mean(axis=0, keepdims=True),
+        around=len(level) - len(level[:patches]),
     )
+
+
+def with_surroundings(fit: GammaFit, chart: PlaceSamples, around: PlaceSamples) -> GammaFit:
+    """Return the fit to the patches of a chart and to even areas around it, if that nearly halves
+    the interval; otherwise the fit to the patches alone.
+
+    Even areas without clipped samples obey Eq. 7 as patches do. Areas that move gamma out of the
+    interval of the chart do not: reflections, or a texture finer than the pattern.
+
+    Parameters
+    ----------
+    fit
+        To the patches.
+    chart, around
+        Statistics of the patches, and of areas of their size.
+    """
+    even = ~around.clipped
+    for plane in range(around.mean.shape[1]):
+        of_chart = (chart.mean, chart.variance, chart.count)
+        line = fit_photon_transfer(*(values[fit.used, plane] for values in of_chart))
+        even &= around.variance[:, plane] <= _EVEN * line.variance(around.mean[:, plane])
+    both = chart.joined(around.chosen(even))
+    wider = fit_gamma(both, fit.calibration, fit.assumed, len(chart.mean))
+    agrees = (np.abs(wider.gamma - fit.gamma) <= fit.half_width).all()
+    return wider if agrees and wider.worst <= _WORTHWHILE * fit.worst else fit
 
 
 def fit_with_derived(

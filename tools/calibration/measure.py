@@ -26,7 +26,7 @@ from .chart.place import ChartPlace
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
-from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived
+from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
 from .noise import FlatResult, check_flat, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
@@ -34,6 +34,8 @@ from .shading import ShadingResult, measure_shading
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).
 _FAR = 1 / 256
+# Half width over gamma that a large chart reaches by itself: no areas around it are measured.
+_SURE = 0.02
 _CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
 
@@ -235,6 +237,9 @@ def measure_chart(
     places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
         fit = fit_gamma(places, mosaic.calibration, assumed)
+        areas = chart.around(mosaic.shape, mosaic.pattern.period)
+        if fit.worst > _SURE and areas:
+            fit = with_surroundings(fit, places, patch_samples(mosaic, areas))
     else:
         measured, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]
         expected = expected_levels(measured, reference, chart.cells, letter)

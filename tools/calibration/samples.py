@@ -65,6 +65,15 @@ class PlaceSamples:
         """The places that have samples of all planes and are not clipped, (N,)."""
         return ~self.clipped & (self.count.min(axis=1) >= 1)
 
+    def chosen(self, which: BoolArray) -> "PlaceSamples":
+        """Return some of the places; which: (N,)."""
+        return PlaceSamples(*(values[which] for values in vars(self).values()))
+
+    def joined(self, other: "PlaceSamples") -> "PlaceSamples":
+        """Return these places and those of `other` after them."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return PlaceSamples(*(np.concatenate(pair) for pair in pairs))
+
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
     """Return the samples in parts of full scale, without shading, float32 (H, W)."""

@@ -17,6 +17,8 @@ PATCH = 0.86  # side of a patch in cells (distances between patches): 0.84 to 0.
 INNER = 0.74  # side of the measured part of a patch in cells: away from edges and lens blur
 # Measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3.
 LEAST_PERIODS = 2.5
+# Of areas beside the chart: periods along a side, at least, and areas along a side of the frame.
+_LEAST_AREA, _MOST_AREAS = 5, 40
 NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
     "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
@@ -95,6 +97,23 @@ class ChartPlace:
     def measured(self) -> list[Pixels]:
         """Return the pixels of the measured parts of the patches, in reading order."""
         return [_pixels(quad) for quad in self.patch_corners(INNER)]
+
+    def around(self, shape: tuple[int, int], period: int) -> list[Pixels]:
+        """Return the pixels of squares as large as the measured parts, and of whole periods, on a
+        grid over a frame (rows, columns), where it shows no part of the chart.
+        """
+        side = period * round(max(INNER * self.pitch / period, _LEAST_AREA))
+        step = max(side, *(length // _MOST_AREAS for length in shape))
+        (left, top), (right, bottom) = (
+            bound(self.corners, axis=0) + sign * self.pitch / 2
+            for bound, sign in ((np.min, -1), (np.max, 1))
+        )
+        return [
+            tuple(pixels.ravel() for pixels in np.mgrid[row : row + side, column : column + side])
+            for row in range(0, shape[0] - side + 1, step)
+            for column in range(0, shape[1] - side + 1, step)
+            if not (top - side < row < bottom and left - side < column < right)
+        ]
 
     @property
     def cells(self) -> DoubleArray:
