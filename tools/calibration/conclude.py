@@ -349,7 +349,7 @@ def conclude_colour(measured: Measurements) -> Part | None:
     if missing := [light for light in lights if not charts[light]]:
         if not measured.lights:
             return Part("colour", missing="; ".join(faults))
-        why = "no chart whose patches are not clipped was found under the light"
+        why = "no chart without clipped patches was found under the light"
         return Part("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
     if two and not measured.lights:
         names = " and ".join(light.illuminant for light in two)
