@@ -576,6 +576,11 @@ def conclude_shading(measured: Measurements) -> Part | None:
     if not measured.assumed().black_measured:  # light that is black in truth does not fall off
         line = "shading was measured with a black level that is assumed; take dark frames (`dark`)"
         warnings.append(line)
+    if result.tilt:
+        turn = "turn the camera by half a turn to see whether it is that of the lens"
+        warnings.append(
+            f"the light of the flat frames is {result.tilt}, and shading has it; {turn}"
+        )
     error = float(f"{result.error:.2g}")
     facts: dict[str, Any] = {"frames": result.frames, "standard_error": error}
     if shading:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shared import Mosaic
-from ...shared.arrays import DoubleArray
+from ...shared.arrays import DoubleArray, IndexArray
 from ...shared.errors import InputError
 from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, levels_of, planes_of, tiles
 
@@ -124,11 +124,27 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         # Then the mean of the codes is not that of the samples, however many there are.
         if read[plane] < HIDDEN:
             error[plane] = np.hypot(error[plane], np.sqrt(ROUNDING))
-        independent = good.sum() * max(len(frames) - 1, 1)
+        independent = (
+            good.sum() * max(len(frames) - 1, 1) / _alike(samples, np.nonzero(here)[0][good])
+        )
         read_error[plane] = variance / (max(read[plane], HIDDEN) * np.sqrt(2 * max(independent, 1)))
     _check_light(first, mean, black, np.hypot(read, ROUNDING**0.5), len(frames))
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
     return DarkResult(len(frames), black, error, read, read_error, defects)
+
+
+def _alike(samples: DoubleArray, rows: IndexArray) -> float:
+    """Return how many samples count as one for a variance: samples of a row share its noise.
+
+    samples: (frames, N); rows: (N,), of each.
+    """
+    noise = samples - samples.mean(axis=1, keepdims=True)
+    noise -= noise.mean(axis=0) * (len(noise) > 1)  # fixed pattern
+    number, variance = np.bincount(rows), float(noise.var())
+    sums = np.array([np.bincount(rows, of_frame) for of_frame in noise])
+    pairs = float((number * (number - 1)).sum()) * len(noise)
+    common = float((sums**2).sum() - noise.size * variance) / max(pairs * variance, 1e-12)
+    return 1 + (number.max() - 1) * max(common, 0.0) ** 2
 
 
 def _check_alike(samples: DoubleArray) -> None:

@@ -339,6 +339,8 @@ def fit_gamma(
     calibration: SensorCalibration,
     assumed: Assumed | None = None,
     patches: int | None = None,
+    *,
+    offset: bool = True,
 ) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
 
@@ -353,6 +355,9 @@ def fit_gamma(
     patches
         How many of the places are patches, the first ones; None = all. Others only add to what
         these tell.
+    offset
+        Whether the black level that is assumed counts while outliers are sought. It does not if the
+        patches contradict it: the dark ones, which tell how far it is off, would be left out.
 
     Raises
     ------
@@ -372,10 +377,11 @@ def fit_gamma(
         )
     problem = _Problem(places, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
-    solution, prior = problem.start(used), np.zeros(0)
+    solution, believed = problem.start(used), np.zeros(0)
     for _ in range(_ROUNDS):
         prior = assumed.precision(solution[:channels], calibration)
-        solution = problem.solve(used, solution, prior, spread)
+        believed = assumed.precision(solution[:channels], calibration, offset=offset)
+        solution = problem.solve(used, solution, believed, spread)
         information = problem.information(used, solution) / spread**2
         score = problem.scores(solution)
         # the share of each unknown that the places determine
@@ -394,9 +400,9 @@ def fit_gamma(
             f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most "
             f"{worst:.0f}), or the light has fewer primaries than the sensor channels; {_INSTEAD}"
         )
-    return GammaFit(
+    fit = GammaFit(
         information=information,
-        right_hand_side=(information + prior) @ solution,
+        right_hand_side=(information + believed) @ solution,
         assumed=assumed,
         calibration=calibration,
         freedom=freedom,
@@ -408,6 +414,9 @@ def fit_gamma(
         where=places.where[:patches].mean(axis=0, keepdims=True),
         around=len(level) - len(level[:patches]),
     )
+    if offset and (abs(fit.black_deviation) > _REJECT or fit.spread > _HUBER):
+        return fit_gamma(places, calibration, assumed, patches, offset=False)
+    return fit
 
 
 def with_surroundings(fit: GammaFit, chart: PlaceSamples, around: PlaceSamples) -> GammaFit:

@@ -36,7 +36,9 @@ _FLOOR = 1e-4  # share of the light: no flat frame is more exact
 _WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
 _NOISE = 1.3  # times the noise that tiles show of themselves: they do not know it better
 _RESIDUAL = 0.005  # share of the light, beyond noise: more is no shading
-_TILT = 0.03  # share by which one side may be brighter than the other
+# Share by which one side may be brighter than the other: all light, or a colour compared with it.
+# At the sides either moves no patch of a ColorChecker by more than 1.1 dE2000.
+_LIGHT_TILT, _TILT = 0.1, 0.03
 _CENTRE = 0.05  # of the diagonal
 _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames better than a tilt
 _EVEN = 0.02  # less than this is no shading
@@ -67,11 +69,14 @@ class ShadingResult:
         Number of frames that it comes from; those that are clipped are left out.
     error : float
         Standard error of the gain where it is known worst, as a share, if the black level is right.
+    tilt : str
+        By how much the light is brighter at one side, and which; "" = not clearly.
     """
 
     shading: Shading | None
     frames: int
     error: float
+    tilt: str = ""
 
     @property
     def words(self) -> str:
@@ -133,7 +138,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
         shading, error = _refined(shading, tiles)
     _check_alike(parts)
     left = _measured(light, frames[0][1], shading)
-    _check_light(left, shading, pattern.channels)
+    uneven = _check_light(left, shading, pattern.channels)
     residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
     if residual > _RESIDUAL:
         raise InputError(
@@ -143,7 +148,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
         )
     is_even = float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error)
     rounded = None if is_even else replace(shading, residual=float(f"{residual:.2g}"))
-    return ShadingResult(rounded, len(parts), error)
+    return ShadingResult(rounded, len(parts), error, "" if is_even else uneven)
 
 
 def _common_focal_length(frames: Sequence[Named]) -> float | None:
@@ -315,9 +320,9 @@ def _residuals(tiles: _Tiles) -> list[float]:
     return np.sqrt(np.maximum(beyond, 0)).tolist()
 
 
-def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
+def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> str:
     """Raise InputError if the light is brighter on one side, or falls off around a place far from
-    the middle.
+    the middle; return `ShadingResult.tilt`.
 
     shading: with which the tiles were measured. letters: of the channels. Light whose colour
     differs from side to side is uneven too, so that each is compared with all light.
@@ -375,10 +380,15 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     for letter, gain, weight in zip(letters, gains[:-1], weights[:-1], strict=True):
         coloured = [fit_tilt(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres]
         tilts[f" in {letter}, compared with W"] = min(coloured)
+    uneven = ""
     for which, (tilt, side) in tilts.items():
         if tilt > _TILT:
-            raise InputError(
-                f"flat frames: the light is tilted{which}: {100 * tilt:.1f} % brighter at the "
-                f"{side} of the sensor than opposite, {100 * _TILT:.0f} % are allowed; take an "
-                "evenly lit surface, and turn the camera by half a turn to see what is the light's"
-            )
+            brighter = f"{100 * tilt:.1f} % brighter at the {side} of the sensor than opposite"
+            if tilt > (limit := _TILT if which else _LIGHT_TILT):
+                raise InputError(
+                    f"flat frames: the light is tilted{which}: {brighter}, {100 * limit:.0f} % are "
+                    "allowed; take an evenly lit surface, and turn the camera by half a turn to "
+                    "see what is the light's"
+                )
+            uneven = brighter
+    return uneven

@@ -62,6 +62,22 @@ def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> 
             measure_dark([first, edited(second, edit)])
 
 
+@pytest.mark.parametrize("count", [1, 2, 6])
+def test_read_noise_of_rows_counts_once_a_row(count: int) -> None:
+    """Samples of a row are no independent ones: the truth is 1.4 errors away at most."""
+    truth, scores = np.hypot(np.array(NOISE.read) / FULL * (4095 - 256), 3.0), []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        found = measure_dark(
+            [
+                edited(dark, lambda codes: codes + 3.0 * rng.standard_normal((SHAPE[0], 1)))  # noqa: B023
+                for dark in darks(count)
+            ]
+        )
+        scores.append((found.read - truth) / found.read_error)
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
 def test_black_level_gain_and_read_noise_of_flats_and_darks() -> None:
     dark = measure_dark(darks(4))
     assert (np.abs(dark.black - TRUTH.black_level) < 5 * dark.black_error + 1e-9).all()

@@ -217,11 +217,17 @@ def test_a_frame_of_another_kind_is_skipped_alone(kind: str, content: Taken, wor
     assert len(seen.shots) == 1
 
 
-def test_dark_frames_that_contradict_a_chart_are_to_blame() -> None:
-    darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda every: every + 12))
-    outcome = concluded(dark=darks, shots=several("chart", 1))
+@pytest.mark.parametrize("flats", [0, 4])
+@pytest.mark.parametrize("off", [-24, 12])
+def test_dark_frames_that_contradict_a_chart_are_to_blame(off: int, flats: int) -> None:
+    """The message states by how much they are off; the dark patches, which tell it, are used."""
+    darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda every: every + off))
+    outcome = concluded(dark=darks, flat=several("flat", flats), shots=several("chart", 1))
     assert outcome.camera is None
     assert "black level that the dark frames show" in outcome.refusal
+    size, direction = re.search(r"seems to be (\S+) ± \S+ codes (\w+)", outcome.refusal).groups()
+    assert direction == ("lower" if off > 0 else "higher")
+    assert abs(float(size) / abs(off) - 1) < 0.2
 
 
 @pytest.mark.parametrize("stated", [96.0, 346.0])
