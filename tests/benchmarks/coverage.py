@@ -38,11 +38,15 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "corner, planes": {"corner": True},
     "corner, light": {"corner": True, "in_light": True},
     "small": {"share": 0.45},
+    **{f"bad pixels, {number}": {"bad": number} for number in (1, 10, 100)},
+    **{f"flicker, {part} %": {"flicker": part / 100} for part in (1, 3, 10)},
 }
 """What differs from the cameras as they are drawn."""
 KINDS = (
     "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat", "dark+flat", "flat",
     "small: chart+dark", "small: chart+dark+flat",
+    *(f"bad pixels, {number}: {kind}" for number in (1, 10, 100) for kind in ("chart", "chart+dark", "chart+dark+flat")),
+    *(f"flicker, {part} %: {kind}" for part in (1, 3, 10) for kind in ("chart+dark+flat", "chart+flat")),
     *(f"corner, {where}: {kind}" for where in ("planes", "light") for kind in ("chart+dark", "chart+dark+flat", "charts+dark+flat")),
 )  # fmt: skip
 SIGMAS = 1.96
@@ -65,6 +69,8 @@ class SimulatedCamera:
     corner: its charts are of half the width of the frame, and in its corners.
     share: of the frame that a chart takes along each side, and coloured areas are around it; None =
     a larger share, and an even grey.
+    bad: number of pixels that are stuck at some level.
+    flicker: amplitude of the lamp's, over flat frames, as a share of the light.
     """
 
     pattern: CfaPattern
@@ -77,6 +83,8 @@ class SimulatedCamera:
     in_light: bool = False
     corner: bool = False
     share: float | None = None
+    bad: int = 0
+    flicker: float = 0.0
 
     @staticmethod
     def drawn(random: np.random.Generator) -> "SimulatedCamera":
@@ -185,9 +193,18 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     for number in range(4):
         frames.mosaics[f"dark{number}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
     colour = random.uniform(0.6, 1, 3)
+    other = random.spawn(1)[0]  # what the others draw does not depend on it
+    rows = 2 * np.pi * np.arange(SHAPE[0])[:, None, None] / other.uniform(20, 300)
     for number, light in enumerate(np.repeat((0.1, 0.35, 0.75), 2)):
         even = np.ones((*SHAPE, 3)) * colour / colour.max() * light
+        even *= 1 + camera.flicker * np.sin(rows + other.uniform(0, 2 * np.pi))
         frames.mosaics[f"flat{number}"] = camera.shot(even, random)
+    places = tuple(other.integers(0, SHAPE, (camera.bad, 2)).T)
+    stuck = other.choice([0.0, 0.3, 1.0, 1.0], camera.bad) * camera.states.white_level
+    for name, mosaic in frames.mosaics.items():
+        codes = mosaic.codes.copy()
+        codes[places] = stuck
+        frames.mosaics[name] = replace(mosaic, samples=codes)
     return frames
 
 

@@ -24,7 +24,7 @@ from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light
 from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, reconciled
 from .measure import Measurements, ShotMeasurement
-from .noise import SIGMAS, NoiseResult, noise_of_flats
+from .noise import SIGMAS, NoiseResult, contradiction, noise_of_flats
 from .samples import figures
 
 # Of gamma.
@@ -40,8 +40,8 @@ _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
 _LIKELY_CHANGE = (0.6, 1.9)
 # Mean dE2000: an average chart in average light stays below; above it the colours are useless.
 _GOOD_COLOUR, _USELESS_COLOUR = 4.0, 6.0
-# dE2000 of a patch from the others, alone and over their median: it has dirt, or a reflection
-_ODD_COLOUR, _ODD = 15.0, 5.0
+# dE2000 of a patch from the others, alone and over the mean: it has dirt, or a reflection
+_ODD_COLOUR, _ODD = 15.0, 4.0
 
 # Of what dark and flat frames show.
 _MANY = 1e-3  # of the pixels
@@ -140,6 +140,12 @@ class Result:
             return "do not use it"
         return "use it with care" if self.warnings else "use it"
 
+    @property
+    def words(self) -> str:
+        """The verdict, and what was not measured with the remedies, for people."""
+        missing = (f"{name.replace('_', ' ')} ({why})" for name, why in self.missing.items())
+        return "; not measured: ".join(filter(None, (self.verdict, ", ".join(missing))))
+
 
 def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None) -> Result:
     """Combine all that was measured into one camera.
@@ -179,9 +185,7 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     for name, remedy in _REMEDIES.items():
         if name not in known and (name != "colour" or len(calibration.channels) >= FEWEST_CHANNELS):
             missing[name] = (name in parts and parts[name].missing) or remedy
-    for name, why in missing.items():
-        was = "were" if name == "defects" else "was"
-        lines.append(f"{name.replace('_', ' ')} {was} not measured: {why}")
+    lines += [f"{name.replace('_', ' ')}: not measured; {why}" for name, why in missing.items()]
     warnings = (*measured.remarks, *lines, *_outdated(measured, sources))
     return Result(measured, parts, sources, camera, refusal, contradictions, warnings, missing)
 
@@ -307,13 +311,12 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
         )
     for shot in shots:
         clipped = shot.places.clipped
-        for left_out, why, remedy in (
-            (clipped, "clipped", "expose less"),
-            (~shot.fit.used & ~clipped, "at odds with the others", "avoid reflections and dirt"),
+        for left_out, why in (
+            (clipped, "clipped, expose less"),
+            (~shot.fit.used & ~clipped, "unlike the others, avoid reflections and dirt"),
         ):
-            if left_out.any():
-                names = ", ".join(np.array(NAMES)[left_out])
-                warnings.append(f"{shot.name}: left out, for {why}: {names}; {remedy}")
+            if names := ", ".join(np.array(NAMES)[left_out]):
+                warnings.append(f"{shot.name}: {names} left out: {why}")
     return warnings
 
 
@@ -405,9 +408,7 @@ def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list
         try:
             fit = fit_colour(levels, measured.chart_colours, shot.chart.cells, used)
             odd = int(fit.left_out.argmax())
-            if fit.left_out[odd] > max(
-                _ODD_COLOUR, _ODD * float(np.median(np.asarray(fit.left_out)[used]))
-            ):
+            if fit.left_out[odd] > max(_ODD_COLOUR, _ODD * fit.left_out.mean()):
                 used = used & (np.arange(used.size) != odd)
                 fit = fit_colour(levels, measured.chart_colours, shot.chart.cells, used)
         except InputError as error:
@@ -536,6 +537,12 @@ def conclude_noise(measured: Measurements) -> Part | None:
         return None
     black = measured.assumed().black
     noise = noise_of_flats(measured.flats, measured.calibration, measured.dark, black)
+    charts, lens = [shot.places for shot in measured.shots], measured.calibration.shading
+    slack = float(lens.sketch[-1].max()) if lens else 1.0
+    if fault := contradiction(noise, measured.calibration, measured.dark, charts, slack):
+        line = f"noise was left out: flat frames {', '.join(measured.flats.names)}: {fault}"
+        remedy = "take all frames with one gain, and flat frames in steady light"
+        return Part("noise", warnings=[f"{line}; {remedy}"])
     # In scene units noise is as uncertain as their size, which is that of gamma.
     full_scale, error, gamma = measured.calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
@@ -547,7 +554,30 @@ def conclude_noise(measured: Measurements) -> Part | None:
         "read_error": rounded(np.hypot(full_scale * read_own, error * read)),
     }
     changes = {"noise": noise.model(full_scale)}
-    return Part("noise", facts, changes, _noise_warnings(noise, measured.dark), result=noise)
+    warnings = [*measured.flats.flicker, *_noise_warnings(noise, measured.dark)]
+    return Part("noise", facts, changes, warnings, result=noise)
+
+
+def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
+    """Return how far noise that was measured anew is from that of a camera file, for people, and
+    whether it is beyond the intervals of both; "" = it was not replaced.
+    """
+    cameras = [camera for camera in (old, new) if camera.calibration.noise]
+    facts = [camera.measured.get("noise", {}) for camera in cameras]
+    if len(facts) < 2 or facts[0] == facts[1]:
+        return "", False
+    words, beyond = [], False
+    for name, kind in (("shot", "photon noise"), ("read", "read noise")):
+        error, scales = f"{name}_error", [camera.calibration.full_scale for camera in cameras]
+        values = [np.array(getattr(camera.calibration.noise, name)) for camera in cameras]
+        before, after = (value / scale for value, scale in zip(values, scales, strict=True))
+        if all(error in how for how in facts):
+            known = [np.array(numbers(error, how[error], len(before))) for how in facts]
+            half = sum(width / scale for width, scale in zip(known, scales, strict=True)) * SIGMAS
+            beyond |= bool((np.abs(after - before) > half).any())
+        moved = 100 * (after / np.maximum(before, 1e-12) - 1)
+        words.append(f"{kind} by {moved.min():+.3g} to {moved.max():+.3g} %")
+    return f"what is replaced moves: {', '.join(words)}", beyond
 
 
 def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:

@@ -51,6 +51,9 @@ class DarkResult:
         (C + 1,), its standard error.
     defects : tuple[tuple[int, int], ...]
         (row, column) of pixels that are not black.
+    rows : float
+        Variance that the panchromatic samples of a row have in common, codes^2; of one frame, with
+        its fixed pattern.
     """
 
     frames: int
@@ -59,6 +62,7 @@ class DarkResult:
     read: DoubleArray
     read_error: DoubleArray
     defects: tuple[tuple[int, int], ...]
+    rows: float = 0.0
 
     @property
     def shows_read(self) -> bool:
@@ -98,6 +102,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     mean = stack.mean(axis=0)
     _check_alike(stack[:, planes == number - 1])
     black, error, read, read_error = (np.zeros(number) for _ in range(4))
+    common = variance = 0.0
     defect = np.zeros(first.shape, bool)
     for plane in range(number):
         here = planes == plane
@@ -124,17 +129,17 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         # Then the mean of the codes is not that of the samples, however many there are.
         if read[plane] < HIDDEN:
             error[plane] = np.hypot(error[plane], np.sqrt(ROUNDING))
-        independent = (
-            good.sum() * max(len(frames) - 1, 1) / _alike(samples, np.nonzero(here)[0][good])
-        )
+        common = _in_common(samples, row := np.nonzero(here)[0][good])
+        alike = 1 + (np.bincount(row).max() - 1) * common**2  # samples that count as one
+        independent = good.sum() * max(len(frames) - 1, 1) / alike
         read_error[plane] = variance / (max(read[plane], HIDDEN) * np.sqrt(2 * max(independent, 1)))
     _check_light(first, mean, black, np.hypot(read, ROUNDING**0.5), len(frames))
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
-    return DarkResult(len(frames), black, error, read, read_error, defects)
+    return DarkResult(len(frames), black, error, read, read_error, defects, common * variance)
 
 
-def _alike(samples: DoubleArray, rows: IndexArray) -> float:
-    """Return how many samples count as one for a variance: samples of a row share its noise.
+def _in_common(samples: DoubleArray, rows: IndexArray) -> float:
+    """Return the share of the noise's variance that samples of a row have in common.
 
     samples: (frames, N); rows: (N,), of each.
     """
@@ -144,7 +149,7 @@ def _alike(samples: DoubleArray, rows: IndexArray) -> float:
     sums = np.array([np.bincount(rows, of_frame) for of_frame in noise])
     pairs = float((number * (number - 1)).sum()) * len(noise)
     common = float((sums**2).sum() - noise.size * variance) / max(pairs * variance, 1e-12)
-    return 1 + (number.max() - 1) * max(common, 0.0) ** 2
+    return max(common, 0.0)
 
 
 def _check_alike(samples: DoubleArray) -> None:

@@ -325,7 +325,8 @@ class Session:
     def _measure_noise(self, paths: Sequence[str], frames: list[tuple[str, Mosaic]]) -> None:
         """Measure the noise of flat frames, which only pairs of them show."""
         try:
-            flats = measure_flats([mosaic for _, mosaic in frames])
+            names, mosaics = zip(*frames, strict=True)
+            flats = measure_flats(mosaics, self.measured.dark, names)
             calibration = frames[0][1].calibration
             # Frames that do not show it are refused here, where they can be named.
             noise_of_flats(

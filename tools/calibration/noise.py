@@ -19,6 +19,7 @@ from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
 from .samples import (
     CLIP,
     CLIPPED,
+    NO_PLANE,
     PlaceSamples,
     clipped_moments,
     inliers,
@@ -35,6 +36,9 @@ _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of 
 _MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _LEAST = 1e-3  # of full scale: pixels that differ by less are no defects
+_OTHER_GAIN = 1.3  # ratio of noises: more is another gain, or light that changes
+_SURE = 5.0  # standard errors
+_HARMLESS = 0.003  # of the variance: flicker that adds less does not matter
 # Logarithm of the light, from tile to tile; of all steps, those that lenses of 3 stops do not make;
 # of the brightest tile, what is not told from black.
 _STEP, _STEPS, _FLOOR = 0.5, 0.05, 0.02
@@ -139,12 +143,18 @@ class FlatResult:
     blind : float
         Part of the pixels whose light is too weak, or too uneven nearby, to tell a dead pixel from
         a good one.
+    flicker : Sequence[str]
+        Sentences on pairs that show light that flickers; it is no part of `points`.
+    names : Sequence[str]
+        Of the frames, for people.
     """
 
     pairs: int
     points: PlaceSamples
     dead: tuple[tuple[int, int], ...]
     blind: float = 0.0
+    flicker: Sequence[str] = ()
+    names: Sequence[str] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,20 +212,27 @@ def check_flat(frame: Mosaic) -> None:
         raise InputError(f"is no flat frame: it shows a scene; {instead}")
 
 
-def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:
+def measure_flats(
+    frames: Sequence[Mosaic], dark: DarkResult | None = None, names: Sequence[str] = ()
+) -> FlatResult:
     """Measure pairs of equal flat frames: half the variance of their difference is noise without
-    fixed pattern.
+    fixed pattern. Light that flickers lifts whole rows, which is subtracted.
 
     Parameters
     ----------
     frames : Sequence[Mosaic]
         Flat frames of one or more exposures, in any order; those that are clipped, or that no other
         has the exposure of, do not count.
+    dark : DarkResult | None, optional
+        Measurements of dark frames; None = there are none.
+    names : Sequence[str], optional
+        Of the frames, for people.
 
     Raises
     ------
     InputError
-        If there is no pair.
+        If there is no pair; if light flickers and there are no dark frames: read noise that rows
+        have in common is then not told from it.
     """
     planes = planes_of(frames[0])
     white = len(frames[0].pattern.planes) - 1
@@ -232,14 +249,30 @@ def measure_flats(frames: Sequence[Mosaic]) -> FlatResult:
             "flat frames: no two unclipped frames have the same exposure; take two of each, at "
             "several exposures up to three quarters of full scale"
         )
-    frames_of = [(levels[first], levels[second]) for first, second in pairs]
+    frames_of = [((levels[one] + levels[two]) / 2, levels[one] - levels[two]) for one, two in pairs]
+    rows = [_common_rows(*pair, planes, white) for pair in frames_of]
+    span = frames[0].calibration.white_level - frames[0].calibration.black_level[-1]
+    # Rows of the sensor have this in common without light.
+    most = dark.rows / span**2 if dark else math.inf
+    usual = max(min(most, *(excess for _, excess, _ in rows)), 0)
+    names = names or [f"frame {index + 1}" for index in range(len(frames))]
+    flicker = [
+        f"{names[one]} and {names[two]}: the light flickers, rows differ by "
+        f"{100 * math.sqrt(2 * (excess - usual)) / brightness[one]:.2g} %; take flat frames in "
+        "daylight, or under a lamp that does not flicker"
+        for (one, two), (_, excess, least) in zip(pairs, rows, strict=True)
+        if excess - usual > least
+    ]
+    if flicker and dark is None:
+        raise InputError(f"flat frames: {flicker[-1]}, or add dark frames (`dark`)")
+    if flicker:
+        frames_of = [(pair[0], steady) for pair, (steady, *_) in zip(frames_of, rows, strict=True)]
     points = [_pair_points(*pair, planes, white + 1) for pair in frames_of]
     mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
-    number = len(mean)
+    variance, number = variance + usual * bool(flicker), len(mean)
     places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
-    return FlatResult(
-        len(pairs), places, *_dead(*frames_of[-1], planes_of(frames[0], defects=True))
-    )
+    every = planes_of(frames[0], defects=True)
+    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], every), flicker, names)
 
 
 def noise_of_flats(
@@ -298,8 +331,87 @@ def noise_of_flats(
     return noise
 
 
+def contradiction(
+    noise: NoiseResult,
+    calibration: SensorCalibration,
+    dark: DarkResult | None,
+    charts: Sequence[PlaceSamples],
+    slack: float,
+) -> str:
+    """Return what contradicts the noise of flat frames; "" = nothing does.
+
+    Parameters
+    ----------
+    calibration : SensorCalibration
+        Its levels are those of the frames.
+    dark : DarkResult | None
+        Measurements of dark frames; None = there are none.
+    charts : Sequence[PlaceSamples]
+        Patches of charts.
+    slack : float
+        Largest gain of the shading that is undone in these: it may raise their noise.
+    """
+    *colours, white = noise.lines
+    shot, error = np.array([(line.shot, line.shot_error) for line in colours]).mean(axis=0)
+    rows = [("photon", white.shot, white.shot_error, shot, error, 1.0, "colour samples")]
+    if charts:
+        points = np.concatenate([_panchromatic(chart) for chart in charts], axis=1)
+        rows.append((*rows[0][:3], *_chart_shot(*points), slack, "the chart"))
+    if dark and dark.shows_read:
+        free = fit_photon_transfer(*_panchromatic(noise.points))
+        read = float(dark.read[-1] / (calibration.white_level - calibration.black_level[-1]))
+        rows.append(("read", free.read, free.read_error, read, 0.0, 1.0, "dark frames"))
+    for kind, ours, error, theirs, other, more, whom in rows:
+        unlike = not theirs / (_OTHER_GAIN * more) < ours < theirs * _OTHER_GAIN
+        if unlike and abs(ours - theirs) > _SURE * math.hypot(error, other):
+            return f"their {kind} noise is {ours / max(theirs, 1e-12):.2g} times that of {whom}"
+    return ""
+
+
+def _panchromatic(places: PlaceSamples) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
+    """Return mean, variance and count of the panchromatic samples in N exposed places, (N,)."""
+    here = places.exposed, -1
+    return places.mean[here], places.variance[here], places.count[here]
+
+
+def _chart_shot(
+    mean: DoubleArray, variance: DoubleArray, count: DoubleArray
+) -> tuple[float, float]:
+    """Return by how much the variance of patches grows with the light, and the standard error.
+    Fixed pattern and texture grow with its square.
+    """
+    weight = np.sqrt(count / 2) / np.maximum(variance, 1e-15)
+    scaled = np.stack([mean, np.ones_like(mean), mean**2], axis=1) * weight[:, None]
+    (shot, *_), left = nnls(scaled, variance * weight)
+    spread = max(left / math.sqrt(len(mean)), 1.0)
+    return float(shot), spread * float(np.linalg.pinv(scaled.T @ scaled)[0, 0] ** 0.5)
+
+
+def _common_rows(
+    mean: DoubleArray, difference: DoubleArray, planes: np.ndarray, white: int
+) -> tuple[DoubleArray, float, float]:
+    """Return the difference of two frames (H, W) without what the samples of a row have in common,
+    in parts of their light; half the variance of that in the panchromatic plane, beyond what noise
+    explains; and the least of it that matters.
+    """
+    row = np.arange(len(planes))[:, None] * (NO_PLANE + 1) + planes
+    count = np.bincount(row.ravel())
+    light, total = (np.bincount(row.ravel(), each.ravel()) for each in (mean, difference))
+    share = np.clip(total / np.maximum(light, _LEAST * count + 1e-9), -1, 1)
+    steady = difference - share[row] * mean
+    # Of shot noise, so much stays: the brighter frame has more of it, and counts less.
+    steady *= np.sqrt(count / np.maximum(count - 1, 1) / (1 - share**2 / 4))[row]
+    squares = np.bincount(row.ravel(), steady.ravel() ** 2)
+    clear = np.unique(row[planes == white])
+    count, light, total, squares = (each[clear] for each in (count, light, total, squares))
+    variance = float(((total - light * total.sum() / light.sum()) / count).var())
+    excess = (variance - float((squares / count**2).mean())) / 2
+    noise = _HARMLESS * float(squares.sum() / count.sum()) / 2
+    return steady, excess, _SURE * variance / math.sqrt(2 * len(count)) + noise
+
+
 def _pair_points(
-    one: DoubleArray, two: DoubleArray, planes: np.ndarray, number: int
+    mean: DoubleArray, difference: DoubleArray, planes: np.ndarray, number: int
 ) -> DoubleArray:
     """Return mean, half the variance of the difference of two frames, and number of samples, in N
     tiles that are not clipped.
@@ -310,33 +422,33 @@ def _pair_points(
     for window in tiles(planes):
         place, brightest = np.zeros((3, number)), 0.0
         for plane in range(number):
-            a, b = (frame[window][planes[window] == plane] for frame in (one, two))
-            centre, spread = clipped_moments(a - b)
-            good = np.abs(a - b - centre) <= CLIP * max(spread, 1e-12)
-            good &= inliers(a + b - np.median(a + b), max(spread, _LEAST))
-            a, b = a[good], b[good]
-            place[:, plane] = (a.mean() + b.mean()) / 2, (a - b).var(ddof=1) / 2, a.size
-            brightest = max(brightest, float(np.quantile(np.maximum(a, b), 0.99)))
+            light, apart = (each[window][planes[window] == plane] for each in (mean, difference))
+            centre, spread = clipped_moments(apart)
+            good = np.abs(apart - centre) <= CLIP * max(spread, 1e-12)
+            good &= inliers(light - np.median(light), max(spread, _LEAST))
+            light, apart = light[good], apart[good]
+            place[:, plane] = light.mean(), apart.var(ddof=1) / 2, light.size
+            brightest = max(brightest, float(np.quantile(light + np.abs(apart) / 2, 0.99)))
         if brightest < CLIPPED:
             places.append(place)
     return np.reshape(places, (-1, 3, number))
 
 
 def _dead(
-    one: DoubleArray, two: DoubleArray, planes: np.ndarray
+    mean: DoubleArray, difference: DoubleArray, planes: np.ndarray
 ) -> tuple[tuple[tuple[int, int], ...], float]:
-    """Return (row, column) of pixels that are dead in two frames (H, W), and the part of the pixels
-    that cannot tell.
+    """Return (row, column) of pixels that are dead in two frames, and the part of the pixels that
+    cannot tell; mean, difference: of the frames, (H, W).
 
     Dead is less than half the light of the plane in the same tile. A good pixel must not be as dark
     by chance, nor a dead one as bright: half the light is DEFECT deviations of the noise away from
     both. Where many pixels are dark the light is uneven.
     """
     dead: list[tuple[int, int]] = []
-    blind, bright = 0, one + two
+    blind = 0
     for window in tiles(planes):
         top, left = window[0].start, window[1].start
-        tile, noise = bright[window], one[window] - two[window]
+        tile, noise = 2 * mean[window], difference[window]
         for plane in np.unique(planes[window]):
             own = planes[window] == plane
             middle, number = float(np.median(tile[own])), int(own.sum())

@@ -21,8 +21,6 @@ LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
 # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
 _TILES = 12
 _FEW = 9  # samples: fewer do not tell their own deviation
-# Of a patch, single clipped samples that stand out: defects or glints, not the patch.
-_LONE, _LONE_PART = 2, 0.02
 NO_PLANE = 255  # of a defective sample, see `planes_of`
 
 
@@ -147,10 +145,9 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     moments, at_white = [], []
     for pixels in patches:
         plane, full = planes[pixels], clipped[pixels] & (planes[pixels] != NO_PLANE)
-        moment, kept = _moments(*pixels, levels[pixels], plane, number, code)
+        moment, kept = _moments(pixels, levels[pixels], plane, number, code)
         moments.append(moment)
-        lone = int((full & ~kept).sum())
-        at_white.append((full & kept).any() or lone > max(_LONE, _LONE_PART * full.size))
+        at_white.append((full & kept).any())
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
     last, gain = np.array(mosaic.shape) - 1, np.ones(mean.shape)
     middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches])
@@ -166,17 +163,12 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
 
 
 def _moments(
-    rows: IndexArray,
-    columns: IndexArray,
-    values: DoubleArray,
-    plane: ByteArray,
-    number: int,
-    code: float,
+    pixels: Pixels, values: DoubleArray, plane: ByteArray, number: int, code: float
 ) -> tuple[DoubleArray, BoolArray]:
     """Return mean, variance and count per plane, (3, number), and the samples that count; code:
     the level of one.
     """
-    design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
+    design = np.stack([np.ones(values.size), *(axis - axis.mean() for axis in pixels)], axis=1)
     kept = plane == number - 1
     kept[kept] = inliers(values[kept] - np.median(values[kept]), code)
     fitted, *_ = np.linalg.lstsq(design[kept], values[kept], rcond=None)

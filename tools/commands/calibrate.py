@@ -72,7 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     report = "folder for report.html, created if missing"
     parser.add_argument("--report", metavar="DIR", help=report)
     update = (
-        "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file"
+        "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file; "
+        "noise that moves beyond its intervals takes --overwrite as well"
     )
     parser.add_argument("--update", action="store_true", help=update)
     add(parser, "overwrite", help="replace FILE and the report; FILE.bak keeps the old file")
@@ -87,7 +88,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     int
         0, or 1 if a frame was skipped or no camera file was written.
     """
-    from ..calibration.conclude import conclude
+    from ..calibration.conclude import conclude, noise_change
     from ..calibration.files import KINDS, check_output, check_same, read_known, sort_files
     from ..calibration.measure import measure_frames
     from ..calibration.reference import read_reference
@@ -132,12 +133,19 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if result.camera:  # otherwise they are the reason
         console.error(*result.contradictions)
     console.note(*(f"warning: {line}" for line in result.warnings))
+    if old is not None and result.camera is not None:
+        change, beyond = noise_change(old, result.camera)
+        if beyond and not arguments.overwrite:
+            remedy = "more than both intervals allow; if it is right, add --overwrite"
+            return _refuse(output, f"{output}: {change}, {remedy}", console)
+        if change:
+            console.say(change)
     code = _write(output, result, old, console, replace_existing)
     if folder is not None:
         path, make = folder / "report.html", partial(build_report, result, provenance)
         if not write_report(path, make, console, overwrite=True):
             return FAILED
-        console.say(f"{path}: {result.verdict}")
+        console.say(f"{path}: {result.words}")
     return code
 
 
@@ -195,9 +203,7 @@ def _write(
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
     sensor, gamma = calibration.sensor or "unnamed sensor", figures(calibration.gamma)
     described = f"{sensor}, gamma {gamma}, measured: {parts}, id {calibration.id}"
-    missing = (f"{name.replace('_', ' ')} ({why})" for name, why in result.missing.items())
-    unmeasured = f"; not measured: {', '.join(missing)}" if result.missing else ""
-    console.say(f"{output}: {described}; {verdict}{unmeasured}")
+    console.say(f"{output}: {described}; {result.words}")
     warnings = map(console.spell, (*result.contradictions, *result.warnings))
     facts = {"verdict": verdict, "warnings": [*warnings]}
     console.record(source=str(output), ok=True, **facts, camera=camera.to_json(), id=calibration.id)

@@ -36,7 +36,7 @@ DARKER = darker_corners(SHAPE)
 DARK = DarkResult(2, np.full(4, 256.0), np.full(4, 0.01), np.full(4, 1.0), np.full(4, 0.01), ())
 LINE = np.array([[0.1], [0.5], [0.9]]) * np.ones(4)
 NUMBER, CLIPPED, WHERE = np.full(LINE.shape, 1e5), np.zeros(3, bool), np.zeros((3, 2))
-FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, NUMBER, CLIPPED, WHERE), ())
+FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1 / 3839**2, NUMBER, CLIPPED, WHERE), ())
 
 
 def on_chart(taken: Mosaic) -> ShotMeasurement:

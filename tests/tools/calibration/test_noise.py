@@ -215,3 +215,42 @@ def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
         found = np.array(getattr(camera.calibration.noise, name))
         errors = np.array(camera.measured["noise"][f"{name}_error"])
         assert (np.abs(found * FULL / 3 - getattr(NOISE, name)) < most * 1.96 * errors).all()
+
+
+def flickering(amplitude: float, period: int, *levels: float) -> list[Mosaic]:
+    """Pairs of flat frames of a rolling shutter under a lamp that flickers."""
+    rows = 2 * np.pi * np.arange(SHAPE[0])[:, None, None] / period
+    return [
+        frame(level * FALLING * (1 + amplitude * np.sin(rows + 2.1 * number)), seed=number)
+        for number, level in enumerate(np.repeat(levels, 2))
+    ]
+
+
+def with_row_noise(frames: list[Mosaic]) -> list[Mosaic]:
+    random = np.random.default_rng(7)
+    return [edited(each, lambda c: c + random.normal(0, 1.5, (SHAPE[0], 1))) for each in frames]
+
+
+@pytest.mark.parametrize("period", [12, 90])
+@pytest.mark.parametrize("amplitude", [0.003, 0.01, 0.03, 0.1])
+def test_light_that_flickers_is_told_and_does_not_pass_for_noise(
+    amplitude: float, period: int
+) -> None:
+    """With it photon noise would be up to 13 times as large."""
+    dark, names = measure_dark(with_row_noise(darks(6))), list("abcdef")
+    frames = with_row_noise(flickering(amplitude, period, 0.1, 0.4, 0.8))
+    seen = measure_flats(frames, dark, names)
+    assert len(seen.flicker) >= 2
+    assert all("the light flickers, rows differ by" in line for line in seen.flicker)
+    assert {line[:7] for line in seen.flicker} <= {"a and b", "c and d", "e and f"} | {
+        "b and a", "d and c", "f and e"
+    }  # fmt: skip
+    noise = noise_of_flats(seen, BLIND, dark)
+    for line, shot in zip(noise.lines, NOISE.shot, strict=True):
+        assert abs(line.shot * FULL - shot) < 3.5 * line.shot_error * FULL
+    with pytest.raises(InputError, match=r"light flickers.*or add dark frames \(`dark`\)"):
+        measure_flats(frames)
+    steady = measure_flats(with_row_noise(flats(0.1, 0.4, 0.8)), dark)
+    assert steady.flicker == []
+    with_row_noise_alone = measure_flats(with_row_noise(flats(0.1, 0.4, 0.8)))
+    assert with_row_noise_alone.flicker == []

@@ -12,19 +12,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.calibration.conclude import Result, conclude
 from panchroma.tools.calibration.files import check_same
 from panchroma.tools.calibration.gamma import GammaFit
 from panchroma.tools.calibration.measure import Measurements, Session
+from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import (
     BLIND,
     HEIGHT,
     NOISE,
     REFERENCE,
+    TRUTH,
     WIDTH,
     chart,
     edited,
@@ -162,15 +164,14 @@ def test_a_patch_that_does_not_fit_is_named_and_the_colour_stays() -> None:
     dirty[rows, columns] *= (3, 1, 0.4)
     for rgb, said in (
         (dirty, "the colour of blue does not fit the others, and was left out; avoid reflections"),
-        (bright, "left out, for clipped: white; expose less"),
+        (bright, "chart.dng: white left out: clipped, expose less"),
     ):
         outcome = concluded(shots={"chart.dng": frame(rgb)})
         assert sum(said in line for line in outcome.warnings) == 1, outcome.warnings
         assert outcome.facts["colour"]["mean_dE2000"] < 2
         assert outcome.parts["colour"].result[0].fit.used.sum() == 23
     over = concluded(shots={"chart.dng": frame(3 * chart().rgb)})
-    assert "are lit and not clipped" in over.missing["colour"]
-    assert "expose less" in over.missing["colour"]
+    assert "patches are clipped; expose less" in over.missing["colour"]
 
 
 STATED = ((3, 4), (50, 60), (200, 300))
@@ -239,3 +240,34 @@ def test_a_black_level_that_is_stated_wrongly_gives_way_to_dark_frames(stated: f
     seen = measured(dark=several("dark", 2, loose), flat=several("flat", 4, loose), shots=shots)
     assert (seen.skipped, seen.remarks) == ([], [])
     np.testing.assert_allclose(seen.gamma.gamma, (0.9, 1.1, 0.8), rtol=0.01)
+
+
+@pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])
+@pytest.mark.parametrize("kinds", [("dark", "chart"), ("chart",), ("dark",)])
+def test_flat_frames_of_another_gain_do_not_state_the_noise(
+    gain: float, kinds: tuple[str, ...]
+) -> None:
+    shot, read = (tuple(gain * x for x in values) for values in (NOISE.shot, NOISE.read))
+    other = replace(TRUTH, noise=NoiseModel(shot, read))
+    flats = {
+        f"flat{seed}.dng": simulate_sensor(
+            (level * EVEN).astype(np.float32), CfaPattern.bayer(6), other, 1.0,
+            np.random.default_rng(seed),
+        )
+        for seed, level in enumerate(np.repeat((0.04, 0.3, 0.6), 2))
+    }  # fmt: skip
+    flats = {name: replace(mosaic, calibration=BLIND) for name, mosaic in flats.items()}
+    frames = {"dark": several("dark", 3), "chart": several("chart", 2)}
+    seen = {"shots" if kind == "chart" else kind: frames[kind] for kind in kinds}
+    outcome = concluded(flat=flats, **seen)
+    told = [line for line in outcome.warnings if "noise was left out" in line]
+    if gain == 1.0:
+        assert (told, "noise" in outcome.facts) == ([], True)
+    elif told:
+        assert "noise" not in outcome.facts
+        assert "flat0.dng" in told[0]
+        assert "take all frames with one gain" in told[0]
+        assert outcome.camera.calibration.noise is None
+    else:  # dark frames alone tell only a gain that is clearly higher
+        assert kinds == ("dark",)
+        assert gain < 2

@@ -12,7 +12,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from panchroma.shared import Camera, read_camera, read_dng
+from panchroma.shared import Camera, CfaPattern, NoiseModel, read_camera, read_dng
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch import jobs
@@ -21,7 +21,7 @@ from panchroma.tools.calibration.reference import read_reference
 from panchroma.tools.commands import calibrate
 from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.colour import xyz_to_lab
-from panchroma.tools.simulation.sensor import typical_noise
+from panchroma.tools.simulation.sensor import simulate_sensor, typical_noise
 from tests.tools.calibration.known_camera import (
     BLIND,
     NOISE,
@@ -120,8 +120,8 @@ def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> N
     output = tmp_path / "camera.json"
     first = calibrated(folder, output, "chart")
     assert first["verdict"] == "use it with care"
-    assert any("noise was not measured" in line for line in first["warnings"])
-    assert "was not measured: take flat frames (--flat)" in first["warnings"][-1]
+    assert any("noise: not measured" in line for line in first["warnings"])
+    assert "not measured; take flat frames (--flat)" in first["warnings"][-1]
     before, text = read_camera(output), output.read_text()
     darks = repeated("--dark", folder.glob("dark*"))
     outcome = run("calibrate", *darks, "-o", output, "--update", code=0)
@@ -135,6 +135,31 @@ def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> N
     said = r"with care; not measured: noise \(take pairs of.*\), shading \(take flat .*\)\n$"
     assert re.search(said, outcome.out)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "camera.json.bak"]
+
+
+def test_noise_that_moves_beyond_the_intervals_asks_for_overwrite(
+    folder: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "camera.json"
+    words: list[str | Path] = ["-o", output, "--update"]
+    calibrated(folder, output, "dark", "flat")
+    text = output.read_bytes()
+    for number, light in enumerate(np.repeat((0.1, 0.4, 0.8), 2)):
+        even = np.full((*chart().shape, 3), light, np.float32)
+        noises = {"same": TRUTH.noise, "loud": NoiseModel(*4 * np.array([NOISE.shot, NOISE.read]))}
+        for name, noise in noises.items():
+            truth, random = replace(TRUTH, noise=noise), np.random.default_rng(90 + number)
+            taken = simulate_sensor(even, CfaPattern.bayer(6), truth, 1.0, random)
+            save(tmp_path / f"{name}{number}.dng", replace(taken, calibration=BLIND))
+    loud, same = (repeated("--flat", tmp_path.glob(f"{name}*")) for name in ("loud", "same"))
+    outcome = run("calibrate", *loud, *words, code=1)
+    said = r"camera.json: what is replaced moves: photon noise by \+\d{3} to .*add --overwrite"
+    assert re.search(said, outcome.err)
+    assert output.read_bytes() == text
+    assert "moves: photon noise by -" in run("calibrate", *same, *words, code=0).out
+    before = read_camera(output).calibration.noise.shot
+    run("calibrate", *loud, *words, "--overwrite", code=0)
+    assert read_camera(output).calibration.noise.shot[3] > 3 * before[3]
 
 
 def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) -> None:
@@ -166,7 +191,7 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     assert "gamma is not known, for no chart could be used, and no camera file" in outcome.err
     record = calibrated(folder, output, "dark")
     assert record["verdict"] == "use it with care"
-    assert any("gamma was not measured" in warning for warning in record["warnings"])
+    assert any("gamma: not measured" in warning for warning in record["warnings"])
     calibrated(folder, again := tmp_path / "again.json", "dark")
     assert again.read_bytes() == output.read_bytes(), "equal frames make equal files"
     # A gamma that is known already stays, whatever becomes of further charts.

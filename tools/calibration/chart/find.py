@@ -37,6 +37,7 @@ _BOX = 0.25 / 2.75 / 2
 _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
 _PROBE = 5  # points across a patch
+_EXTREMES = 5  # of its points, lowest and highest that do not count: defects, glints
 _BESIDE = 0.045  # of a cell, from the middle of a gap: gaps are 0.12 to 0.16 wide
 _EDGE = 0.78  # of a cell: the part that refinement makes uniform, nearly the whole patch
 
@@ -195,8 +196,8 @@ def refine(picture: FloatArray, place: ChartPlace) -> ChartPlace:
 def patch_means(
     picture: FloatArray, place: ChartPlace, size: float = 0.5
 ) -> tuple[DoubleArray, DoubleArray]:
-    """Return the patches' means (24, C), and the standard deviation of log luminance inside each,
-    (24,).
+    """Return the patches' means without extremes, (24, C), and the standard deviation of log
+    luminance inside each, (24,).
 
     Parameters
     ----------
@@ -210,7 +211,8 @@ def patch_means(
     x, y = place.at(place.cells[:, :1] + across, place.cells[:, 1:] + down)
     values = np.stack([_at(plane, x, y) for plane in np.moveaxis(picture, -1, 0)], axis=-1)
     luminance = np.log(np.maximum(values.sum(axis=-1), 1e-4))
-    return values.mean(axis=1).astype(np.float64), luminance.std(axis=1)
+    kept = np.sort(values, axis=1)[:, _EXTREMES:-_EXTREMES]
+    return kept.mean(axis=1).astype(np.float64), luminance.std(axis=1)
 
 
 def _misfit(
