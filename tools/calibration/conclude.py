@@ -29,6 +29,7 @@ from .samples import figures
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
+_BENT = 3.0  # standard errors, beyond what black explains: the sensor is not linear
 # of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be
 # stated in codes
 _LEVER = 0.2
@@ -258,7 +259,7 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     instead; a sentence each.
     """
     lines = []
-    if abs(fit.black_deviation) > _CONTRADICTION:
+    if abs(fit.black_deviation) > _CONTRADICTION and fit.bend[1] < _BENT:
         lines.append(_wrong_black(fit))
     if fit.contradiction > _CONTRADICTION:
         gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in shots)
@@ -304,7 +305,14 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
         warnings.append(
             f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy} would help"
         )
-    if fit.spread > _SPREAD:
+    bend, sure = fit.bend
+    if sure > _BENT:
+        size = f"{100 * abs(bend):.0f} % too {'little' if bend < 0 else 'much'}"
+        warnings.append(
+            f"the sensor is not linear: at full scale it reads {size}, by {sure:.0f} standard "
+            "errors; expose less, or make its codes linear"
+        )
+    elif fit.spread > _SPREAD:
         warnings.append(
             f"the residuals are {fit.spread:.1f} times as large as noise explains: "
             "reflections, a dirty chart, or a sensor that is not linear"

@@ -243,6 +243,9 @@ class GammaFit:
         By how much that widens the covariance.
     limit : float
         Half width over gamma beyond which a calibration would do harm.
+    bend : tuple[float, float]
+        By how much levels at full scale are off a linear response, as a share, and by how many
+        standard errors that explains the places better than a wrong black level.
     """
 
     information: DoubleArray
@@ -260,6 +263,7 @@ class GammaFit:
     contradiction: float = 0.0
     widened: float = 1.0
     limit: float = WORST_INTERVAL
+    bend: tuple[float, float] = (0.0, 0.0)
 
     def _solved(self, *, offset: bool = True) -> tuple[DoubleArray, DoubleArray]:
         """Return the unknowns (P,) and their covariance (P, P), also by what is assumed; offset:
@@ -413,6 +417,7 @@ def fit_gamma(
         spread=float(np.sqrt((problem.scores(solution)[used] ** 2).sum() / freedom)),
         where=places.where[:patches].mean(axis=0, keepdims=True),
         around=len(level) - len(level[:patches]),
+        bend=problem.bend(exposed, solution[:channels], assumed, calibration),
     )
     if offset and (abs(fit.black_deviation) > _REJECT or fit.spread > _HUBER):
         return fit_gamma(places, calibration, assumed, patches, offset=False)
@@ -486,7 +491,7 @@ def fit_with_derived(
     gamma = np.insert(others, derived, others.mean())
     level = derived_channel(places.mean[:, -1], places.mean[:, :-1], gamma, derived)
     variance = places.variance[:, -1] / others.mean() ** 2
-    return replace(fit, limit=_WORST_DERIVED), with_levels(level, variance)
+    return replace(fit, limit=_WORST_DERIVED, bend=(0.0, 0.0)), with_levels(level, variance)
 
 
 class _Problem:
@@ -526,6 +531,23 @@ class _Problem:
             return np.concatenate([score, (precision * solution)[precision > 0]])
 
         return least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
+
+    def bend(
+        self, used: BoolArray, gamma: DoubleArray, assumed: Assumed, calibration: SensorCalibration
+    ) -> tuple[float, float]:
+        """Return `GammaFit.bend`: l + bend l^2 for each l in Eq. 7, beside other unknowns."""
+        column = self.level**2 - self.colours**2 @ gamma
+        weight, solution = 1 / np.sqrt(_total(self.variance, gamma)), gamma
+        chi2: list[float] = []
+        for offset, more in ((True, 0.0), (False, 0.0), (True, 1.0)):
+            root = np.sqrt(assumed.precision(gamma, calibration, offset=offset))
+            terms = np.column_stack([self.terms, more * column]) * weight[:, None]
+            rows = np.concatenate([terms[used], np.pad(root, ((0, 0), (0, 1)))])
+            target = np.pad((self.level * weight)[used], (0, len(root)))
+            solution = np.linalg.lstsq(rows, target, rcond=None)[0]
+            chi2.append(float(np.square(rows @ solution - target).sum()))
+        noise = max(chi2[2] / max(int(used.sum()) - gamma.size - 2, 1), 1.0)
+        return float(solution[-1]), max((min(chi2[:2]) - chi2[2]) / noise, 0.0) ** 0.5
 
     def information(self, used: BoolArray, solution: DoubleArray) -> DoubleArray:
         """Return what the places tell, (P, P), from the most likely true channels: noisy ones
@@ -582,6 +604,7 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         information=np.sum([fit.information for fit in fits], axis=0),
         right_hand_side=np.sum([fit.right_hand_side for fit in fits], axis=0),
         freedom=sum(fit.freedom for fit in fits),
+        bend=max((fit.bend for fit in fits), key=lambda bend: bend[1]),
         condition=min(fit.condition for fit in fits),
         spread=max(fit.spread for fit in fits),
         where=np.concatenate([fit.where for fit in fits]),

@@ -275,6 +275,8 @@ class Session:
                 self._known["black_level"] = old.calibration.black_level
         self._paths: dict[bytes, str] = {}  # by digest of the samples
         self._base_path, self._has_shot = "", False
+        # By the id of the camera file that a frame states: the first such frame, and its black.
+        self._cameras: dict[str, tuple[str, tuple[float, ...]]] = {}
         self.measured = Measurements(chart_colours, old=old)
 
     def dark(self, paths: Sequence[str]) -> None:
@@ -384,6 +386,14 @@ class Session:
         stated = replace(stated, sensor=sensor)
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         self._check_same(mosaic, kind)
+        if stated.camera and stated.camera not in self._cameras:
+            for first, black in [*self._cameras.values()][:1]:
+                line = f"{path} states the calibration of another camera file than {first}"
+                if np.abs(np.subtract(stated.black_level, black)).max() > _FAR * stated.white_level:
+                    levels = f"{figures(stated.black_level)} codes, and not {figures(black)}"
+                    self.measured.remarks.append(f"{line}, with a black level of {levels}")
+                self._console.note(f"{line}: are all frames from one camera?")
+            self._cameras[stated.camera] = path, stated.black_level
         defects = self._defects.union(stated.defects)
         known = self._known | {"defects": tuple(sorted(defects))}
         mosaic = mosaic.calibrated(replace(stated, **known))
@@ -414,7 +424,8 @@ class Session:
         if kind == "dark" or "black_level" in self._known:
             del ours["black level"]
         for name, fact in ours.items():
-            if fact != first[name] and (name != "sensor" or (fact and first[name])):
+            may_lack = name in ("sensor", "model")
+            if fact != first[name] and (not may_lack or (fact and first[name])):
                 raise InputError(
                     f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all "
                     "frames have to be from one camera, with the same settings"
@@ -449,6 +460,7 @@ def _facts(mosaic: Mosaic) -> dict[str, str]:
     calibration, pattern = mosaic.calibration, mosaic.pattern
     return {
         "sensor": calibration.sensor,
+        "model": " ".join(filter(None, (mosaic.metadata.make, mosaic.metadata.model))),
         "size": f"{mosaic.shape[1]} x {mosaic.shape[0]} pixels",
         "pattern": f"{pattern.channels} period {pattern.period} "
         f"({' '.join(pattern.letters_from())})",

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel
+from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.calibration.conclude import Result, conclude
@@ -94,6 +95,31 @@ def test_a_frame_that_is_not_like_the_others_is_refused(words: str) -> None:
     (line,) = seen.skipped
     assert re.match(f"other.dng: its {words}", line)
     assert np.array_equal(seen.gamma.gamma, alone.gamma.gamma)
+
+
+def test_frames_of_another_model_are_refused_and_those_of_another_camera_file_are_told() -> None:
+    def of_model(model: str) -> Callable[[Mosaic], Mosaic]:
+        return lambda mosaic: replace(mosaic, metadata=CaptureMetadata(make="Acme", model=model))
+
+    seen = measured(
+        flat=several("flat", 4, of_model("2")), shots=several("chart", 1, of_model("1"))
+    )
+    (line,) = seen.skipped
+    assert line.startswith("chart0.dng: its model is Acme 1, that of flat0.dng is Acme 2")
+
+    def of_file(camera: str, black: float) -> Callable[[Mosaic], Mosaic]:
+        return lambda mosaic: stating(mosaic, camera=camera, black_level=(black,) * 4)
+
+    for black, number in ((256.0, 0), (200.0, 1)):
+        darks, shots = (
+            several("dark", 2, of_file("a", 256.0)),
+            several("chart", 2, of_file("b", black)),
+        )
+        seen = measured(dark=darks, shots=shots)
+        assert len(seen.remarks) == number
+        assert all(
+            "chart0.dng states the calibration of another camera" in line for line in seen.remarks
+        )
 
 
 def test_the_size_is_kept_and_an_update_with_another_one_is_refused(tmp_path: Path) -> None:
@@ -229,6 +255,26 @@ def test_dark_frames_that_contradict_a_chart_are_to_blame(off: int, flats: int) 
     size, direction = re.search(r"seems to be (\S+) ± \S+ codes (\w+)", outcome.refusal).groups()
     assert direction == ("lower" if off > 0 else "higher")
     assert abs(float(size) / abs(off) - 1) < 0.2
+
+
+@pytest.mark.parametrize("bend", [-0.1, -0.03, 0.03])
+def test_a_sensor_that_is_not_linear_is_called_that(bend: float) -> None:
+    """In place of a black level that would explain it less well."""
+
+    def bent(mosaic: Mosaic) -> Mosaic:
+        def response(codes: DoubleArray) -> DoubleArray:
+            light = (codes - 256) / 3839
+            return np.asarray(codes + 3839 * bend * light * abs(light))
+
+        return edited(mosaic, response)
+
+    shots, kinds = several("chart", 2, bent), ("dark", "flat")
+    outcome = concluded(shots=shots, **{kind: several(kind, 4, bent) for kind in kinds})
+    (line,) = [line for line in outcome.warnings if "not linear" in line]
+    reads, size = re.search(r"reads (\d+) % too (\w+)", line).groups()
+    assert size == ("little" if bend < 0 else "much")
+    assert abs(float(reads) / 100 - abs(bend)) < 0.02 + 0.3 * abs(bend)
+    assert not any("black level" in line for line in outcome.contradictions)
 
 
 @pytest.mark.parametrize("stated", [96.0, 346.0])

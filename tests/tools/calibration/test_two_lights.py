@@ -143,7 +143,7 @@ def test_what_are_no_two_lights_is_refused(tmp_path: Path, words: list[str], why
         ("A=D65 D65=other", "white changes -?0.0 times as much .*--chart-light"),
         ("A=A 4000=D65", "white changes [12].* times as much"),
         ("A=A A=other D65=D65", "other.dng is given as under A .*, but white changes -?0.0"),
-        ("A=A D65=grey", "no chart whose patches are not clipped was found under the light D65;"),
+        ("A=A D65=grey", "no chart without clipped patches was found under the light D65;"),
     ],
 )
 def test_charts_under_other_lights_than_those_named_are_refused(
