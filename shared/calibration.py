@@ -24,11 +24,13 @@ from .errors import InputError
 from .figures import built, numbers, shown, whole
 from .lights import (
     COLOUR_RANGE,
+    GAMMA_RANGE,
     CalibratedLight,
     Lights,
     checked_lights,
     checked_matrix,
     colours_under,
+    gamma_under,
 )
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
@@ -43,7 +45,6 @@ _KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bo
 
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares
 # and quotients of these figures: beyond the limits a render would overflow, without an error.
-_GAMMA = (1e-3, 1e3)
 NOISE_RANGE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
 _LEAST_RANGE = 16  # codes from black to white
 # One in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render.
@@ -186,7 +187,7 @@ class SensorCalibration:
         gain.
     lights : Lights | None
         The colours under two lights; None = one. `camera_to_xyz` follows from them and from
-        `neutral`, see `colours_under`.
+        `neutral`, see `colours_under`, and so does `gamma` if they have one each.
 
     Examples
     --------
@@ -221,7 +222,7 @@ class SensorCalibration:
                 f"calibration: channels is {letters!r}, expected two or more different letters A "
                 f"to Z; {PANCHROMATIC} stands for panchromatic"
             )
-        self._set("gamma", count, _GAMMA, default=1.0)
+        self._set("gamma", count, GAMMA_RANGE, default=1.0)
         self._set("black_level", planes, default=4096.0)
         object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))
         black, white = self.black_level, self.white_level
@@ -248,6 +249,8 @@ class SensorCalibration:
         if self.lights is not None:
             object.__setattr__(self, "lights", checked_lights(self.lights, letters))
             object.__setattr__(self, "camera_to_xyz", colours_under(self.lights, self.neutral))
+            gamma = gamma_under(self.lights, self.neutral) or self.gamma
+            object.__setattr__(self, "gamma", gamma)
         if self.camera_to_xyz is not None:
             object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))
@@ -351,6 +354,9 @@ class SensorCalibration:
                 del document[name]
         if self.lights:
             del document["camera_to_xyz"]
+            for light in document["lights"]:
+                if light["gamma"] is None:
+                    del light["gamma"]
         return document
 
     @classmethod

@@ -15,6 +15,7 @@ import numpy as np
 from .calibration import SensorCalibration
 from .errors import InputError
 from .figures import parsed_json, shown, size
+from .lights import without_gamma
 from .mosaic import Mosaic
 from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_text
@@ -114,7 +115,8 @@ class Camera:
             camera_to_xyz=colours.camera_to_xyz,
             neutral=measured,
             neutral_estimated=white.neutral_estimated and measured is not None,
-            lights=colours.lights,
+            # The gamma of this file counts more than that of the shot's lights.
+            lights=known.lights if colours is known else without_gamma(own.lights),
         )
         result = Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
         if not (known.lights and measured is None and (seen := estimate_neutral(result))):

@@ -7,7 +7,7 @@ Merrill at 4000 K, calibrated under A and D65, would be 1.2 to 1.5 times as far 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ ILLUMINANTS: dict[str, Chromaticity] = {  # CIE 15:2018, table T.3
     "D65": D65_XY,
     "D75": (0.29903, 0.31488),
 }
+GAMMA_RANGE = (1e-3, 1e3)
 COLOUR_RANGE = (1e-6, 1e6)  # of a column's largest figure, and of a neutral
 _TEMPERATURES = (2000.0, 10000.0)  # K; McCamy's formula is off by 1.2 % at most there
 _DAYLIGHT = 5000.0  # K, from here on: as CIE 13.3 chooses its reference illuminants
@@ -110,21 +111,29 @@ class CalibratedLight:
         3 x C, scene units -> CIE XYZ (D50 white).
     neutral : tuple[float, ...]
         (C,), what a white surface reads, up to scale.
+    gamma : tuple[float, ...] | None
+        (C,), the weights of Eq. 7 under this light; None = those of the camera.
     """
 
     illuminant: str
     camera_to_xyz: Matrix
     neutral: tuple[float, ...]
+    gamma: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         illuminant_xy(self.illuminant)
-        neutral = numbers("calibration: lights.neutral", self.neutral)
-        if not all(COLOUR_RANGE[0] <= reading <= COLOUR_RANGE[1] for reading in neutral):
-            raise InputError(
-                f"calibration: lights.neutral is {neutral}, expected {COLOUR_RANGE[0]:g} to "
-                f"{COLOUR_RANGE[1]:g}"
+        limits = {"neutral": COLOUR_RANGE, "gamma": GAMMA_RANGE}
+        for name in ("neutral", "gamma") if self.gamma is not None else ("neutral",):
+            values, (least, most) = (
+                numbers(f"calibration: lights.{name}", getattr(self, name)),
+                limits[name],
             )
-        object.__setattr__(self, "neutral", neutral)
+            if not all(least <= value <= most for value in values):
+                raise InputError(
+                    f"calibration: lights.{name} is {values}, expected {least:g} to {most:g}"
+                )
+            object.__setattr__(self, name, values)
+        neutral = self.neutral
         object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, len(neutral)))
 
     @property
@@ -159,10 +168,19 @@ def checked_lights(values: Any, channels: str) -> Lights:
     if len(values) != 2 or not all(isinstance(value, CalibratedLight) for value in values):
         raise InputError(f"calibration: lights is {shown(values)}, expected two lights")
     warm, cold = sorted(values, key=lambda light: temperature(light.white))
-    if len(warm.neutral) != len(channels) or len(cold.neutral) != len(channels):
+    if any(
+        {len(light.neutral), len(light.gamma or channels)} != {len(channels)} for light in values
+    ):
         raise InputError(f"calibration: lights have other channels than {channels}")
     check_apart(warm.illuminant, cold.illuminant)
+    if (warm.gamma is None) != (cold.gamma is None):
+        raise InputError("calibration: one of the lights has a gamma, the other has none")
     return warm, cold
+
+
+def without_gamma(lights: Lights | None) -> Lights | None:
+    """Return the lights with the gamma of the camera."""
+    return lights and (replace(lights[0], gamma=None), replace(lights[1], gamma=None))
 
 
 def check_apart(first: str, second: str) -> None:
@@ -258,6 +276,27 @@ def colours_under(lights: Lights, neutral: Sequence[float] | None) -> Matrix:
     nearest = lights[apart.index(min(apart))]
     scaled = np.array(nearest.camera_to_xyz) * nearest.neutral / neutral
     return as_rows(scaled * (np.max(neutral) / max(nearest.neutral)))
+
+
+def gamma_under(lights: Lights, neutral: Sequence[float] | None) -> tuple[float, ...] | None:
+    """Return the weights of Eq. 7, (C,), under the light in which white reads `neutral`, up to
+    scale; None: under D50. Without a gamma of each light there is none.
+
+    It is linear in the logarithms of the readings, which are nearly so in the inverse temperature,
+    and that of the nearer light beyond the two.
+    """
+    warm, cold = lights
+    if warm.gamma is None or cold.gamma is None:
+        return None
+    if neutral is None:
+        pairs = [(light.white, light.xyz_to_camera) for light in lights]
+        share = share_of(ILLUMINANTS["D50"], pairs)
+    else:
+        logs = np.log([warm.neutral, cold.neutral, neutral])
+        first, second, seen = logs - logs.mean(axis=1, keepdims=True)
+        way = second - first
+        share = float(np.clip(way @ (seen - first) / max(way @ way, 1e-12), 0, 1))
+    return tuple(((1 - share) * np.array(warm.gamma) + share * np.array(cold.gamma)).tolist())
 
 
 def checked_matrix(values: Any, channels: int) -> Matrix:

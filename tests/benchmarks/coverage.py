@@ -40,6 +40,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "small": {"share": 0.45},
     **{f"bad pixels, {number}": {"bad": number} for number in (1, 10, 100)},
     **{f"flicker, {part} %": {"flicker": part / 100} for part in (1, 3, 10)},
+    **{f"W off by {percent} %": {"off": percent / 100} for percent in (0.3, 1, 3)},
 }
 """What differs from the cameras as they are drawn."""
 KINDS = (
@@ -47,6 +48,7 @@ KINDS = (
     "small: chart+dark", "small: chart+dark+flat",
     *(f"bad pixels, {number}: {kind}" for number in (1, 10, 100) for kind in ("chart", "chart+dark", "chart+dark+flat")),
     *(f"flicker, {part} %: {kind}" for part in (1, 3, 10) for kind in ("chart+dark+flat", "chart+flat")),
+    *(f"W off by {percent} %: {kind}+dark+flat" for percent in (0.3, 1, 3) for kind in ("chart", "charts")),
     *(f"corner, {where}: {kind}" for where in ("planes", "light") for kind in ("chart+dark", "chart+dark+flat", "charts+dark+flat")),
 )  # fmt: skip
 SIGMAS = 1.96
@@ -71,6 +73,7 @@ class SimulatedCamera:
     a larger share, and an even grey.
     bad: number of pixels that are stuck at some level.
     flicker: amplitude of the lamp's, over flat frames, as a share of the light.
+    off: standard deviation of panchromatic levels of patches from what Eq. 7 says, a share.
     """
 
     pattern: CfaPattern
@@ -85,6 +88,7 @@ class SimulatedCamera:
     share: float | None = None
     bad: int = 0
     flicker: float = 0.0
+    off: float = 0.0
 
     @staticmethod
     def drawn(random: np.random.Generator) -> "SimulatedCamera":
@@ -109,10 +113,14 @@ class SimulatedCamera:
         )
 
     def shot(
-        self, rgb: FloatArray | DoubleArray, random: np.random.Generator, drift: float = 0.0
+        self,
+        rgb: FloatArray | DoubleArray,
+        random: np.random.Generator,
+        drift: float = 0.0,
+        more: DoubleArray | float = 1.0,
     ) -> Mosaic:
-        """A frame that looks at a scene (H, W, 3), scene units; drift: of the black level,
-        codes.
+        """A frame that looks at a scene (H, W, 3), scene units; drift: of the black level, codes;
+        more: panchromatic light over that of Eq. 7, (H, W).
         """
         height, width = rgb.shape[:2]
         planes = self.pattern.filter_map((height, width))
@@ -121,6 +129,7 @@ class SimulatedCamera:
         left = self.left_at(y, x)
         light = rgb * left[..., :-1]
         clear = light @ self.gamma if self.in_light else (rgb @ self.gamma) * left[..., -1]
+        clear = clear * more
         signal = np.concatenate([light, clear[..., None]], axis=2, dtype=np.float64)
         filtered = np.take_along_axis(signal, planes[..., None].astype(int), axis=2)[..., 0]
         light = filtered / self.gamma.sum() * self.electrons
@@ -173,6 +182,7 @@ def areas(random: np.random.Generator) -> FloatArray:
 def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     """Three charts, four dark frames and pairs of flat frames of three exposures."""
     frames = Frames()
+    off = camera.off * random.normal(0, 1, 24) if camera.off else np.zeros(24)
     for number in range(3):
         colour = random.uniform(0.5, 1, 3)
         share = camera.share or (0.5 if camera.corner else random.choice([1.0, 0.8]))
@@ -189,7 +199,10 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
         scale = wide / SHAPE[1], high / SHAPE[0]
         corners = np.array(true_place().corners) * scale + (left, top)
         frames.places[f"chart{number}"] = ChartPlace(as_rows(corners))
-        frames.mosaics[f"chart{number}"] = camera.shot(scene, random)
+        more = np.ones(SHAPE)
+        for pixels, deviation in zip(frames.places[f"chart{number}"].measured(), off, strict=True):
+            more[pixels] += deviation
+        frames.mosaics[f"chart{number}"] = camera.shot(scene, random, more=more)
     for number in range(4):
         frames.mosaics[f"dark{number}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
     colour = random.uniform(0.6, 1, 3)

@@ -177,3 +177,32 @@ def test_json_and_back() -> None:
         SensorCalibration.from_json({**document, "camera_to_xyz": one["camera_to_xyz"]})
     with pytest.raises(InputError, match="other channels than CMYK"):
         SensorCalibration(channels="CMYK", lights=LIGHTS)
+
+
+def test_gamma_of_two_lights_is_mixed_for_the_neutral_and_beyond_them_the_nearer_holds() -> None:
+    gammas = (0.8, 1.1, 1.0), (1.0, 1.1, 0.9)
+    warm, cold = (replace(each, gamma=gamma) for each, gamma in zip(LIGHTS, gammas, strict=True))
+    known = SensorCalibration.of_bits(12, gamma=(3.0, 3.0, 3.0), lights=(warm, cold))
+
+    def under(neutral: Any) -> DoubleArray:
+        return np.array(replace(known, neutral=tuple(neutral)).gamma)
+
+    np.testing.assert_allclose(under(3 * np.array(warm.neutral)), gammas[0])
+    np.testing.assert_allclose(under(cold.neutral), gammas[1])
+    np.testing.assert_allclose(
+        under(np.sqrt(np.multiply(warm.neutral, cold.neutral))), (0.9, 1.1, 0.95)
+    )
+    np.testing.assert_allclose(under((0.1, 1.0, 1.0)), gammas[1])
+    assert 0.81 < known.gamma[0] < 0.99  # of D50, where no white is known
+    shot = balanced(known, np.array(SHOT))
+    assert SensorCalibration.from_json(shot.to_json()) == shot != known
+    # A camera file without colours keeps its own gamma, whatever the lights of the shot say.
+    own = Camera(SensorCalibration.of_bits(12, gamma=(0.7, 0.8, 0.9)))
+    taken = Mosaic(np.zeros((12, 12), np.uint16), PATTERN, shot)
+    assert own.calibrated(taken).calibration.gamma == (0.7, 0.8, 0.9)
+    assert "gamma" not in CAMERA.to_json()["lights"][0]
+    for wrong in ({"gamma": None}, {"gamma": (1.0, 1.0)}):
+        with pytest.raises(InputError, match=r"gamma, the other has none|other channels"):
+            replace(known, lights=(replace(warm, **wrong), cold))
+    with pytest.raises(InputError, match=r"lights\.gamma is .*, expected 0\.001 to 1000"):
+        replace(warm, gamma=(0.0, 1.0, 1.0))

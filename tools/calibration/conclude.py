@@ -18,11 +18,11 @@ from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
 from ...shared.figures import numbers
-from ...shared.lights import CalibratedLight
+from ...shared.lights import CalibratedLight, without_gamma
 from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
 from .dark_frames import DarkResult
-from .gamma import GammaFit, check_determined, reconciled
+from .gamma import FOLLOWS, SUFFERS, GammaFit, check_determined, reconciled
 from .measure import Measurements, ShotMeasurement
 from .noise import SIGMAS, NoiseResult, contradiction, noise_of_flats
 from .samples import figures
@@ -33,7 +33,6 @@ _BENT = 3.0  # standard errors, beyond what black explains: the sensor is not li
 # of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be
 # stated in codes
 _LEVER = 0.2
-_SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_GAMMA = 0.4  # half width over gamma, in units of what is allowed
 
 # Of colour. See `light_change`. Right lights give 0.9 to 1.8 with measured sensitivities of two
@@ -221,7 +220,12 @@ def conclude_gamma(measured: Measurements) -> Part | None:
         if len(measured.calibration.channels) >= FEWEST_CHANNELS:
             line += "; shoot a ColorChecker, and add it with `update`"
         return Part("gamma", missing=line)
-    refusal, contradictions = "", _contradictions(fit, measured.shots)
+    contradictions = [
+        line
+        for light, each in measured.gammas.items()
+        for line in _contradictions(each, [s for s in measured.shots if light in ("", s.light)])
+    ]
+    refusal, fit = "", max(measured.gammas.values(), key=lambda each: each.worst)
     try:
         check_determined(fit)
     except InputError as error:
@@ -229,7 +233,10 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may
     # follow.
     if contradictions and (
-        refusal or fit.assumed.black_measured or fit.contradiction > _CONTRADICTION
+        refusal
+        or fit.assumed.black_measured
+        or fit.contradiction > _CONTRADICTION
+        or fit.unexplained > SUFFERS
     ):
         refusal = "; ".join(contradictions)
     facts = {
@@ -238,9 +245,11 @@ def conclude_gamma(measured: Measurements) -> Part | None:
         "half_width_95": rounded(fit.half_width),
         "condition": round(fit.condition, 2),
         "residuals_over_noise": round(fit.spread, 2),
+        "unexplained": round(fit.unexplained, 4),
     }
     changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, measured.shots)
-    if measured.old and (before := measured.known.get("gamma")):
+    by_light = measured.old and any(light.gamma for light in measured.old.calibration.lights or ())
+    if measured.old and not by_light and (before := measured.known.get("gamma")):
         stated = before.get("half_width_95", [0] * fit.gamma.size)
         width = numbers("measured.gamma.half_width_95", stated, fit.gamma.size)
         old = np.array(measured.old.calibration.gamma)
@@ -261,6 +270,8 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     lines = []
     if abs(fit.black_deviation) > _CONTRADICTION and fit.bend[1] < _BENT:
         lines.append(_wrong_black(fit))
+    if fit.unexplained > SUFFERS and fit.bend[1] < _BENT:
+        lines.append(_not_following(fit))
     if fit.contradiction > _CONTRADICTION:
         gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in shots)
         lines.append(
@@ -295,6 +306,17 @@ def _wrong_black(fit: GammaFit) -> str:
     )
 
 
+def _not_following(fit: GammaFit) -> str:
+    """Return by how much Eq. 7 does not hold, and what that may be."""
+    letters = ", ".join(fit.calibration.channels)
+    return (
+        f"W does not follow from {letters}: the patches differ from Eq. 7 by "
+        f"{100 * fit.unexplained:.1f} % beyond noise, and pictures suffer from "
+        f"{100 * SUFFERS:.0f} % on; gamma of such a sensor depends on the light (`chart_light` "
+        "keeps that of two), unless it is reflections, a dirty chart, or codes that are not linear"
+    )
+
+
 def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     """Warn of an uncertain gamma, of residuals that noise does not explain, and of patches that
     were left out.
@@ -312,11 +334,8 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
             f"the sensor is not linear: at full scale it reads {size}, by {sure:.0f} standard "
             "errors; expose less, or make its codes linear"
         )
-    elif fit.spread > _SPREAD:
-        warnings.append(
-            f"the residuals are {fit.spread:.1f} times as large as noise explains: "
-            "reflections, a dirty chart, or a sensor that is not linear"
-        )
+    elif FOLLOWS < fit.unexplained <= SUFFERS:
+        warnings.append(_not_following(fit))
     for shot in shots:
         clipped = shot.places.clipped
         for left_out, why in (
@@ -355,6 +374,12 @@ def conclude_colour(measured: Measurements) -> Part | None:
     a camera file that is updated, those that are not measured anew stay.
     """
     lights, two = measured.lights or ("",), (measured.old and measured.old.calibration.lights) or ()
+    if two and measured.shots and not measured.lights:
+        names = " and ".join(light.illuminant for light in two)
+        line = f"the colours of the camera file, under {names}, stay as they are"
+        remedy = "name the light of the chart (`chart_light`) to replace those under it"
+        same = {"lights": without_gamma(measured.calibration.lights)}
+        return Part("colour", changes=same, warnings=[f"{line}; {remedy}"])
     faults: list[str] = []
     charts = {light: _charts_under(measured, light, faults) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
@@ -362,11 +387,6 @@ def conclude_colour(measured: Measurements) -> Part | None:
             return Part("colour", missing="; ".join(faults))
         why = "no chart without clipped patches was found under the light"
         return Part("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
-    if two and not measured.lights:
-        names = " and ".join(light.illuminant for light in two)
-        line = f"the colours of the camera file, under {names}, stay as they are"
-        remedy = "name the light of the chart (`chart_light`) to replace those under it"
-        return Part("colour", warnings=[f"{line}; {remedy}"])
     kept = [light for light in two if len(lights) == 1 and light.illuminant not in lights]
     if measured.lights and (wrong := _wrong_lights(charts | _as_charts(kept, charts))):
         return Part("colour", refusal=wrong)
@@ -397,6 +417,15 @@ def conclude_colour(measured: Measurements) -> Part | None:
     changes: dict[str, Any] = {"camera_to_xyz": matrix, "neutral": neutral, "lights": None}
     if measured.lights:
         both = [CalibratedLight(light, *pair) for light, pair in zip(lights, colours, strict=True)]
+        if "" not in measured.gammas or any(light.gamma for light in kept):
+            fits = [measured.gammas.get(light, measured.gamma) for light in lights]
+            both = [
+                replace(light, gamma=tuple(fit.gamma.tolist()))
+                for light, fit in zip(both, fits, strict=True)
+                if fit
+            ]
+            one = measured.calibration.gamma
+            kept = [replace(light, gamma=light.gamma or one) for light in kept]
         changes = {"lights": (*both, *kept), "neutral": None, "neutral_estimated": False}
         of_charts += [_kept_facts(measured.known.get("colour", {}), light) for light in kept]
         facts = {name: [chart.get(name) for chart in of_charts] for name in facts}
@@ -408,7 +437,7 @@ def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list
     """Return the charts under one light that show colours; the faults of others are added to
     `faults`.
     """
-    gamma, charts = measured.gamma, []
+    gamma, charts = measured.gammas.get(light, measured.gamma), []
     for shot in measured.shots:
         if gamma is None or shot.light != light:
             continue

@@ -26,7 +26,15 @@ from .chart.place import ChartPlace
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
-from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
+from .gamma import (
+    FOLLOWS,
+    Assumed,
+    GammaFit,
+    combined,
+    fit_gamma,
+    fit_with_derived,
+    with_surroundings,
+)
 from .noise import FlatResult, check_flat, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
@@ -151,6 +159,20 @@ class Measurements:
     def gamma(self) -> GammaFit | None:
         """Gamma as all shots show it together; None = there are none."""
         return combined([shot.fit for shot in self.shots]) if self.shots else None
+
+    @property
+    def gammas(self) -> dict[str, GammaFit]:
+        """Gamma under each light where it depends on that, by its name; otherwise that of all
+        shots, by "".
+        """
+        of_lights = {
+            light: fits
+            for light in self.lights
+            if (fits := [shot.fit for shot in self.shots if shot.light == light])
+        }
+        if of_lights and max(shot.fit.unexplained for shot in self.shots) > FOLLOWS:
+            return {light: combined(fits) for light, fits in of_lights.items()}
+        return {"": self.gamma} if self.gamma else {}
 
     def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
         """Return how far black level and shading may be off.

@@ -9,7 +9,15 @@ import numpy as np
 
 from panchroma.shared import SensorCalibration
 from panchroma.tools.calibration.chart.place import ChartPlace
-from tests.benchmarks.coverage import SHAPE, Frames, SimulatedCamera, calibrated, campaign, charts
+from tests.benchmarks.coverage import (
+    SHAPE,
+    Frames,
+    SimulatedCamera,
+    calibrated,
+    campaign,
+    charts,
+    session_of,
+)
 from tests.tools.calibration.known_camera import PATTERNS, true_place
 
 SIMPLE = SimulatedCamera(
@@ -39,6 +47,7 @@ def test_intervals_hold_whatever_was_not_measured() -> None:
     3.7 and 1.3 half widths; where flat frames count as those of filters, of charts in corners 42 %.
     """
     kinds = ["chart+dark", "chart+flat1"]
+    kinds += ["W off by 1 %: chart+dark+flat"]
     kinds += [f"corner, {where}: chart+dark+flat" for where in ("planes", "light")]
     for kind, counts in campaign(range(4), kinds).items():
         off = np.abs(counts.off["gamma"])
@@ -68,3 +77,13 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
     said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.9"
     assert re.search(said, outcome.refusal)
+
+
+def test_a_sensor_whose_white_does_not_follow_is_said_and_refused_where_pictures_suffer() -> None:
+    for off, verdict in ((0.012, "use it with care"), (0.06, "do not use it")):
+        camera, random = replace(SIMPLE, off=off), np.random.default_rng(4)
+        outcome = calibrated(session_of(camera, random), "chart+dark+flat")
+        assert outcome.verdict == verdict
+        (said,) = (line for line in (*outcome.warnings, outcome.refusal) if "follow" in line)
+        stated = re.search(r"W does not follow from R, G, B: .* by (\d\.\d) % beyond noise", said)
+        assert 0.6 * off < float(stated[1]) / 100 < 1.4 * off

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -14,14 +15,22 @@ import numpy as np
 import pytest
 from tifffile import TiffFile
 
-from panchroma.shared import SensorCalibration, read_camera, read_dng
+from panchroma.shared import CfaPattern, SensorCalibration, read_camera, read_dng
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.white_balance import balanced
 from panchroma.tools.calibration.colour_matrix import GREYS, fit_colour, light_change
 from panchroma.tools.io.colour import encode_srgb, xyz_to_lab
 from panchroma.tools.io.colour_difference import delta_e_2000
 from tests.sensitivities import CAMERAS, readings
-from tests.tools.calibration.known_camera import REFERENCE, frame, save, true_place
+from tests.tools.calibration.known_camera import (
+    REFERENCE,
+    TRUTH,
+    edited,
+    frame,
+    save,
+    stating,
+    true_place,
+)
 from tests.tools.command import repeated, run
 from tests.tools.io.examples import developed
 
@@ -164,6 +173,51 @@ def test_white_changes_between_charts_as_it_does_between_their_lights(camera: st
     for one, other in combinations(fits, 2):
         assert 0.85 < light_change(fits[one], fits[other], (one, other)) < 1.55, (one, other)
         assert light_change(fits[other], fits[one], (one, other)) < -0.8, (one, other)
+
+
+def raised(codes: DoubleArray, more: DoubleArray) -> DoubleArray:
+    """The codes with so much more light."""
+    black = TRUTH.black_level[-1]
+    return np.where(more == 1, codes, (codes - black) * more + black)
+
+
+def test_a_sensor_whose_white_does_not_follow_keeps_a_gamma_for_each_light(tmp_path: Path) -> None:
+    """As bare silicon: panchromatic levels of a patch differ from Eq. 7, and with the light."""
+    random, camera, cells = np.random.default_rng(3), CAMERAS[0], {}
+    weights = {"A": (0.9, 1.1, 0.8), "D65": (1.0, 1.05, 0.9)}
+    read = readings(camera, "D65")
+    colours = read / (read @ np.array(weights["D65"]))[:, None]
+    deviations = random.normal(0, 0.01, 24)
+    deviations -= colours @ np.linalg.lstsq(colours, deviations, rcond=None)[0]
+    for index in range(24):
+        top, left = 20 + index // 6 * 90, 40 + index % 6 * 88
+        cells[index] = slice(top, top + 76), slice(left, left + 74)
+    for light, gamma in weights.items():
+        more = np.full((400, 600), np.nan)
+        for index, read in enumerate(readings(camera, light)):
+            ratio = read @ gamma / (read @ np.array(TRUTH.gamma))
+            more[cells[index]] = ratio * (1 + deviations[index])
+        clear = CfaPattern.bayer(6).panchromatic_mask(more.shape) & np.isfinite(more)
+        more = np.where(clear, more, 1.0)
+        taken = edited(frame(0.8 * chart(camera, light)), partial(raised, more=more))
+        save(tmp_path / f"{light}.dng", stating(taken, black_level=TRUTH.black_level))
+    charts = repeated("--chart-light", [f"{light}={tmp_path / light}.dng" for light in weights])
+    output = tmp_path / "camera.json"
+    said = run("calibrate", *charts, "-o", output, code=0)
+    assert re.search(
+        r"W does not follow from R, G, B: .* by (0\.[6-9]|1\.\d) % beyond noise", said.err
+    )
+    found = read_camera(output)
+    warm, cold = (np.array(under.gamma) for under in found.calibration.lights or ())
+    np.testing.assert_allclose([warm, cold], list(weights.values()), rtol=0.15)
+    assert warm[0] < found.calibration.gamma[0] < cold[0]
+    run("calibrate", "--chart-light", charts[3], "-o", output, "--update", code=0)
+    after = read_camera(output).calibration.lights or ()
+    np.testing.assert_allclose(np.array(after[0].gamma), warm)
+    run("calibrate", tmp_path / "A.dng", "-o", output, "--update", code=0)
+    alone = read_camera(output).calibration
+    assert (alone.lights or ())[0].gamma is None
+    np.testing.assert_allclose(alone.gamma, warm, rtol=1e-6)
 
 
 @pytest.mark.parametrize("bench", CAMERAS[:1], indirect=True)
