@@ -314,10 +314,14 @@ def test_progress_is_reported_stage_by_stage() -> None:
     listener = Listener()
     mosaic = shot(*CASES["odd"])
     assert np.array_equal(render(mosaic, PAPER, listener).rgb, render(mosaic, PAPER).rgb)
-    assert list(listener.steps) == ["luminance", "chromaticity", "colour"]
-    assert listener.parts == ["propagation", "refinement"] * listener.steps["colour"]
-    assert listener.done["luminance"] == listener.steps["luminance"]
-    assert listener.done["colour"] == listener.steps["colour"]
+    assert list(listener.steps) == [
+        "reconstructing luminance",
+        "estimating colour of blocks",
+        "colouring pixels",
+    ]
+    assert listener.parts == ["propagation", "refinement"] * listener.steps["colouring pixels"]
+    assert listener.done["reconstructing luminance"] == listener.steps["reconstructing luminance"]
+    assert listener.done["colouring pixels"] == listener.steps["colouring pixels"]
     assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())
 
 

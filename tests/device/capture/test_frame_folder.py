@@ -1,8 +1,8 @@
 import os
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
@@ -40,30 +40,38 @@ class Clock:
 @pytest.fixture(autouse=True)
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(time, "monotonic", lambda: clock.now)
-    monkeypatch.setattr(time, "sleep", clock.sleep)
+    # not of the module: threads of other libraries sleep, too
+    own = SimpleNamespace(monotonic=lambda: clock.now, sleep=clock.sleep)
+    monkeypatch.setattr(frame_folder, "time", own)
+    monkeypatch.setattr(Watch, "clock", clock, raising=False)
     return clock
 
 
 class Watch:
     """Takes frames from a folder."""
 
+    clock: Clock
+
     def __init__(self, folder: Path, layout: FrameLayout = LAYOUT, **options: bool) -> None:
         self.refused: list[str] = []
         self._until = 0.0
         self._frames = watch_folder(
-            folder, layout, self._refuse, **options, stopped=lambda: time.monotonic() > self._until
+            folder,
+            layout,
+            self._refuse,
+            **options,
+            stopped=lambda: self.clock.now > self._until,
         )
 
     def take(self, count: int) -> list[RawFrame]:
-        self._until = time.monotonic() + 1000
+        self._until = self.clock.now + 1000
         return [next(self._frames) for _ in range(count)]
 
     def names(self, count: int) -> list[str]:
         return [Path(frame.source).name for frame in self.take(count)]
 
     def rest(self, seconds: float = 30) -> list[RawFrame]:
-        self._until = time.monotonic() + seconds
+        self._until = self.clock.now + seconds
         return list(self._frames)
 
     def _refuse(self, error: InputError) -> None:
