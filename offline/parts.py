@@ -252,10 +252,8 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
             )
         planes[name] = np.ascontiguousarray(plane)
     if made.first != rows[0]:
-        raise InputError(
-            f"{returned} rows from {made.first} on, expected {rows[0]} to {rows[1]}: "
-            "part.rows(*rows) cuts them out"
-        )
+        wanted = f"expected {rows[0]} to {rows[1]}: part.rows(*rows) cuts them out"
+        raise InputError(f"{returned} rows from {made.first} on, {wanted}")
     return Part(made.first, **planes)
 
 

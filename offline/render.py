@@ -392,23 +392,17 @@ def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings) -
     than stages.
     """
     if not callable(stages):
-        raise InputError(
-            f"stages is {type(stages).__name__}, expected a function that makes a list, as "
-            "offline.row_stages"
-        )
+        expected = "expected a function that makes a list, as offline.row_stages"
+        raise InputError(f"stages is {type(stages).__name__}, {expected}")
     made = stages(measured, settings)
     if not isinstance(made, list | tuple):
         raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
     for stage in made:
         halo = getattr(stage, "halo", None)
         if isinstance(stage, type) or not callable(stage) or not isinstance(halo, Halo):
-            raise InputError(
-                f"stages made a list with {stage!r}, expected objects of classes derived from "
-                "panchroma.offline.RowStage"
-            )
+            expected = "expected objects of classes derived from panchroma.offline.RowStage"
+            raise InputError(f"stages made a list with {stage!r}, {expected}")
         if not (halo.radius >= 0 and halo.alignment >= 1):
-            raise InputError(
-                f"the stage {stage.name!r} has {halo}, expected a radius of 0 or more, and an "
-                "alignment of 1 or more"
-            )
+            expected = "expected a radius of 0 or more, and an alignment of 1 or more"
+            raise InputError(f"the stage {stage.name!r} has {halo}, {expected}")
     return list(made)

@@ -90,9 +90,8 @@ class NoiseModel:
                 raise InputError(f"calibration: noise.{name} has a negative figure: {values}")
             object.__setattr__(self, name, values)
         if len(self.shot) != len(self.read):
-            raise InputError(
-                f"calibration: noise.shot has {len(self.shot)} planes, noise.read {len(self.read)}"
-            )
+            reason = f"noise.shot has {len(self.shot)} planes, noise.read {len(self.read)}"
+            raise InputError(f"calibration: {reason}")
 
     @classmethod
     def gaussian(cls, sigma: float, planes: int) -> "NoiseModel":
@@ -235,9 +234,8 @@ class SensorCalibration:
         gain = self.shading.gain if self.shading else None
         for part, values in (("noise", shot), ("shading", gain)):
             if values is not None and len(values) != planes:
-                raise InputError(
-                    f"calibration: {part} has {len(values)} planes, expected {planes} ({letters}W)"
-                )
+                expected = f"expected {planes} ({letters}W)"
+                raise InputError(f"calibration: {part} has {len(values)} planes, {expected}")
         for name in ("shot", "read") if self.noise else ():
             _check_range(
                 f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or "
@@ -369,9 +367,8 @@ class SensorCalibration:
             That names the field.
         """
         if not isinstance(document, dict):
-            raise InputError(
-                f"calibration: expected a JSON object, found {type(document).__name__}"
-            )
+            reason = f"expected a JSON object, found {type(document).__name__}"
+            raise InputError(f"calibration: {reason}")
         given = dict(document)
         if (schema := given.pop("schema", None)) != SCHEMA or schema is True:
             raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
@@ -379,9 +376,8 @@ class SensorCalibration:
             raise InputError(f"calibration: unknown field {unknown[0]!r}")
         for name, kind in _KINDS.items():
             if not isinstance(given.get(name, kind()), kind):
-                raise InputError(
-                    f"calibration: {name} is {shown(given[name])}, expected {kind.__name__}"
-                )
+                expected = f"expected {kind.__name__}"
+                raise InputError(f"calibration: {name} is {shown(given[name])}, {expected}")
         if given.get("noise") is not None:
             given["noise"] = built(NoiseModel, given["noise"], "calibration: noise")
         if "shading" in given:
@@ -444,9 +440,8 @@ def _check_range(
     low, high = limits
     for value in values:
         if not low <= value <= high:
-            raise InputError(
-                f"calibration: {name} holds {value:g}, expected {also}{low:g} to {high:g}"
-            )
+            expected = f"expected {also}{low:g} to {high:g}"
+            raise InputError(f"calibration: {name} holds {value:g}, {expected}")
 
 
 def _places(values: Any) -> tuple[tuple[int, int], ...]:
@@ -458,9 +453,8 @@ def _places(values: Any) -> tuple[tuple[int, int], ...]:
         if not all(0 <= min(place) <= max(place) < MAX_PIXELS for place in places):
             raise ValueError
     except (TypeError, ValueError, InputError):
-        raise InputError(
-            "calibration: defects is not a list of [row, column] that a sensor has"
-        ) from None
+        reason = "defects is not a list of [row, column] that a sensor has"
+        raise InputError(f"calibration: {reason}") from None
     if len(places) > _MOST_DEFECTS:
         most = f"{_MOST_DEFECTS} at most; measure the sensor anew"
         raise InputError(f"calibration: defects holds {len(places)} pixels, expected {most}")

@@ -74,9 +74,8 @@ class Camera:
             self.calibration.check_pattern(self.pattern)
         for part, how in self.measured.items():
             if part not in MEASURABLE:
-                raise InputError(
-                    f"camera: measured has an unknown part {part!r}; one of {', '.join(MEASURABLE)}"
-                )
+                known = f"one of {', '.join(MEASURABLE)}"
+                raise InputError(f"camera: measured has an unknown part {part!r}; {known}")
             if not isinstance(how, Mapping):
                 raise InputError(f"camera: measured.{part} is {shown(how)}, expected an object")
         if self.size is not None:

@@ -65,10 +65,8 @@ class JpegHeader:
     def check(self, most_pixels: int) -> None:
         """Raise InputError for more pixels or scans than a decoder should be given."""
         if not 0 < self.rows * self.columns <= most_pixels:
-            raise InputError(
-                f"a JPEG declares more pixels than it can have, or none: {self.columns} x "
-                f"{self.rows}; it is damaged"
-            )
+            reason = f"{self.columns} x {self.rows}; it is damaged"
+            raise InputError(f"a JPEG declares more pixels than it can have, or none: {reason}")
         check_count(self.scans, "scans")
         if self.kind not in _PROGRESSIVE and self.scans > self.components:
             raise InputError(

@@ -59,10 +59,8 @@ def illuminant_xy(name: str) -> Chromaticity:
     low, high = _TEMPERATURES
     kelvin = float(name) if isinstance(name, str) and name.isascii() and name.isdigit() else 0.0
     if not low <= kelvin <= high:
-        raise InputError(
-            f"the light is {shown(name)}, expected {', '.join(ILLUMINANTS)}, or {low:g} to "
-            f"{high:g} kelvin"
-        )
+        expected = f"expected {', '.join(ILLUMINANTS)}, or {low:g} to {high:g} kelvin"
+        raise InputError(f"the light is {shown(name)}, {expected}")
     if kelvin >= _DAYLIGHT:  # CIE 15:2018, 4.1.2
         cubic = (
             (-4.607e9, 2.9678e6, 99.11, 0.244063)
@@ -129,9 +127,8 @@ class CalibratedLight:
                 limits[name],
             )
             if not all(least <= value <= most for value in values):
-                raise InputError(
-                    f"calibration: lights.{name} is {values}, expected {least:g} to {most:g}"
-                )
+                expected = f"expected {least:g} to {most:g}"
+                raise InputError(f"calibration: lights.{name} is {values}, {expected}")
             object.__setattr__(self, name, values)
         neutral = self.neutral
         object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, len(neutral)))
@@ -187,10 +184,8 @@ def check_apart(first: str, second: str) -> None:
     """Raise InputError unless these are two lights, of different temperatures."""
     warm, cold = sorted(temperature(illuminant_xy(name)) for name in (first, second))
     if cold < _LEAST_RATIO * warm:
-        raise InputError(
-            f"the lights {first} and {second} are alike: take two whose temperatures are 10 % "
-            "apart, such as A and D65"
-        )
+        reason = "take two whose temperatures are 10 % apart, such as A and D65"
+        raise InputError(f"the lights {first} and {second} are alike: {reason}")
 
 
 def to_one(xyz_to_camera: DoubleArray) -> DoubleArray:
@@ -303,9 +298,8 @@ def checked_matrix(values: Any, channels: int) -> Matrix:
     """Check a matrix from channels to XYZ and return its rows; raises InputError."""
     rows: Matrix = numbers("calibration: camera_to_xyz", values, depth=2)
     if len(rows) != 3 or any(len(row) != channels for row in rows):
-        raise InputError(
-            f"calibration: camera_to_xyz is {shown(values)}, expected 3 rows of {channels} figures"
-        )
+        expected = f"expected 3 rows of {channels} figures"
+        raise InputError(f"calibration: camera_to_xyz is {shown(values)}, {expected}")
     matrix = np.array(rows)
     largest, (least, most) = np.abs(matrix).max(axis=0), COLOUR_RANGE
     if not all(least <= figure <= most for figure in largest[largest > 0]):

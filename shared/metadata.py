@@ -77,9 +77,8 @@ class CaptureMetadata:
         if self.place and not all(
             abs(angle) <= most for angle, most in zip(self.place, (90, 180), strict=True)
         ):
-            raise InputError(
-                f"metadata: place is {self.place}, expected latitude and longitude in degrees"
-            )
+            expected = "expected latitude and longitude in degrees"
+            raise InputError(f"metadata: place is {self.place}, {expected}")
         if self.altitude is not None and not abs(self.altitude) < 2**31:
             raise InputError(f"metadata: altitude is {self.altitude}, expected metres")
         for name in ("exposure_time", "f_number", "iso", "focal_length"):

@@ -50,9 +50,8 @@ class Mosaic:
     def __post_init__(self) -> None:
         samples = np.asarray(self.samples)
         if samples.ndim != 2:
-            raise InputError(
-                f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}"
-            )
+            found = f"the samples have shape {samples.shape}"
+            raise InputError(f"a mosaic has two axes (rows, columns); {found}")
         self.pattern.grid((samples.shape[0], samples.shape[1]))
         self._check_calibration((samples.shape[0], samples.shape[1]))
         if samples.dtype == np.uint16:
@@ -72,9 +71,8 @@ class Mosaic:
                 bad = int((~np.isfinite(kept)).sum())
                 raise InputError(f"{bad} of {kept.size} samples are not finite (NaN or infinite)")
         else:
-            raise InputError(
-                f"samples are {samples.dtype}, expected uint16 codes or floating-point scene units"
-            )
+            expected = "expected uint16 codes or floating-point scene units"
+            raise InputError(f"samples are {samples.dtype}, {expected}")
         kept.flags.writeable = False
         object.__setattr__(self, "samples", kept)
 

@@ -77,23 +77,17 @@ class CfaPattern:
         object.__setattr__(self, "tile", tuple(self.tile))
         period = len(self.tile)
         if period not in PERIODS:
-            raise InputError(
-                f"pattern: the tile has {period} rows; the period must be {PERIODS[0]} to "
-                f"{PERIODS[-1]}"
-            )
+            expected = f"the period must be {PERIODS[0]} to {PERIODS[-1]}"
+            raise InputError(f"pattern: the tile has {period} rows; {expected}")
         for row in self.tile:
             if len(row) != period or not _LETTERS.fullmatch(row):
-                raise InputError(
-                    f"pattern: tile row {row!r} has {len(row)} letters, expected {period} of the "
-                    "letters A to Z: tiles are square"
-                )
+                expected = f"expected {period} of the letters A to Z: tiles are square"
+                raise InputError(f"pattern: tile row {row!r} has {len(row)} letters, {expected}")
         letters = "".join(self.tile).replace(PANCHROMATIC, "")
         present = "".join(dict.fromkeys(letters))
         if PANCHROMATIC not in "".join(self.tile):
-            raise InputError(
-                "pattern: the tile has no panchromatic pixel (W), which is where luminance is "
-                "measured"
-            )
+            reason = "the tile has no panchromatic pixel (W), which is where luminance is measured"
+            raise InputError(f"pattern: {reason}")
         if not present:
             raise InputError("pattern: the tile has no colour filter; at least one is needed")
         if not self.channels:
@@ -103,9 +97,8 @@ class CfaPattern:
         named = self.channels
         derived = set(named) - set(present)
         if set(present) - set(named) or len(set(named)) < len(named) or PANCHROMATIC in named:
-            raise InputError(
-                f"pattern: channels {named!r} do not name the tile's letters {present!r}, each once"
-            )
+            reason = f"channels {named!r} do not name the tile's letters {present!r}, each once"
+            raise InputError(f"pattern: {reason}")
         if len(derived) > 1 or len(named) < 2:
             raise InputError(
                 f"pattern: channels {named!r} of a tile with the letters {present!r}; expected two "
@@ -124,9 +117,8 @@ class CfaPattern:
         tile.
         """
         if order not in BAYER_ORDERS:
-            raise InputError(
-                f"pattern: unknown Bayer order {order!r}; one of {', '.join(BAYER_ORDERS)}"
-            )
+            known = f"one of {', '.join(BAYER_ORDERS)}"
+            raise InputError(f"pattern: unknown Bayer order {order!r}; {known}")
         return cls.with_block((order[:2], order[2:]), period, origin)
 
     @classmethod
@@ -141,9 +133,8 @@ class CfaPattern:
         elsewhere.
         """
         if period not in PERIODS:
-            raise InputError(
-                f"pattern: the period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}"
-            )
+            expected = f"expected {PERIODS[0]} to {PERIODS[-1]}"
+            raise InputError(f"pattern: the period is {period}, {expected}")
         rows = [row + PANCHROMATIC * (period - len(row)) for row in block]
         return cls((*rows, *[PANCHROMATIC * period] * (period - len(block))), origin, channels)
 
@@ -178,10 +169,8 @@ class CfaPattern:
             raise InputError(f"pattern: {letters!r} is not {EXPECTED}{suggestion}")
         width = len(rows[0])
         if any(len(row) != width for row in rows) or not width:
-            raise InputError(
-                f"pattern: the rows of {letters!r} differ in length; a tile is written row by "
-                "row, such as RGWW/GBWW/WWWW/WWWW"
-            )
+            remedy = "a tile is written row by row, such as RGWW/GBWW/WWWW/WWWW"
+            raise InputError(f"pattern: the rows of {letters!r} differ in length; {remedy}")
         side = lcm(len(rows), width)
         side *= -(-PERIODS[0] // side)
         if side not in PERIODS:
@@ -217,9 +206,8 @@ class CfaPattern:
         except InputError:
             raise
         except (TypeError, ValueError, KeyError):
-            raise InputError(
-                f"pattern: {shown(document)} is not an object with tile, origin and channels"
-            ) from None
+            reason = f"{shown(document)} is not an object with tile, origin and channels"
+            raise InputError(f"pattern: {reason}") from None
         return cls(tuple(fields["tile"]), (row, column), fields["channels"])
 
     @property
@@ -386,10 +374,8 @@ class CfaPattern:
             repeats = all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1))
             if period % part == 0 and repeats:
                 smallest = "/".join(row[:part] for row in self.tile[:part])
-                raise InputError(
-                    f"pattern: the tile repeats every {part} pixels; give the smallest tile that "
-                    f"repeats: {smallest}"
-                )
+                remedy = f"give the smallest tile that repeats: {smallest}"
+                raise InputError(f"pattern: the tile repeats every {part} pixels; {remedy}")
         far = self._colour & ~_spread(~self._colour, _FARTHEST)
         if self.is_scattered and far.any():
             row, column = np.argwhere(far)[0].tolist()

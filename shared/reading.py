@@ -70,10 +70,8 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
             if not size:
                 raise InputError("the file is empty; copy it again")
             if size > largest:
-                raise InputError(
-                    f"is larger than the {largest} bytes of {kind}: it is something else, or "
-                    "damaged"
-                )
+                reason = "it is something else, or damaged"
+                raise InputError(f"is larger than the {largest} bytes of {kind}: {reason}")
             yield stream
         except OSError as error:
             raise _unreadable(error) from error

@@ -76,9 +76,8 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None, pages
             check_count(-(-held // end), "times its length in fields")
         return following != 0
     except EOFError:
-        raise InputError(
-            f"damaged: the file ends after {end} bytes, before its directory; copy the file again"
-        ) from None
+        reason = f"the file ends after {end} bytes, before its directory; copy the file again"
+        raise InputError(f"damaged: {reason}") from None
     finally:
         file.seek(0)
 

@@ -211,9 +211,8 @@ def balanced(
     if matrix is not None and calibration.lights is None:
         before = white_reading(matrix, calibration.neutral)
         if before.min() <= 0:
-            raise InputError(
-                "calibration: camera_to_xyz maps no possible reading to white; calibrate again"
-            )
+            reason = "camera_to_xyz maps no possible reading to white; calibrate again"
+            raise InputError(f"calibration: {reason}")
         matrix = as_rows(np.array(matrix) * (normalised(before) / white))
     seen = tuple(white.tolist())
     return replace(calibration, neutral=seen, neutral_estimated=estimated, camera_to_xyz=matrix)

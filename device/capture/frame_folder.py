@@ -149,7 +149,6 @@ def _read(path: Path, state: _State, layout: FrameLayout) -> RawFrame:
         taken = datetime.fromtimestamp(modified / 1e9, UTC)
         taken.astimezone()  # local time, which the file states too, may lie beyond the last year
     except (ValueError, OverflowError, OSError):
-        raise InputError(
-            f"{path}: its time of change is in no year from 1 to 9999; set it: touch {path.name}"
-        ) from None
+        reason = f"its time of change is in no year from 1 to 9999; set it: touch {path.name}"
+        raise InputError(f"{path}: {reason}") from None
     return RawFrame(data, taken, time.monotonic(), str(path))

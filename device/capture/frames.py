@@ -138,10 +138,8 @@ def format_named(name: str) -> tuple[str, int]:
         if found := re.fullmatch(packing.names, name):
             return ours, int(found.groupdict().get("bits") or packing.bits)
     if "PISP_COMP" in name:
-        raise InputError(
-            f"the format {name} is a lossy compression; ask the camera for unpacked frames: "
-            "rpicam-raw --mode W:H:12:U"
-        )
+        remedy = "ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"
+        raise InputError(f"the format {name} is a lossy compression; {remedy}")
     raise InputError(
         f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2, "
         f"libcamera or PFNC{meant(name, FORMATS)}"
@@ -278,10 +276,8 @@ class FrameLayout:
             What ends the message.
         """
         if length % self.frame_bytes and (likely := self.likely(length)):
-            raise InputError(
-                f"{length} bytes are no whole number of frames: {self.size}; likely "
-                f"{likely}{advice}"
-            )
+            hint = f"likely {likely}{advice}"
+            raise InputError(f"{length} bytes are no whole number of frames: {self.size}; {hint}")
 
     @property
     def size(self) -> str:

@@ -158,9 +158,8 @@ def _check_link(link: Path) -> None:
         raise
     except (OSError, ValueError) as error:  # ValueError: a null character
         reason = getattr(error, "strerror", None) or error
-        raise InputError(
-            f"{link}: cannot be the name of the link to the latest shot ({reason})"
-        ) from None
+        why = f"cannot be the name of the link to the latest shot ({reason})"
+        raise InputError(f"{link}: {why}") from None
 
 
 def _point(link: Path, path: Path) -> None:
@@ -178,6 +177,5 @@ def _point(link: Path, path: Path) -> None:
         reason = error.strerror or str(error)
         if error.errno in (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP):
             reason = "this file system has no symbolic links; omit the link, or put it elsewhere"
-        raise OutputError(
-            f"{link}: the link to the latest shot cannot be made: {reason}"
-        ) from error
+        why = f"the link to the latest shot cannot be made: {reason}"
+        raise OutputError(f"{link}: {why}") from error

@@ -103,18 +103,14 @@ def merge_burst(
         frame's index, and for samples that are not in scene units.
     """
     if not frames or (motions is not None and len(motions) != len(frames)):
-        raise InputError(
-            f"{len(frames)} frames and {len(motions or ())} motions, expected one motion for "
-            "each frame"
-        )
+        expected = "expected one motion for each frame"
+        raise InputError(f"{len(frames)} frames and {len(motions or ())} motions, {expected}")
     if reference is None and motions is not None:
-        raise InputError(
-            "reference is None, expected the index of the frame that the motions start from"
-        )
+        expected = "expected the index of the frame that the motions start from"
+        raise InputError(f"reference is None, {expected}")
     if reference is not None and reference not in range(len(frames)):
-        raise InputError(
-            f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}"
-        )
+        expected = f"expected the index of a frame, 0 to {len(frames) - 1}"
+        raise InputError(f"reference is {reference}, {expected}")
     copied = copies(frames, reference)
     distinct = [number for number in range(len(frames)) if number not in copied]
     shots = [frames[number] for number in distinct]

@@ -68,10 +68,8 @@ class Motion:
             shape = self.local.shape
             is_grid = len(shape) == 3 and min(shape[:2]) >= 2 and shape[2] == 2
             if not is_grid or not np.isfinite(self.local).all():
-                raise InputError(
-                    f"local shifts of shape {shape}, expected (2 or more, 2 or more, 2) and "
-                    "finite numbers"
-                )
+                expected = "expected (2 or more, 2 or more, 2) and finite numbers"
+                raise InputError(f"local shifts of shape {shape}, {expected}")
 
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""

@@ -99,10 +99,8 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
 def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
     stored = dng.stored(TAG["DNGPrivateData"])
     if not is_record(stored):
-        raise ForeignFileError(
-            "not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a "
-            "picture"
-        )
+        remedy = "`panchroma simulate` makes one from a camera's RAW or a picture"
+        raise ForeignFileError(f"not a mosaic of Panchroma; {remedy}")
     record = decode_record(stored)
     letters, cfa = record.pattern.letters_from(), dng.cfa()
     if cfa not in (None, letters):

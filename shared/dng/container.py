@@ -57,10 +57,8 @@ def main_directory(
     """
     picture = np.ascontiguousarray(preview)
     if picture.dtype != np.uint8 or picture.shape[2:] != (3,) or not picture.size:
-        raise InputError(
-            f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, "
-            "columns, 3)"
-        )
+        expected = "expected a uint8 picture (rows, columns, 3)"
+        raise InputError(f"the preview is {picture.dtype} {picture.shape}, {expected}")
     check_sides(picture.shape)
     main = metadata_directory(metadata)
     # Raw developers take Make and Model for the camera that saw these samples, and give them its
@@ -177,7 +175,5 @@ def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photomet
 def check_sides(shape: tuple[int, ...]) -> None:
     """Raise InputError if a side is longer than a JPEG can be."""
     if max(shape[:2]) > LONGEST_SIDE:
-        raise InputError(
-            f"{shape[1]} x {shape[0]} pixels: a side of a DNG's JPEG holds at most "
-            f"{LONGEST_SIDE}; cut it into parts"
-        )
+        reason = f"a side of a DNG's JPEG holds at most {LONGEST_SIDE}; cut it into parts"
+        raise InputError(f"{shape[1]} x {shape[0]} pixels: {reason}")

@@ -135,23 +135,18 @@ class DngReader:
         page = page or self.raw()
         kind, depth = page.dtype, () if planes == 1 else (planes,)
         if len(page.shape) < 2 or page.shape[2:] != depth or kind not in (np.uint8, np.uint16):
-            raise damaged(
-                f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)"
-            )
+            expected = "expected whole numbers (rows, columns)"
+            raise damaged(f"the raw samples are {kind} {page.shape}, {expected}")
         rows, columns = page.shape[:2]
         if rows * columns > max_pixels:
-            raise InputError(
-                f"the file declares {columns} x {rows} pixels; the limit is {max_pixels}, "
-                "`max_pixels` raises it"
-            )
+            limit = f"the limit is {max_pixels}, `max_pixels` raises it"
+            raise InputError(f"the file declares {columns} x {rows} pixels; {limit}")
         held = self._check_segments(page)
         if held > _MOST_BYTES * rows * columns * planes + _SMALL:
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
         if page.compression not in tuple(Compression):
-            raise InputError(
-                f"compression {page.compression}; a mosaic is lossless JPEG or uncompressed; "
-                "export it again so"
-            )
+            remedy = "a mosaic is lossless JPEG or uncompressed; export it again so"
+            raise InputError(f"compression {page.compression}; {remedy}")
         compressed = page.compression == Compression.JPEG
         bits = 1 if compressed else page.bitspersample  # a Huffman code has at least one bit
         if held * 8 < rows * columns * planes * bits:

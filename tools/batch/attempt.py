@@ -86,9 +86,8 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
     subject = order.open(job, memory, listener.note)
     with announced_compilation(listener):
         if source_digest is None or _digest(job) != source_digest:
-            raise InputError(
-                f"{job.source}: has changed while it was read; render it again when it is complete"
-            )
+            remedy = "render it again when it is complete"
+            raise InputError(f"{job.source}: has changed while it was read; {remedy}")
         check_memory(subject.mosaic, kind, order.settings, memory, subject.count)
         # now that only the writing can fail
         compile_ahead([order.settings], processes, listener)
@@ -226,15 +225,11 @@ def _existing(order: Order, job: Job, source_digest: str | None) -> _Existing:
     if order.overwrite:
         return _Existing(replace=True)
     if not last:
-        raise OutputError(
-            f"{output}: exists already, and no render noted that it made it; "
-            "`overwrite=True` replaces it"
-        )
+        reason = "exists already, and no render noted that it made it; `overwrite=True` replaces it"
+        raise OutputError(f"{output}: {reason}")
     if _both_there(last.source, job.source):
-        raise OutputError(
-            f"{output}: is the picture of {last.source}; use another output folder, or "
-            "`overwrite=True`"
-        )
+        remedy = "use another output folder, or `overwrite=True`"
+        raise OutputError(f"{output}: is the picture of {last.source}; {remedy}")
     changed = current not in {entry.digest for entry in entries}
     return _Existing(replace=True, changed=changed)
 

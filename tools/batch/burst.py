@@ -145,9 +145,8 @@ class BurstOrder(Order):
 
     def __post_init__(self) -> None:
         if not all(abs(pixels) <= _FARTHEST_SHIFT for shift in self.shifts for pixels in shift):
-            raise InputError(
-                f"`shifts` are {self.shifts}, expected {_FARTHEST_SHIFT:g} pixels at most"
-            )
+            expected = f"expected {_FARTHEST_SHIFT:g} pixels at most"
+            raise InputError(f"`shifts` are {self.shifts}, {expected}")
 
     def open(self, job: Job, memory: int, note: Note) -> Subject:
         """The frames that can be read.

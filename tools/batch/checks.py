@@ -80,10 +80,8 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
     if not any(samples.size for samples in panchromatic()):
         return
     if not any((samples > calibration.black_level[-1]).any() for samples in panchromatic()):
-        raise InputError(
-            "no sample is above the black level: nothing was exposed, or the calibration's black "
-            "level is too high"
-        )
+        reason = "nothing was exposed, or the calibration's black level is too high"
+        raise InputError(f"no sample is above the black level: {reason}")
     counted = (codes[rows] for rows in strips(len(codes))) if restored else panchromatic()
     if not any((samples < calibration.white_level).any() for samples in counted):
         which = "sample" if restored else "panchromatic sample"

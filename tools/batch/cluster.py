@@ -84,10 +84,8 @@ def cluster(address: str, note: Note) -> Iterator[Executor]:
             remedy,
         )
     except _LOST:
-        raise SchedulerGoneError(
-            f"the scheduler {address} is gone; what is finished stays: start the scheduler, its "
-            "workers and this command again"
-        ) from None
+        advice = "what is finished stays: start the scheduler, its workers and this command again"
+        raise SchedulerGoneError(f"the scheduler {address} is gone; {advice}") from None
     finally:
         with suppress(*_LOST):
             executor.shutdown(wait=False)  # cancels

@@ -94,10 +94,8 @@ class WhiteBalance:
             return self._grey_at(mosaic, *self.grey)
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)
-            raise InputError(
-                f"`wb` has {count} multipliers, expected one for each channel of the sensor: "
-                f"{channels}"
-            )
+            expected = f"expected one for each channel of the sensor: {channels}"
+            raise InputError(f"`wb` has {count} multipliers, {expected}")
         return mosaic.calibrated(balanced(calibration, 1 / np.array(self.multipliers)))
 
     def _grey_at(self, mosaic: Mosaic, x: int, y: int) -> Mosaic:

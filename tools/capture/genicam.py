@@ -101,10 +101,8 @@ class GenicamCamera:
             self._camera = self._aravis.Camera.new(source.removeprefix(GENICAM))
             self._device = self._camera.get_device()
             if self._camera.is_gv_device() and not self._device.is_controller():
-                raise InputError(
-                    f"{source}: another program has the camera; end it (after a crash the camera "
-                    "is free again in 3 seconds)"
-                )
+                remedy = "end it (after a crash the camera is free again in 3 seconds)"
+                raise InputError(f"{source}: another program has the camera; {remedy}")
             # a reference to self would keep the camera from being freed after an error
             gone = self._gone
             self._device.connect("control-lost", lambda *_: gone.set())
@@ -149,9 +147,8 @@ class GenicamCamera:
                 yield frame
             elif self._gone.is_set():
                 reason = "it was unplugged, has no power, or another program has taken it"
-                raise InputError(
-                    f"{self._source}: the camera is gone after {whole} whole frames: {reason}"
-                )
+                why = f"the camera is gone after {whole} whole frames: {reason}"
+                raise InputError(f"{self._source}: {why}")
             elif monotonic() > patience:
                 patience = float("inf")
                 note(

@@ -175,9 +175,8 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
         plugged = GenicamCamera(source, options.pixel_format, settings)
         camera, pattern = described(plugged.pattern)
         if plugged.pattern not in (None, pattern):
-            raise InputError(
-                f"{source}: the camera says where its filters are; leave `pattern` and `origin` out"
-            )
+            remedy = "leave `pattern` and `origin` out"
+            raise InputError(f"{source}: the camera says where its filters are; {remedy}")
         sensor, notes = _described(options, plugged.layout, plugged.bits, camera, pattern)
         return FrameSource(
             replace(sensor, metadata=plugged.metadata),

@@ -149,9 +149,8 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
         console.note(f"a Bayer camera has red, green and blue alone; left out: {left_out}")
     names = [tile.name for tile in tiles]
     if alike := [name for name in names if names.count(name) > 1]:
-        raise InputError(
-            f"different patterns are called {alike[0]!r}; give one in a file of another name"
-        )
+        remedy = "give one in a file of another name"
+        raise InputError(f"different patterns are called {alike[0]!r}; {remedy}")
     reading = Reading(arguments.linear, arguments.crop, channels)
     sources = list(map(place, arguments.scenes))
     scenes, failures = team.read(sources, Path(arguments.output), reading)

@@ -115,10 +115,8 @@ def _squares(
     (rows, columns), least = truth.shape[:2], size + 2 * border
     if min(rows, columns) < least:
         missing = f"no square of {size} x {size} inside a border of {border}"
-        raise InputError(
-            f"a picture of {columns} x {rows} pixels has {missing}; at least {least} pixels each "
-            "way are needed"
-        )
+        remedy = f"at least {least} pixels each way are needed"
+        raise InputError(f"a picture of {columns} x {rows} pixels has {missing}; {remedy}")
     error: DoubleArray = rendered.astype(np.float64) - truth
     if not np.isfinite(error).all():
         raise InputError("a value is not finite (NaN or infinite): there is no PSNR")

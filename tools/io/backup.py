@@ -25,7 +25,6 @@ def keep_old(path: Path) -> Path:
     except OutputError:
         raise
     except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be kept as {spare.name} ({error.strerror or error})"
-        ) from error
+        reason = f"cannot be kept as {spare.name} ({error.strerror or error})"
+        raise OutputError(f"{path}: {reason}") from error
     return spare

@@ -44,6 +44,5 @@ def guarded(path: Path | str = "") -> Iterator[None]:
         reason = (text.strip().splitlines() or [type(error).__name__])[0]
         # whoever shows the error names the file
         reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()
-        raise InputError(
-            f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again"
-        ) from error
+        why = "the file is cut short or damaged; copy it again"
+        raise InputError(f"cannot be decoded ({reason}): {why}") from error

@@ -107,10 +107,8 @@ def channels_of(
     of_pages = pages > 1 and not (count == len(RGB) and of_rgb)
     if count > 1 and (count > _MOST_SAMPLES or of_pages or not (of_rgb or colour or alpha)):
         pattern = f"the pattern the {len(requested)} channels {requested}"
-        raise InputError(
-            f"has {stacked}, and {pattern}; a scene has as many channels as the pattern "
-            "(`pattern`), or red, green and blue"
-        )
+        remedy = "a scene has as many channels as the pattern (`pattern`), or red, green and blue"
+        raise InputError(f"has {stacked}, and {pattern}; {remedy}")
     return ""
 
 

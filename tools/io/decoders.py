@@ -51,10 +51,8 @@ def decode_npy(path: Path, max_pixels: int, channels: str) -> Decoded:
     # NumPy reads a header of the length that the file declares, in two bytes in version 1, in four
     # in later versions.
     if start[6:7] != b"\1" and int.from_bytes(start[8:12], "little") > _NPY_HEADER:
-        raise InputError(
-            "the array's header declares an impossible length: the file is damaged, or made to "
-            "fill the memory"
-        )
+        reason = "the file is damaged, or made to fill the memory"
+        raise InputError(f"the array's header declares an impossible length: {reason}")
     with guarded(path):
         stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim in (2, 3):

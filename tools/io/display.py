@@ -240,9 +240,8 @@ class ColourTransform:
 def check_exposure(exposure: float) -> None:
     """Raise InputError unless the exposure, in stops, is within -16 to 16."""
     if not abs(exposure) <= MAX_EXPOSURE:
-        raise InputError(
-            f"exposure is {exposure} stops, expected -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}"
-        )
+        expected = f"expected -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}"
+        raise InputError(f"exposure is {exposure} stops, {expected}")
 
 
 def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:

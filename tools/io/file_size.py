@@ -29,13 +29,11 @@ def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixel
     # tifffile fills missing data with zeros: a black stripe in the picture instead of an error.
     ends = (offset + length for offset, length in zip(offsets, lengths, strict=True))
     if not offsets or max(ends) > end or not all(lengths):
-        raise InputError(
-            "the picture is cut short: it points beyond the end of the file; copy it again"
-        )
+        why = "it points beyond the end of the file; copy it again"
+        raise InputError(f"the picture is cut short: {why}")
     if sum(lengths) > end:
-        raise InputError(
-            "the strips of the picture overlap: the file is damaged, or made to fill the memory"
-        )
+        why = "the file is damaged, or made to fill the memory"
+        raise InputError(f"the strips of the picture overlap: {why}")
     if len(offsets) > _MANY_PIECES and len(offsets) * _LEAST_PIECE > pixels:
         reason = "the file is damaged, or made to waste time; save it again"
         raise InputError(f"{pixels} pixels in {len(offsets)} strips: {reason}")

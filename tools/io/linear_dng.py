@@ -119,9 +119,8 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
     check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
     sides = (page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)
     if page.is_tiled and any(tile > max(side, _LARGE_TILE) for tile, side in sides):
-        raise InputError(
-            "the linear DNG is damaged: its tiles are larger than its picture; copy it again"
-        )
+        reason = "its tiles are larger than its picture; copy it again"
+        raise InputError(f"the linear DNG is damaged: {reason}")
 
 
 def _check_chunks(page: TiffPage, stream: Any) -> None:

@@ -57,10 +57,8 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
             rgb = _linearised(picture, picture.peak, encoding)
         _remark_on_bits(int(pixels.max(initial=0)), picture.peak, notes)
     else:
-        raise InputError(
-            f"the samples are {pixels.dtype}; expected unsigned integers of 8 to 32 bits or "
-            "floating point"
-        )
+        expected = "expected unsigned integers of 8 to 32 bits or floating point"
+        raise InputError(f"the samples are {pixels.dtype}; {expected}")
     channels = picture.channels
     if rgb.shape[2] == 1:
         rgb = np.repeat(rgb, len(channels), axis=2)

@@ -204,10 +204,8 @@ def _page_pixels(page: Any) -> NDArray[Any]:
     """The samples of a page, (H, W, C)."""
     if page.compression not in _COMPRESSIONS:
         name = getattr(page.compression, "name", page.compression)
-        raise InputError(
-            f"the TIFF is compressed with {name}; save it with LZW or ZIP (Deflate) compression, "
-            "or with none"
-        )
+        remedy = "save it with LZW or ZIP (Deflate) compression, or with none"
+        raise InputError(f"the TIFF is compressed with {name}; {remedy}")
     if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
         covered = page.tilewidth * page.tilelength * len(page.dataoffsets)
         pixels = page.imagewidth * page.imagelength

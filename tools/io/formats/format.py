@@ -67,10 +67,8 @@ class Format(ABC):
         """Raise InputError if such a picture cannot be in this format."""
         height, width = development.shape
         if self.longest_side is not None and max(height, width) > self.longest_side:
-            raise InputError(
-                f"{width} x {height} pixels: a side of a {self.name} holds at most "
-                f"{self.longest_side}; use tif"
-            )
+            reason = f"a side of a {self.name} holds at most {self.longest_side}; use tif"
+            raise InputError(f"{width} x {height} pixels: {reason}")
 
     def memory(self, shape: tuple[int, int], channels: int, rendering: int, threads: int) -> float:
         """Bytes that are needed to render a frame of this shape to a file, beside the frame and the

@@ -47,9 +47,8 @@ class Image:
     def __post_init__(self) -> None:
         pixels = np.ascontiguousarray(self.pixels)
         if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3 or not pixels.size:
-            raise InputError(
-                f"an image is uint8 (rows, columns, 3); this one is {pixels.dtype} {pixels.shape}"
-            )
+            found = f"this one is {pixels.dtype} {pixels.shape}"
+            raise InputError(f"an image is uint8 (rows, columns, 3); {found}")
         pixels = pixels.view()
         pixels.flags.writeable = False
         object.__setattr__(self, "pixels", pixels)

@@ -125,10 +125,8 @@ def _scene(
 ) -> Scene:
     """The scene before a pattern with the channels `requested`."""
     if channels is not None and isinstance(source, Picture | str | Path):
-        raise InputError(
-            f"`channels` is {channels!r}, but it names those of an array; a picture or a file "
-            "has its own"
-        )
+        remedy = "a picture or a file has its own"
+        raise InputError(f"`channels` is {channels!r}, but it names those of an array; {remedy}")
     if isinstance(source, Picture):
         light, known = np.maximum(source.rgb, 0), source.calibration  # negative light is noise
         colours = known.camera_to_xyz, known.neutral, source.metadata
