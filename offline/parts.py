@@ -246,10 +246,8 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
             raise InputError(f"{returned} a {name} that is {received}, expected {expected}")
         if not np.isfinite(plane).all():
             row, column = np.argwhere(~np.isfinite(plane))[0, :2].tolist()
-            raise InputError(
-                f"{returned} a {name} that is not finite, first in row {rows[0] + row}, column "
-                f"{column}"
-            )
+            place = f"first in row {rows[0] + row}, column {column}"
+            raise InputError(f"{returned} a {name} that is not finite, {place}")
         planes[name] = np.ascontiguousarray(plane)
     if made.first != rows[0]:
         wanted = f"expected {rows[0]} to {rows[1]}: part.rows(*rows) cuts them out"

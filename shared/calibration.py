@@ -339,10 +339,8 @@ class SensorCalibration:
     def check_pattern(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the pattern has the channels of this calibration."""
         if pattern.channels != self.channels:
-            raise InputError(
-                f"the pattern has channels {pattern.channels}, the calibration {self.channels}: "
-                "they belong to different sensors"
-            )
+            both = f"the pattern has channels {pattern.channels}, the calibration {self.channels}"
+            raise InputError(f"{both}: they belong to different sensors")
 
     def to_json(self) -> dict[str, Any]:
         """The calibration as a JSON object; `from_json` turns it back."""
@@ -384,10 +382,8 @@ class SensorCalibration:
             given["shading"] = built(Shading, given["shading"], "calibration: shading")
         if (lights := given.get("lights")) is not None:
             if given.get("camera_to_xyz") is not None:
-                raise InputError(
-                    "calibration: has lights and camera_to_xyz, which follows from them: leave "
-                    "one of them out"
-                )
+                why = "has lights and camera_to_xyz, which follows from them: leave one of them out"
+                raise InputError(f"calibration: {why}")
             lights = lights if isinstance(lights, list | tuple) else [lights]
             given["lights"] = tuple(
                 built(CalibratedLight, light, "calibration: lights") for light in lights

@@ -128,14 +128,12 @@ class Camera:
         """
         sensor, other = self.calibration.sensor, calibration.sensor
         if sensor and other and sensor != other:
-            raise InputError(
-                f"the shot is from sensor {other!r}, the camera file of sensor {sensor!r}"
-            )
+            ours = f"the camera file of sensor {sensor!r}"
+            raise InputError(f"the shot is from sensor {other!r}, {ours}")
         self.check_pattern(pattern)
         if calibration.bits != self.calibration.bits:
-            raise InputError(
-                f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}"
-            )
+            ours = f"the camera file {self.calibration.bits}"
+            raise InputError(f"the shot has {calibration.bits} bits, {ours}")
 
     def check_pattern(self, pattern: CfaPattern) -> None:
         """Raise InputError unless this camera was measured with this pattern; the message names
@@ -143,10 +141,8 @@ class Camera:
         """
         self.calibration.check_pattern(pattern)
         if self.pattern is not None and self.pattern.letters_from() != pattern.letters_from():
-            raise InputError(
-                f"the pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: "
-                "they belong to different sensors"
-            )
+            patterns = f"the pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}"
+            raise InputError(f"{patterns}: they belong to different sensors")
 
     def check_size(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless this camera was measured on frames of this shape, or does not
@@ -154,10 +150,8 @@ class Camera:
         """
         if self.size and self.size != shape:
             (rows, columns), (height, width) = shape, self.size
-            raise InputError(
-                f"the frames have {columns} x {rows} pixels, those of the camera file {width} x "
-                f"{height}"
-            )
+            known = f"those of the camera file {width} x {height}"
+            raise InputError(f"the frames have {columns} x {rows} pixels, {known}")
 
     def to_json(self) -> dict[str, Any]:
         """The camera as a JSON object, the content of camera.json; `from_json` turns it back."""

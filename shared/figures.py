@@ -140,10 +140,8 @@ def shown(value: Any) -> str:
 
 def _whole_number(text: str) -> int:
     if len(text.lstrip("-")) > _MOST_DIGITS:
-        raise InputError(
-            f"holds a number of {len(text.lstrip('-'))} digits, {text[:12]}...: no figure of a "
-            "camera has so many"
-        )
+        digits = f"holds a number of {len(text.lstrip('-'))} digits, {text[:12]}..."
+        raise InputError(f"{digits}: no figure of a camera has so many")
     return int(text)
 
 

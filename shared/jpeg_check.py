@@ -69,10 +69,8 @@ class JpegHeader:
             raise InputError(f"a JPEG declares more pixels than it can have, or none: {reason}")
         check_count(self.scans, "scans")
         if self.kind not in _PROGRESSIVE and self.scans > self.components:
-            raise InputError(
-                f"a JPEG has {self.scans} scans for {self.components} components: it is damaged "
-                "or malicious"
-            )
+            counts = f"a JPEG has {self.scans} scans for {self.components} components"
+            raise InputError(f"{counts}: it is damaged or malicious")
 
 
 def read_header(jpeg: bytes) -> JpegHeader:

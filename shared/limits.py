@@ -36,7 +36,5 @@ def check_count(number: int, things: str, place: str = "") -> None:
         Where, for the message.
     """
     if number > _LIMITS[things]:
-        raise InputError(
-            f"the file declares {number} {things}{place}, more than any picture has: it is "
-            "damaged or malicious; copy it again"
-        )
+        declared = f"the file declares {number} {things}{place}, more than any picture has"
+        raise InputError(f"{declared}: it is damaged or malicious; copy it again")

@@ -58,10 +58,8 @@ class Mosaic:
             frozen = is_frozen(samples) and samples.strides[1] == samples.itemsize
             kept = samples if frozen else np.array(samples, order="C")
             if int(kept.max()) >> self.calibration.bits:
-                raise InputError(
-                    f"a sample is {kept.max()}, more than the calibration's "
-                    f"{self.calibration.bits} bits hold"
-                )
+                most = f"more than the calibration's {self.calibration.bits} bits hold"
+                raise InputError(f"a sample is {kept.max()}, {most}")
         elif np.issubdtype(samples.dtype, np.floating):
             flags, is_single = samples.flags, samples.dtype == np.float32
             frozen = is_single and flags.owndata and flags.c_contiguous and not flags.writeable

@@ -302,11 +302,6 @@ def _move(part: Path, path: Path, overwrite: bool) -> None:
         part.unlink()
 
 
-def dangling_link(path: Path) -> str:
-    """Return what to say of a link that leads nowhere, in the place of a result."""
-    return f"is a link to {path.readlink()}, which is not there; remove the link"
-
-
 _FULL = "the disk is full; free some space or choose another folder"
 _FORBIDDEN = "no permission to write in {folder}; choose another folder"
 _REASONS = {
@@ -325,7 +320,7 @@ def reason(error: OSError, path: Path) -> str:
     """Say why a file cannot be written, and what to do."""
     if isinstance(error, FileExistsError):
         if path.is_symlink() and not path.exists():
-            return dangling_link(path)
+            return f"is a link to {path.readlink()}, which is not there; remove the link"
         return "exists already; use `overwrite=True` to replace it"
     if (text := _REASONS.get(error.errno or 0)) is None:
         return f"cannot be written ({error.strerror or error})"

@@ -140,10 +140,8 @@ def format_named(name: str) -> tuple[str, int]:
     if "PISP_COMP" in name:
         remedy = "ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"
         raise InputError(f"the format {name} is a lossy compression; {remedy}")
-    raise InputError(
-        f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2, "
-        f"libcamera or PFNC{meant(name, FORMATS)}"
-    )
+    others = f"or its name in V4L2, libcamera or PFNC{meant(name, FORMATS)}"
+    raise InputError(f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, {others}")
 
 
 @dataclass(frozen=True)
@@ -181,10 +179,8 @@ class FrameLayout:
         if not self.stride:
             object.__setattr__(self, "stride", self.line_bytes)
         if self.stride < self.line_bytes:
-            raise InputError(
-                f"the stride is {self.stride} bytes, but a line of {self.width} pixels in "
-                f"{self.format} has {self.line_bytes}"
-            )
+            line = f"but a line of {self.width} pixels in {self.format} has {self.line_bytes}"
+            raise InputError(f"the stride is {self.stride} bytes, {line}")
         if self.frame_bytes > _MOST_BYTES * MAX_PIXELS:
             raise InputError(
                 f"a frame of {self.height} lines of {self.stride} bytes is larger than any sensor's"
@@ -434,9 +430,7 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
         if likely := layout.likely(count * len(data) + filled):
             discard = "discard the shots of this stream"
             advice = f"All its bytes are whole frames with {likely}: {discard}"
-        raise InputError(
-            f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones; "
-            f"{layout.size}. {advice}"
-        )
+        place = f"{filled} bytes after {count} whole ones; {layout.size}. {advice}"
+        raise InputError(f"the stream ended in the middle of a frame, {place}")
     if not count:
         raise InputError("the stream ended before the first frame: did the camera start?")

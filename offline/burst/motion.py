@@ -61,9 +61,8 @@ class Motion:
 
     def __post_init__(self) -> None:
         if not np.isfinite([*self.shift, self.angle]).all():
-            raise InputError(
-                f"a motion of {self.shift} pixels and {self.angle} radians, expected finite numbers"
-            )
+            wanted = "expected finite numbers"
+            raise InputError(f"a motion of {self.shift} pixels and {self.angle} radians, {wanted}")
         if self.local is not None:
             shape = self.local.shape
             is_grid = len(shape) == 3 and min(shape[:2]) >= 2 and shape[2] == 2

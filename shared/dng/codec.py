@@ -104,18 +104,14 @@ def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
     record = decode_record(stored)
     letters, cfa = record.pattern.letters_from(), dng.cfa()
     if cfa not in (None, letters):
-        raise damaged(
-            f"CFAPattern says {' '.join(cfa or ())}, the record in DNGPrivateData says "
-            f"{' '.join(letters)}"
-        )
+        recorded = f"the record in DNGPrivateData says {' '.join(letters)}"
+        raise damaged(f"CFAPattern says {' '.join(cfa or ())}, {recorded}")
     samples = dng.samples(max_pixels)
     _check_digest(dng, samples)
     if samples.shape != record.shape:
         rows, columns = record.shape
-        raise damaged(
-            f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} "
-            "were written"
-        )
+        written = f"{columns} x {rows} were written"
+        raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {written}")
     if dng.stored(TAG["NewRawImageDigest"]).hex() != record.samples:
         raise damaged(
             "the record of pattern and calibration (DNGPrivateData) is that of another shot"

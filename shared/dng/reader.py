@@ -150,10 +150,8 @@ class DngReader:
         compressed = page.compression == Compression.JPEG
         bits = 1 if compressed else page.bitspersample  # a Huffman code has at least one bit
         if held * 8 < rows * columns * planes * bits:
-            raise damaged(
-                f"the file declares {columns} x {rows} pixels, its {held} bytes of samples "
-                "cannot hold them"
-            )
+            fault = f"its {held} bytes of samples cannot hold them"
+            raise damaged(f"the file declares {columns} x {rows} pixels, {fault}")
         if compressed:
             samples = self._decoded(page)
         else:

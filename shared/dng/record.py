@@ -108,10 +108,8 @@ def decode_record(data: bytes) -> Record:
     if not isinstance(digest, str) or digest != _digest(document):
         raise changed
     if (schema := document.get("schema")) != SCHEMA:
-        raise InputError(
-            f"the record of pattern and calibration has schema {schema!r}, this version reads "
-            f"{SCHEMA}; update it"
-        )
+        known = f"this version reads {SCHEMA}; update it"
+        raise InputError(f"the record of pattern and calibration has schema {schema!r}, {known}")
     stated = [document.get(name) for name in ("pattern", "calibration", "samples", "preview")]
     kinds = zip(stated, (dict, dict, str, str), strict=True)
     if not all(isinstance(value, kind) for value, kind in kinds):

@@ -227,7 +227,8 @@ def _existing(order: Order, job: Job, source_digest: str | None) -> _Existing:
     if not last:
         reason = "exists already, and no render noted that it made it; `overwrite=True` replaces it"
         raise OutputError(f"{output}: {reason}")
-    if _both_there(last.source, job.source):
+    first, second = identity(last.source), identity(job.source)
+    if first and second and first != second:  # two files, rather than one that was moved
         remedy = "use another output folder, or `overwrite=True`"
         raise OutputError(f"{output}: is the picture of {last.source}; {remedy}")
     changed = current not in {entry.digest for entry in entries}
@@ -253,9 +254,3 @@ def _stamp(files: Iterable[str | Path]) -> str:
     """
     facts = attrgetter("st_size", "st_mtime_ns", "st_ctime_ns")
     return key(files=[status and facts(status) for status in map(file_status, files)])
-
-
-def _both_there(one: str, other: str) -> bool:
-    """True if these are two existing files, rather than one that was moved."""
-    first, second = identity(one), identity(other)
-    return bool(first and second) and first != second

@@ -96,10 +96,8 @@ def cluster(address: str, note: Note) -> Iterator[Executor]:
 def _call(source: str, function: "Function[P, R]", item: P) -> tuple[R | Exception, Sequence[str]]:
     """On a worker: see `parallel.call`. Raises InputError on a worker with another source."""
     if source != source_digest():
-        raise InputError(
-            f"a worker runs another source of Panchroma ({source_digest()}, here {source}); "
-            "install this one there, and start its workers again"
-        )
+        other = f"a worker runs another source of Panchroma ({source_digest()}, here {source})"
+        raise InputError(f"{other}; install this one there, and start its workers again")
     with _ONE_AT_A_TIME:
         return call(function, item)
 

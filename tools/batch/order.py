@@ -63,15 +63,10 @@ class Subject:
         """Yield the picture as `offline.colour_bands` does."""
         from ...offline import colour_bands, measure
 
-        measured = measure(self._given_up(), self.settings, progress)
+        # only `measure` holds the shot from now on
+        measured = measure(vars(self).pop("mosaic"), self.settings, progress)
         self.lost = measured.lost
         return colour_bands(measured, self.settings, progress)
-
-    def _given_up(self) -> Mosaic:
-        """The shot, which only the caller holds from now on."""
-        mosaic = self.mosaic
-        del self.mosaic
-        return mosaic
 
     def facts(self) -> dict[str, Any]:
         """Peculiarities of the picture, for machines."""

@@ -198,10 +198,8 @@ class GenicamCamera:
         usable = list(filter(_is_known, camera.dup_available_pixel_formats_as_strings()))
         if name not in usable:
             choice = f"choose one with `pixel_format`: {', '.join(usable)}"
-            raise InputError(
-                f"{self._source}: the camera's format {name!r} cannot be used; "
-                f"{choice if usable else 'nor can others that it offers'}"
-            )
+            unusable = f"{self._source}: the camera's format {name!r} cannot be used"
+            raise InputError(f"{unusable}; {choice if usable else 'nor can others that it offers'}")
         if requested:
             camera.set_pixel_format_from_string(requested)
         key, self.bits = format_named(name)

@@ -125,7 +125,5 @@ def _check_limits(frames: int, source: FrameSource) -> None:
         )
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limit != resource.RLIM_INFINITY and frames + _OTHER_FILES > limit:
-        raise InputError(
-            f"--burst is {frames}, and a program may open {limit} files here; take fewer, or "
-            f"allow more: ulimit -n {frames + _OTHER_FILES}"
-        )
+        files = f"--burst is {frames}, and a program may open {limit} files here"
+        raise InputError(f"{files}; take fewer, or allow more: ulimit -n {frames + _OTHER_FILES}")

@@ -257,10 +257,8 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
     # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
     pixels, facts = run_limited(path, ("OpenEXR",), unpack_exr, str(path), max_pixels, channels)
     if pixels.dtype.kind != "f" or pixels.ndim != 3:
-        raise InputError(
-            f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save "
-            "it as half or float"
-        )
+        labels = f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light"
+        raise InputError(f"{labels}; save it as half or float")
     matrix, more = space_of(facts["chromaticities"]), facts["parts"] - 1
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
     notes = [f"not used: {more} more parts of the EXR"] if more else []

@@ -64,9 +64,11 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
         For lossy JPEG and rare compressions, for impossible levels, and for a damaged file.
     """
     with opened_tiff(path, _READ) as (stream, file, _):
-        page = _main_picture(file)
-        if page is None:
+        kind = Photometric.LINEAR_RAW, PICTURE_PLANES
+        linear = [one for one in _pictures(file) if (one.photometric, one.samplesperpixel) == kind]
+        if not linear:  # the main picture is another
             return None
+        page = max(linear, key=lambda one: one.imagewidth * one.imagelength)
         _check(page, path.stat().st_size, data_bytes(path), max_pixels)
         _check_chunks(page, stream)
         unsigned = page.dtype is not None and page.dtype.kind == "u"
@@ -79,15 +81,6 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
         rgb, limits = _levelled(samples, page)
     gone = clipped_share(rgb, limits, SHOULDER) if integers else None
     return camera_scene(path, rgb, gone)
-
-
-def _main_picture(file: TiffFile) -> TiffPage | None:
-    """Return the directory of the linear samples, in the first directory or below it; None if the
-    main picture is another.
-    """
-    kind = Photometric.LINEAR_RAW, PICTURE_PLANES
-    linear = [page for page in _pictures(file) if (page.photometric, page.samplesperpixel) == kind]
-    return max(linear, key=lambda page: page.imagewidth * page.imagelength, default=None)
 
 
 def _pictures(file: TiffFile) -> list[TiffPage]:
@@ -105,16 +98,13 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
     if page.compression not in (*Compression, *_DEFLATE, _JPEG_XL):
         kind = getattr(page.compression, "name", page.compression)
         advice = "export it with JPEG XL or lossless compression"
-        raise InputError(
-            f"the linear DNG is compressed by {kind}, which is lossy or rare; {advice}"
-        )
+        fault = f"which is lossy or rare; {advice}"
+        raise InputError(f"the linear DNG is compressed by {kind}, {fault}")
     check_page(page)
     kind, planes = page.dtype, " in separate planes" if page.planarconfig != 1 else ""
     if planes or kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
-        raise InputError(
-            f"the samples of the linear DNG are {page.bitspersample} bits {kind}{planes}; expected "
-            "interleaved integers up to 16 bits or floating point"
-        )
+        stored = f"the samples of the linear DNG are {page.bitspersample} bits {kind}{planes}"
+        raise InputError(f"{stored}; expected interleaved integers up to 16 bits or floating point")
     check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
     check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
     sides = (page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)

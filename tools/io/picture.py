@@ -116,9 +116,8 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
     """Convert integers to linear light; curves of up to 16 bits are applied as tables."""
     pixels = picture.pixels
     if pixels.max() > peak:
-        raise InputError(
-            f"a sample is {pixels.max()}, but the file declares {peak} as its largest value"
-        )
+        declared = f"but the file declares {peak} as its largest value"
+        raise InputError(f"a sample is {pixels.max()}, {declared}")
     linear: FloatArray = np.empty(pixels.shape, np.float32)
     for channel in range(pixels.shape[2]):
         curve, plane = encoding.curves[channel], pixels[..., channel]

@@ -63,10 +63,8 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         first = full[0]
         check_page(first)
         if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
-            raise InputError(
-                f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}; "
-                "convert it to RGB or grey"
-            )
+            kind = f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}"
+            raise InputError(f"{kind}; convert it to RGB or grey")
         kinds = {(page.shape, page.bitspersample, page.dtype, page.photometric) for page in full}
         pages = full if first.samplesperpixel == 1 == len(kinds) else [first]
         samples = first.samplesperpixel
@@ -210,10 +208,8 @@ def _page_pixels(page: Any) -> NDArray[Any]:
         covered = page.tilewidth * page.tilelength * len(page.dataoffsets)
         pixels = page.imagewidth * page.imagelength
         if covered > max(_SMALL, 4 * page.samplesperpixel * pixels):
-            raise InputError(
-                f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made "
-                "to fill the memory"
-            )
+            tiles = f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}"
+            raise InputError(f"{tiles}: it is made to fill the memory")
     with guarded():
         samples: NDArray[Any] = page.asarray(maxworkers=1)
     return np.moveaxis(samples, 0, -1) if page.axes.startswith("S") else np.atleast_3d(samples)

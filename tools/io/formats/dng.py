@@ -62,9 +62,8 @@ class LinearDng(Format):
         """Implement `Format`."""
         channels = development.calibration.channels
         if len(channels) != 3:
-            raise InputError(
-                f"dng holds pictures of 3 channels, the sensor has {channels}; use tif, exr or npy"
-            )
+            held = f"dng holds pictures of 3 channels, the sensor has {channels}"
+            raise InputError(f"{held}; use tif, exr or npy")
         _ = development.shown  # raises InputError for unknown colours
         super().check(development)
 

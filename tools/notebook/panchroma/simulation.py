@@ -142,9 +142,8 @@ def _scene(
         array = np.array(None)
     if channels is not None and array.shape[2:] != (len(channels),):
         shape = f"(rows, columns, {len(channels)})"
-        raise InputError(
-            f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}"
-        )
+        stated = f"`channels` is {channels!r}, but the array has shape {array.shape}"
+        raise InputError(f"{stated}; expected {shape}")
     if channels is None:
         decoded = decode_array(array, requested)
     else:

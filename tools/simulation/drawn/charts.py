@@ -8,6 +8,7 @@ x, y: float64 (h, w), points of a rectangle of height 1, x to the right and y do
 pixel: size of a pixel in these units.
 """
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -81,16 +82,6 @@ def patches_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
     return draw_patches(x * 4, y * 4, np.array(CARD), color_checker())
 
 
-def grey_star(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
-    """Draw a Siemens star that varies only in luminance."""
-    return _star(x, y, pixel, WHITE, BLACK)
-
-
-def colour_star(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
-    """Draw a Siemens star that varies only in chromaticity."""
-    return _star(x, y, pixel, WARM, COOL)
-
-
 def _star(
     x: DoubleArray, y: DoubleArray, pixel: float, first: DoubleArray, second: DoubleArray
 ) -> DoubleArray:
@@ -103,6 +94,12 @@ def _star(
     nyquist = SPOKES * 2 * pixel / (2 * np.pi)
     wave[(radius > 0.46) | (radius < nyquist)] = 0
     return (first + second) / 2 + wave[..., None] * (first - second) / 2
+
+
+grey_star = partial(_star, first=WHITE, second=BLACK)
+"""Draws a Siemens star that varies only in luminance."""
+colour_star = partial(_star, first=WARM, second=COOL)
+"""Draws a Siemens star that varies only in chromaticity."""
 
 
 def detail_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
