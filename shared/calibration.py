@@ -247,8 +247,7 @@ class SensorCalibration:
         if self.lights is not None:
             object.__setattr__(self, "lights", checked_lights(self.lights, letters))
             object.__setattr__(self, "camera_to_xyz", colours_under(self.lights, self.neutral))
-            gamma = gamma_under(self.lights, self.neutral) or self.gamma
-            object.__setattr__(self, "gamma", gamma)
+            object.__setattr__(self, "gamma", gamma_under(self.lights, self.neutral) or self.gamma)
         if self.camera_to_xyz is not None:
             object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))

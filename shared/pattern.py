@@ -83,8 +83,7 @@ class CfaPattern:
             if len(row) != period or not _LETTERS.fullmatch(row):
                 expected = f"expected {period} of the letters A to Z: tiles are square"
                 raise InputError(f"pattern: tile row {row!r} has {len(row)} letters, {expected}")
-        letters = "".join(self.tile).replace(PANCHROMATIC, "")
-        present = "".join(dict.fromkeys(letters))
+        present = "".join(dict.fromkeys("".join(self.tile).replace(PANCHROMATIC, "")))
         if PANCHROMATIC not in "".join(self.tile):
             reason = "the tile has no panchromatic pixel (W), which is where luminance is measured"
             raise InputError(f"pattern: {reason}")
@@ -230,8 +229,7 @@ class CfaPattern:
     @cached_property
     def site_counts(self) -> IndexArray:
         """Number of sites of each channel in a block, (C,)."""
-        channels = [channel for *_, channel in self.sites]
-        return np.bincount(channels, minlength=len(self.channels))
+        return np.bincount([channel for *_, channel in self.sites], minlength=len(self.channels))
 
     @property
     def planes(self) -> str:

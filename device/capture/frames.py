@@ -98,8 +98,7 @@ def _gige(bits: int) -> _Packing:
     """The upper 8 bits of two pixels, and between them a byte with the lower bits, of each in half
     a byte.
     """
-    names = f"{_PFNC}{bits}Packed"
-    return _Packing(bits, 2, names, step=16, low=bits - 8, tail=8, between=4)
+    return _Packing(bits, 2, f"{_PFNC}{bits}Packed", step=16, low=bits - 8, tail=8, between=4)
 
 
 _WORDS = rf"(S{_ORDERS}|RG|BA|GB|BG|GR|R|Y|{_PFNC})(?P<bits>10|12|14|16)|BYR2|raw16|uint16"

@@ -231,8 +231,7 @@ def _existing(order: Order, job: Job, source_digest: str | None) -> _Existing:
     if first and second and first != second:  # two files, rather than one that was moved
         remedy = "use another output folder, or `overwrite=True`"
         raise OutputError(f"{output}: is the picture of {last.source}; {remedy}")
-    changed = current not in {entry.digest for entry in entries}
-    return _Existing(replace=True, changed=changed)
+    return _Existing(replace=True, changed=current not in {entry.digest for entry in entries})
 
 
 def _digest(job: Job) -> str | None:

@@ -105,8 +105,7 @@ def _call(source: str, function: "Function[P, R]", item: P) -> tuple[R | Excepti
 @cache
 def source_digest() -> str:
     """Digest of the modules and networks of this installation."""
-    packages = ("shared", "device", "offline", "tools")
-    modules = (f"{package}/**/*.py" for package in packages)
+    modules = (f"{package}/**/*.py" for package in ("shared", "device", "offline", "tools"))
     return code_digest(Path(__file__).parents[2], *modules, "offline/models/*.onnx")
 
 

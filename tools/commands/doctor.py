@@ -170,8 +170,7 @@ def _kernels(console: Console, everything: bool) -> Iterator[Finding]:
         yield Finding("kernel cache", BAD, reason, remedy)
         return
     left = len(kernels_to_compile())
-    found = f"{folder}, {len(names)} compiled, {left} to compile"
-    yield Finding("kernel cache", GOOD, found)
+    yield Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled, {left} to compile")
 
 
 def _pictures() -> dict[str, Callable[[], Iterator[Finding]]]:

@@ -113,8 +113,8 @@ class Measures:
         arrays: dict[str, Any] = {"quality": self.quality, "kept": self.kept, "errors": self.errors}
         for plane, patches in zip(PLANES, self.patches, strict=True):
             arrays |= {f"{plane}_{name}": array for name, array in patches._asdict().items()}
-        whole = np.array([*self.psnr, self.wrong_hue], float)  # None becomes NaN
-        np.savez_compressed(buffer, whole=whole, **arrays)
+        # None becomes NaN
+        np.savez_compressed(buffer, whole=np.array([*self.psnr, self.wrong_hue], float), **arrays)
         return buffer.getvalue()
 
     @classmethod

@@ -79,8 +79,7 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             with guarded(path):
                 samples = page.asarray(maxworkers=1)
         rgb, limits = _levelled(samples, page)
-    gone = clipped_share(rgb, limits, SHOULDER) if integers else None
-    return camera_scene(path, rgb, gone)
+    return camera_scene(path, rgb, clipped_share(rgb, limits, SHOULDER) if integers else None)
 
 
 def _pictures(file: TiffFile) -> list[TiffPage]:

@@ -65,8 +65,7 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
     # Red, green and blue among other channels, which have no known colour.
     matrix = as_rows(among(encoding.to_xyz, channels)) if set(RGB) <= set(channels) else None
     known = matrix, (1.0,) * len(channels), picture.metadata, tuple(notes)
-    eight_bits = (picture.peak or 256) < 256
-    return Scene(rgb, name, *known, channels=channels, eight_bits=eight_bits)
+    return Scene(rgb, name, *known, channels=channels, eight_bits=(picture.peak or 256) < 256)
 
 
 def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:

@@ -69,8 +69,7 @@ class Lens:
         """
         if not (self.stops or self.percent):
             return calibration
-        planes = len(calibration.channels) + 1
-        shading = lens_shading(self.stops, self.percent / 100, planes, shape)
+        shading = lens_shading(self.stops, self.percent / 100, len(calibration.channels) + 1, shape)
         return replace(calibration, shading=shading)
 
 

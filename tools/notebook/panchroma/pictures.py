@@ -77,8 +77,7 @@ class Image:
 
         metadata, suffix = CaptureMetadata(), Path(path).suffix.lower()
         if suffix in (".jpg", ".jpeg"):
-            icc = icc_profile("srgb")
-            data = encode_jpeg(self.pixels, metadata, icc=icc, quality=quality)
+            data = encode_jpeg(self.pixels, metadata, icc=icc_profile("srgb"), quality=quality)
         elif suffix == ".png":
             exif = encode_tiff(picture_directory(metadata, srgb=True))
             data = encode_png(self.pixels, "srgb", exif)

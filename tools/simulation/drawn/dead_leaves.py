@@ -116,8 +116,7 @@ def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
     tipped = draws.random(x.size) < TIPPED
     angle = draws.random(x.size) * 2 * np.pi
     breadth = np.where(tipped, 0.8, 1.0) * draws.uniform(0.5, 1.0, x.size)
-    reflectance = _reflectances(x / scale, y / scale, draws)
-    return Leaves(x, y, radius, angle, breadth, tipped, reflectance)
+    return Leaves(x, y, radius, angle, breadth, tipped, _reflectances(x / scale, y / scale, draws))
 
 
 def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
