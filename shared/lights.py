@@ -120,18 +120,16 @@ class CalibratedLight:
 
     def __post_init__(self) -> None:
         illuminant_xy(self.illuminant)
-        limits = {"neutral": COLOUR_RANGE, "gamma": GAMMA_RANGE}
-        for name in ("neutral", "gamma") if self.gamma is not None else ("neutral",):
-            values, (least, most) = (
-                numbers(f"calibration: lights.{name}", getattr(self, name)),
-                limits[name],
-            )
+        for name, (least, most) in {"neutral": COLOUR_RANGE, "gamma": GAMMA_RANGE}.items():
+            if name == "gamma" and self.gamma is None:
+                continue
+            values = numbers(f"calibration: lights.{name}", getattr(self, name))
             if not all(least <= value <= most for value in values):
                 expected = f"expected {least:g} to {most:g}"
                 raise InputError(f"calibration: lights.{name} is {values}, {expected}")
             object.__setattr__(self, name, values)
-        neutral = self.neutral
-        object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, len(neutral)))
+        matrix = checked_matrix(self.camera_to_xyz, len(self.neutral))
+        object.__setattr__(self, "camera_to_xyz", matrix)
 
     @property
     def white(self) -> Chromaticity:
@@ -165,9 +163,8 @@ def checked_lights(values: Any, channels: str) -> Lights:
     if len(values) != 2 or not all(isinstance(value, CalibratedLight) for value in values):
         raise InputError(f"calibration: lights is {shown(values)}, expected two lights")
     warm, cold = sorted(values, key=lambda light: temperature(light.white))
-    if any(
-        {len(light.neutral), len(light.gamma or channels)} != {len(channels)} for light in values
-    ):
+    counts = {len(each) for light in values for each in (light.neutral, light.gamma or channels)}
+    if counts != {len(channels)}:
         raise InputError(f"calibration: lights have other channels than {channels}")
     check_apart(warm.illuminant, cold.illuminant)
     if (warm.gamma is None) != (cold.gamma is None):
@@ -284,8 +281,9 @@ def gamma_under(lights: Lights, neutral: Sequence[float] | None) -> tuple[float,
     if warm.gamma is None or cold.gamma is None:
         return None
     if neutral is None:
-        pairs = [(light.white, light.xyz_to_camera) for light in lights]
-        share = share_of(ILLUMINANTS["D50"], pairs)
+        share = share_of(
+            ILLUMINANTS["D50"], [(light.white, light.xyz_to_camera) for light in lights]
+        )
     else:
         logs = np.log([warm.neutral, cold.neutral, neutral])
         first, second, seen = logs - logs.mean(axis=1, keepdims=True)

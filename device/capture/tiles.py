@@ -94,8 +94,7 @@ def _averages(side: int, period: int) -> FloatArray:
     """
     of_place = np.arange(side) % period == np.arange(period)[:, None]
     shifted = np.stack([of_place[np.arange(period) - phase] for phase in range(period)])
-    weights: FloatArray = (shifted / shifted.sum(axis=2, keepdims=True)).astype(np.float32)
-    return weights
+    return np.asarray(shifted / shifted.sum(axis=2, keepdims=True), np.float32)
 
 
 def _local_mean(parts: FloatArray, window: int) -> FloatArray:

@@ -81,13 +81,6 @@ class ColourFit:
         """The dE2000 of each patch, (24,); masked where it was left out."""
         return self._differences(self.lab)
 
-    @cached_property
-    def plain(self) -> DoubleArray:
-        """Residual if the light is treated as even."""
-        used = self.used.astype(float)
-        matrix, _, light = _fit(self.camera, self.colours, self.cells, field=False, used=used)
-        return self._differences(xyz_to_lab((self.camera / light[:, None]) @ matrix.T))
-
     def _differences(self, lab: DoubleArray) -> DoubleArray:
         return np.ma.masked_array(delta_e_2000(lab, self.reference), ~self.used)
 
@@ -98,7 +91,7 @@ class ColourFit:
         """
         lab = np.zeros((PATCHES, 3))
         for index, used in enumerate(self.used * (1 - np.eye(PATCHES))):
-            matrix, _, light = _fit(self.camera, self.colours, self.cells, field=True, used=used)
+            matrix, _, light = _fit(self.camera, self.colours, self.cells, used)
             lab[index] = xyz_to_lab(self.camera[index] / light[index] @ matrix.T)
         return self._differences(lab)
 
@@ -126,7 +119,7 @@ def fit_colour(
         raise InputError(f"colour: {int((~used).sum())} patches are clipped; expose less")
     if not (camera[greys] > 0).all():
         raise InputError("colour: the grey patches have no light in some channel; expose more")
-    matrix, neutral, light = _fit(camera, colours, cells, field=True, used=used.astype(float))
+    matrix, neutral, light = _fit(camera, colours, cells, used.astype(float))
     lab, reference = xyz_to_lab((camera / light[:, None]) @ matrix.T), xyz_to_lab(colours)
     light = light / light.mean()
     return ColourFit(camera, colours, cells, matrix, neutral, light, lab, reference, used)
@@ -157,20 +150,14 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
 
 
 def _fit(
-    camera: DoubleArray,
-    reference: DoubleArray,
-    cells: DoubleArray,
-    *,
-    field: bool,
-    used: DoubleArray | None = None,
+    camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, used: DoubleArray
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """Return matrix, neutral (largest entry 1), and the absolute light on each patch.
 
     Light and matrix are fitted in turn: given the matrix, the light is the excess of luminance over
     the reference; given the light, the matrix is a linear least-squares problem. used: (24,),
-    weights; field: whether the light may be uneven.
+    weights.
     """
-    used = np.ones(len(camera)) if used is None else used
     greys = [index for index in GREYS if used[index]]
     light = np.full(len(camera), (camera[greys].sum(axis=1) / reference[greys, 1]).mean())
     for step in range(_ROUNDS + 1):
@@ -179,8 +166,7 @@ def _fit(
         matrix = _white_preserving(even, reference, neutral, used)
         if step < _ROUNDS:
             excess = np.log(np.maximum(even @ matrix[1], 1e-6) / reference[:, 1])
-            even_excess = (excess * used).sum() / used.sum()
-            light = light * np.exp(_surface(excess, cells, used) if field else even_excess)
+            light = light * np.exp(_surface(excess, cells, used))
     scale = neutral.max()
     return matrix * scale, neutral / scale, light * scale
 

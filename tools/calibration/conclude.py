@@ -21,10 +21,9 @@ from ...shared.figures import numbers
 from ...shared.lights import CalibratedLight, without_gamma
 from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
-from .dark_frames import DarkResult
-from .gamma import FOLLOWS, SUFFERS, GammaFit, check_determined, reconciled
+from .gamma import SUFFERS, GammaFit, reconciled
 from .measure import Measurements, ShotMeasurement
-from .noise import SIGMAS, NoiseResult, contradiction, noise_of_flats
+from .noise import SIGMAS, contradiction, noise_of_flats
 from .samples import figures
 
 # Of gamma.
@@ -175,13 +174,12 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
         rescaled = calibration.full_scale / math.fsum(changes["gamma"])
         changes["noise"] = calibration.noise.in_units_of(rescaled)
     refusal = "; ".join(part.refusal for part in parts.values() if part.refusal)
-    camera = None
+    camera, known = None, measured.known | sources
     if (base := measured.base) and not refusal:
-        calibration, facts = replace(calibration, **changes), measured.known | sources
-        camera = Camera(calibration, base.pattern, facts, base.shape)
+        camera = Camera(replace(calibration, **changes), base.pattern, known, base.shape)
     contradictions = tuple(line for part in parts.values() for line in part.contradictions)
     lines = [line for part in parts.values() for line in part.warnings]
-    known, missing = measured.known | sources, {}
+    missing = {}
     for name, remedy in _REMEDIES.items():
         if name not in known and (name != "colour" or len(calibration.channels) >= FEWEST_CHANNELS):
             missing[name] = (name in parts and parts[name].missing) or remedy
@@ -220,25 +218,13 @@ def conclude_gamma(measured: Measurements) -> Part | None:
         if len(measured.calibration.channels) >= FEWEST_CHANNELS:
             line += "; shoot a ColorChecker, and add it with `update`"
         return Part("gamma", missing=line)
-    contradictions = [
-        line
-        for light, each in measured.gammas.items()
-        for line in _contradictions(each, [s for s in measured.shots if light in ("", s.light)])
-    ]
-    refusal, fit = "", max(measured.gammas.values(), key=lambda each: each.worst)
-    try:
-        check_determined(fit)
-    except InputError as error:
-        refusal = str(error)
+    black, others = _contradictions(measured)
+    fit = max(measured.gammas.values(), key=lambda each: each.worst)
+    refusal = "; ".join(each.fault for each in measured.gammas.values() if each.fault)
     # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may
     # follow.
-    if contradictions and (
-        refusal
-        or fit.assumed.black_measured
-        or fit.contradiction > _CONTRADICTION
-        or fit.unexplained > SUFFERS
-    ):
-        refusal = "; ".join(contradictions)
+    if others or (black and (refusal or fit.assumed.black_measured)):
+        refusal = "; ".join(black + others)
     facts = {
         "from": "the patches of a ColorChecker" + ", and even areas around it" * bool(fit.around),
         "shots": [shot.name for shot in measured.shots],
@@ -248,11 +234,10 @@ def conclude_gamma(measured: Measurements) -> Part | None:
         "unexplained": round(fit.unexplained, 4),
     }
     changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, measured.shots)
-    by_light = measured.old and any(light.gamma for light in measured.old.calibration.lights or ())
-    if measured.old and not by_light and (before := measured.known.get("gamma")):
-        stated = before.get("half_width_95", [0] * fit.gamma.size)
-        width = numbers("measured.gamma.half_width_95", stated, fit.gamma.size)
-        old = np.array(measured.old.calibration.gamma)
+    old, lights = np.array(measured.calibration.gamma), measured.calibration.lights or ()
+    if (before := measured.known.get("gamma")) and not any(light.gamma for light in lights):
+        stated = before.get("half_width_95", [0] * old.size)
+        width = numbers("measured.gamma.half_width_95", stated, old.size)
         moved = float((np.abs(fit.gamma - old) / np.hypot(fit.half_width, width)).max())
         if moved > _MOVED:
             warnings.append(
@@ -260,26 +245,29 @@ def conclude_gamma(measured: Measurements) -> Part | None:
                 f"they differ by {moved:.0f} times their intervals (95 %); is this another camera, "
                 "lens or light?"
             )
-    return Part("gamma", facts, changes, warnings, contradictions, refusal, fit)
+    return Part("gamma", facts, changes, warnings, black + others, refusal, fit)
 
 
-def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
-    """Return what does not fit together by more than four standard errors, and what to shoot
-    instead; a sentence each.
+def _contradictions(measured: Measurements) -> tuple[list[str], list[str]]:
+    """Return what contradicts the black level, and what else does not fit together, by more than
+    four standard errors, and what to shoot instead; a sentence each.
     """
-    lines = []
-    if abs(fit.black_deviation) > _CONTRADICTION and fit.bend[1] < _BENT:
-        lines.append(_wrong_black(fit))
-    if fit.unexplained > SUFFERS and fit.bend[1] < _BENT:
-        lines.append(_not_following(fit))
-    if fit.contradiction > _CONTRADICTION:
-        gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in shots)
-        lines.append(
-            f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard "
-            f"deviations: {gammas}; give only shots of one session, with one lens, or shoot the "
-            "chart anew in even light"
-        )
-    return lines
+    black, others = [], []
+    for light, fit in measured.gammas.items():
+        is_linear = fit.bend[1] < _BENT
+        if is_linear and abs(fit.black_deviation) > _CONTRADICTION:
+            black.append(_wrong_black(fit))
+        if is_linear and fit.unexplained > SUFFERS:
+            others.append(_not_following(fit))
+        if fit.contradiction > _CONTRADICTION:
+            shots = [shot for shot in measured.shots if light in ("", shot.light)]
+            gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in shots)
+            others.append(
+                f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard "
+                f"deviations: {gammas}; give only shots of one session, with one lens, or shoot "
+                "the chart anew in even light"
+            )
+    return black, others
 
 
 def _wrong_black(fit: GammaFit) -> str:
@@ -334,7 +322,7 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
             f"the sensor is not linear: at full scale it reads {size}, by {sure:.0f} standard "
             "errors; expose less, or make its codes linear"
         )
-    elif FOLLOWS < fit.unexplained <= SUFFERS:
+    elif not fit.follows and fit.unexplained <= SUFFERS:
         warnings.append(_not_following(fit))
     for shot in shots:
         clipped = shot.places.clipped
@@ -360,10 +348,13 @@ class ChartColours:
         Of the chart.
     fit : ColourFit
         Matrix, neutral and light.
+    gamma : tuple[float, ...]
+        (C,), the weights of Eq. 7 with which they were measured.
     """
 
     shot: ShotMeasurement
     fit: ColourFit
+    gamma: tuple[float, ...]
 
 
 def conclude_colour(measured: Measurements) -> Part | None:
@@ -387,10 +378,14 @@ def conclude_colour(measured: Measurements) -> Part | None:
             return Part("colour", missing="; ".join(faults))
         why = "no chart without clipped patches was found under the light"
         return Part("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
-    kept = [light for light in two if len(lights) == 1 and light.illuminant not in lights]
-    if measured.lights and (wrong := _wrong_lights(charts | _as_charts(kept, charts))):
-        return Part("colour", refusal=wrong)
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
+    kept = [light for light in two if len(lights) == 1 and light.illuminant not in lights]
+    stored = replace(best[0].shot, name="the chart of the camera file")
+    for light in kept:  # only its neutral is known: as if the chart here had been taken under it
+        fit = replace(best[0].fit, neutral=np.array(light.neutral))
+        charts[light.illuminant] = [replace(best[0], shot=stored, fit=fit)]
+    if measured.lights and (wrong := _wrong_lights(charts)):
+        return Part("colour", refusal=wrong)
     warnings, contradictions = [], []
     for chart in best:
         name, mean = chart.shot.name, float(chart.fit.difference.mean())
@@ -412,24 +407,22 @@ def conclude_colour(measured: Measurements) -> Part | None:
         elif mean > _GOOD_COLOUR:
             warnings.append(f"{off}, more than {_GOOD_COLOUR:.0f}")
     of_charts = [_colour_facts(chart) for chart in best]
-    colours = [(as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist())) for chart in best]
-    facts, ((matrix, neutral), *_) = of_charts[0], colours
+    colours = [
+        (as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist()), chart.gamma)
+        for chart in best
+    ]
+    facts, ((matrix, neutral, _), *_) = of_charts[0], colours
     changes: dict[str, Any] = {"camera_to_xyz": matrix, "neutral": neutral, "lights": None}
     if measured.lights:
-        both = [CalibratedLight(light, *pair) for light, pair in zip(lights, colours, strict=True)]
-        if "" not in measured.gammas or any(light.gamma for light in kept):
-            fits = [measured.gammas.get(light, measured.gamma) for light in lights]
-            both = [
-                replace(light, gamma=tuple(fit.gamma.tolist()))
-                for light, fit in zip(both, fits, strict=True)
-                if fit
-            ]
-            one = measured.calibration.gamma
-            kept = [replace(light, gamma=light.gamma or one) for light in kept]
-        changes = {"lights": (*both, *kept), "neutral": None, "neutral_estimated": False}
+        one = measured.calibration.gamma
+        both = [CalibratedLight(light, *own) for light, own in zip(lights, colours, strict=True)]
+        both += [replace(light, gamma=light.gamma or one) for light in kept]
+        if "" in measured.gammas and not any(light.gamma for light in kept):
+            both = [replace(light, gamma=None) for light in both]
+        changes = {"lights": tuple(both), "neutral": None, "neutral_estimated": False}
         of_charts += [_kept_facts(measured.known.get("colour", {}), light) for light in kept]
         facts = {name: [chart.get(name) for chart in of_charts] for name in facts}
-        facts = {"light": [light.illuminant for light in (*both, *kept)], **facts}
+        facts = {"light": [light.illuminant for light in both], **facts}
     return Part("colour", facts, changes, warnings, contradictions, result=best)
 
 
@@ -437,11 +430,12 @@ def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list
     """Return the charts under one light that show colours; the faults of others are added to
     `faults`.
     """
-    gamma, charts = measured.gammas.get(light, measured.gamma), []
+    gammas, charts = measured.gammas, []
     for shot in measured.shots:
-        if gamma is None or shot.light != light:
+        if shot.light != light:
             continue
-        levels, used = reconciled(shot.places, gamma.gamma), shot.places.exposed
+        gamma = (gammas.get(light) or gammas[""]).gamma
+        levels, used = reconciled(shot.places, gamma), shot.places.exposed
         try:
             fit = fit_colour(levels, measured.chart_colours, shot.chart.cells, used)
             odd = int(fit.left_out.argmax())
@@ -451,7 +445,7 @@ def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list
         except InputError as error:
             faults.append(f"{shot.name}: {error}")
         else:
-            charts.append(ChartColours(shot, fit))
+            charts.append(ChartColours(shot, fit, tuple(gamma.tolist())))
     return charts
 
 
@@ -470,26 +464,9 @@ def _colour_facts(chart: ChartColours) -> Mapping[str, Any]:
 def _kept_facts(facts: Mapping[str, Any], light: CalibratedLight) -> Mapping[str, Any]:
     """Return how well the colours under one of two lights of a camera file are known."""
     stated = {name: values for name, values in facts.items() if isinstance(values, list)}
-    return {
-        name: value
-        for name, values in stated.items()
-        for illuminant, value in zip(stated.get("light", ()), values, strict=False)
-        if illuminant == light.illuminant
-    }
-
-
-def _as_charts(
-    kept: Sequence[CalibratedLight], charts: Mapping[str, list[ChartColours]]
-) -> dict[str, list[ChartColours]]:
-    """Return charts under another light as if taken under one that is kept: only its neutral is
-    known.
-    """
-    ((chart, *_), *_) = charts.values()
-    shot = replace(chart.shot, name="the chart of the camera file")
-    return {
-        light.illuminant: [ChartColours(shot, replace(chart.fit, neutral=np.array(light.neutral)))]
-        for light in kept
-    }
+    lights = [*map(str, stated.get("light", ()))]
+    of_lights = {name: dict(zip(lights, values, strict=False)) for name, values in stated.items()}
+    return {name: values.get(light.illuminant) for name, values in of_lights.items()}
 
 
 def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
@@ -569,19 +546,17 @@ def conclude_defects(measured: Measurements) -> Part | None:
 
 
 def conclude_noise(measured: Measurements) -> Part | None:
-    """Return the noise of each plane."""
-    if not measured.flats:
+    """Return the noise of each plane, and warnings if it is uncertain."""
+    flats, dark, calibration = measured.flats, measured.dark, measured.calibration
+    if not flats:
         return None
-    black = measured.assumed().black
-    noise = noise_of_flats(measured.flats, measured.calibration, measured.dark, black)
-    charts, lens = [shot.places for shot in measured.shots], measured.calibration.shading
-    slack = float(lens.sketch[-1].max()) if lens else 1.0
-    if fault := contradiction(noise, measured.calibration, measured.dark, charts, slack):
-        line = f"noise was left out: flat frames {', '.join(measured.flats.names)}: {fault}"
+    noise = noise_of_flats(flats, calibration, dark, measured.assumed().black)
+    if fault := contradiction(noise, calibration, dark, [shot.places for shot in measured.shots]):
+        line = f"noise was left out: flat frames {', '.join(flats.names)}: {fault}"
         remedy = "take all frames with one gain, and flat frames in steady light"
         return Part("noise", warnings=[f"{line}; {remedy}"])
     # In scene units noise is as uncertain as their size, which is that of gamma.
-    full_scale, error, gamma = measured.calibration.full_scale, 0.0, measured.gamma
+    full_scale, error, gamma = calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
         full_scale, error = float(gamma.gamma.sum()), float(gamma.covariance.sum()) ** 0.5
     shot, read, shot_own, read_own = np.array([astuple(line) for line in noise.lines]).T
@@ -590,48 +565,40 @@ def conclude_noise(measured: Measurements) -> Part | None:
         "shot_error": rounded(np.hypot(full_scale * shot_own, error * shot)),
         "read_error": rounded(np.hypot(full_scale * read_own, error * read)),
     }
-    changes = {"noise": noise.model(full_scale)}
-    warnings = [*measured.flats.flicker, *_noise_warnings(noise, measured.dark)]
-    return Part("noise", facts, changes, warnings, result=noise)
+    warnings = [*flats.flicker]
+    if not noise.uncertainty <= _GOOD_NOISE:
+        warnings.append(
+            f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %); "
+            "take more pairs of flat frames (`flat`)"
+        )
+    # In all but the darkest frames shot noise hides read noise.
+    error = SIGMAS * max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
+    if error > _GOOD_READ and (dark is None or dark.shows_read):  # or dark frames cannot help
+        known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
+        warnings.append(f"read noise is {known}; take dark frames (`dark`), or more of them")
+    return Part("noise", facts, {"noise": noise.model(full_scale)}, warnings, result=noise)
 
 
 def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
     """Return how far noise that was measured anew is from that of a camera file, for people, and
     whether it is beyond the intervals of both; "" = it was not replaced.
     """
-    cameras = [camera for camera in (old, new) if camera.calibration.noise]
-    facts = [camera.measured.get("noise", {}) for camera in cameras]
-    if len(facts) < 2 or facts[0] == facts[1]:
+    before, after = old.calibration.noise, new.calibration.noise
+    facts = [camera.measured.get("noise", {}) for camera in (old, new)]
+    if not before or not after or facts[0] == facts[1]:
         return "", False
+    scales = np.array([[old.calibration.full_scale], [new.calibration.full_scale]])
     words, beyond = [], False
     for name, kind in (("shot", "photon noise"), ("read", "read noise")):
-        error, scales = f"{name}_error", [camera.calibration.full_scale for camera in cameras]
-        values = [np.array(getattr(camera.calibration.noise, name)) for camera in cameras]
-        before, after = (value / scale for value, scale in zip(values, scales, strict=True))
-        if all(error in how for how in facts):
-            known = [np.array(numbers(error, how[error], len(before))) for how in facts]
-            half = sum(width / scale for width, scale in zip(known, scales, strict=True)) * SIGMAS
-            beyond |= bool((np.abs(after - before) > half).any())
-        moved = 100 * (after / np.maximum(before, 1e-12) - 1)
+        key, values = f"{name}_error", np.array([getattr(before, name), getattr(after, name)])
+        first, last = values / scales
+        if all(key in of_noise for of_noise in facts):
+            errors = [numbers(f"measured.noise.{key}", each[key], len(first)) for each in facts]
+            half = SIGMAS * (np.array(errors) / scales).sum(axis=0)
+            beyond |= bool((np.abs(last - first) > half).any())
+        moved = 100 * (last / np.maximum(first, 1e-12) - 1)
         words.append(f"{kind} by {moved.min():+.3g} to {moved.max():+.3g} %")
     return f"what is replaced moves: {', '.join(words)}", beyond
-
-
-def _noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
-    """Warn of an uncertain gain, and of an uncertain read noise: in all but the darkest frames shot
-    noise hides it.
-    """
-    warnings = []
-    if not noise.uncertainty <= _GOOD_NOISE:
-        warnings.append(
-            f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %); "
-            "take more pairs of flat frames (`flat`)"
-        )
-    error = SIGMAS * max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if error > _GOOD_READ and (dark is None or dark.shows_read):  # or dark frames cannot help
-        known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
-        warnings.append(f"read noise is {known}; take dark frames (`dark`), or more of them")
-    return warnings
 
 
 def conclude_shading(measured: Measurements) -> Part | None:
@@ -639,15 +606,9 @@ def conclude_shading(measured: Measurements) -> Part | None:
     result = measured.shading
     if result is None:
         return None
-    shading, warnings = result.shading, []
-    if not measured.assumed().black_measured:  # light that is black in truth does not fall off
-        line = "shading was measured with a black level that is assumed; take dark frames (`dark`)"
-        warnings.append(line)
-    if result.tilt:
-        turn = "turn the camera by half a turn to see whether it is that of the lens"
-        warnings.append(
-            f"the light of the flat frames is {result.tilt}, and shading has it; {turn}"
-        )
+    # Light that is black in truth does not fall off.
+    line = "shading was measured with a black level that is assumed; take dark frames (`dark`)"
+    shading, warnings = result.shading, [] if measured.assumed().black_measured else [line]
     error = float(f"{result.error:.2g}")
     facts: dict[str, Any] = {"frames": result.frames, "standard_error": error}
     if shading:

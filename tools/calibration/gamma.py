@@ -131,18 +131,15 @@ class Assumed:
         """
         drift = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
-        stated = measured.get("black_level", {}).get("standard_error")
+        error = dark.black_error if dark else measured.get("black_level", {}).get("standard_error")
         black = np.maximum(_UNKNOWN_BLACK * level, 4 * drift)
-        is_measured = dark is not None or stated is not None
-        if dark is not None:
-            black = np.hypot(dark.black_error, drift)
-        elif stated is not None:
-            errors = numbers("measured.black_level.standard_error", stated, len(level))
+        if error is not None:
+            errors = numbers("measured.black_level.standard_error", error, len(level))
             black = np.hypot(errors, drift)
         colour, tilt = _UNKNOWN_COLOUR, _UNKNOWN_TILT
         if even or calibration.shading or "shading" in measured:
             colour = tilt = _KNOWN_COLOUR
-        return cls(black, is_measured, colour, tilt)
+        return cls(black, error is not None, colour, tilt)
 
     def precision(
         self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
@@ -348,6 +345,23 @@ class GammaFit:
         """The largest relative half width."""
         return float((self.half_width / np.abs(self.gamma)).max())
 
+    @property
+    def follows(self) -> bool:
+        """True if the panchromatic level nearly follows from the channels."""
+        return self.unexplained <= FOLLOWS
+
+    @property
+    def fault(self) -> str:
+        """A sentence on what to shoot instead unless every gamma is positive and known to `limit`;
+        "" if it is.
+        """
+        if self.gamma.min() > 0 and self.worst <= self.limit:
+            return ""
+        return (
+            f"gamma is only known to be {self.words}, and {100 * self.limit:.0f} % are needed: "
+            f"{_INSTEAD}; more light or more shots help too"
+        )
+
 
 def fit_gamma(
     places: PlaceSamples,
@@ -459,8 +473,7 @@ def with_surroundings(fit: GammaFit, chart: PlaceSamples, around: PlaceSamples) 
         of_chart = (chart.mean, chart.variance, chart.count)
         line = fit_photon_transfer(*(values[fit.used, plane] for values in of_chart))
         even &= around.variance[:, plane] <= _EVEN * line.variance(around.mean[:, plane])
-    both = chart.joined(around.chosen(even))
-    wider = fit_gamma(both, fit.calibration, fit.assumed, len(chart.mean))
+    wider = fit_gamma(chart.joined(around, even), fit.calibration, fit.assumed, len(chart.mean))
     agrees = (np.abs(wider.gamma - fit.gamma) <= fit.half_width).all()
     return wider if agrees and wider.worst <= _WORTHWHILE * fit.worst else fit
 
@@ -663,14 +676,3 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
     freedom = len(joined.gamma) * (len(fits) - 1)
     rare = max(float(chdtrc(freedom, chi2)), 1e-300)  # so that it is 37 deviations at most
     return replace(joined, contradiction=-float(ndtri(rare)), widened=max(1.0, chi2 / freedom))
-
-
-def check_determined(fit: GammaFit) -> None:
-    """Raise InputError that says what to shoot instead, unless every gamma is positive and known to
-    `GammaFit.limit`.
-    """
-    if fit.gamma.min() <= 0 or fit.worst > fit.limit:
-        raise InputError(
-            f"gamma is only known to be {fit.words}, and {100 * fit.limit:.0f} % are needed: "
-            f"{_INSTEAD}; more light or more shots help too"
-        )

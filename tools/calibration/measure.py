@@ -26,15 +26,7 @@ from .chart.place import ChartPlace
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
-from .gamma import (
-    FOLLOWS,
-    Assumed,
-    GammaFit,
-    combined,
-    fit_gamma,
-    fit_with_derived,
-    with_surroundings,
-)
+from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
 from .noise import FlatResult, check_flat, measure_flats, noise_of_flats
 from .samples import PlaceSamples, figures, patch_samples, without_shading
 from .shading import ShadingResult, measure_shading
@@ -165,14 +157,12 @@ class Measurements:
         """Gamma under each light where it depends on that, by its name; otherwise that of all
         shots, by "".
         """
-        of_lights = {
-            light: fits
-            for light in self.lights
-            if (fits := [shot.fit for shot in self.shots if shot.light == light])
-        }
-        if of_lights and max(shot.fit.unexplained for shot in self.shots) > FOLLOWS:
-            return {light: combined(fits) for light, fits in of_lights.items()}
-        return {"": self.gamma} if self.gamma else {}
+        if all(shot.fit.follows for shot in self.shots):
+            return {"": self.gamma} if self.gamma else {}
+        fits: dict[str, list[GammaFit]] = {}
+        for shot in self.shots:
+            fits.setdefault(shot.light, []).append(shot.fit)
+        return {light: combined(of_light) for light, of_light in fits.items()}
 
     def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
         """Return how far black level and shading may be off.

@@ -336,32 +336,32 @@ def contradiction(
     calibration: SensorCalibration,
     dark: DarkResult | None,
     charts: Sequence[PlaceSamples],
-    slack: float,
 ) -> str:
     """Return what contradicts the noise of flat frames; "" = nothing does.
 
     Parameters
     ----------
     calibration : SensorCalibration
-        Its levels are those of the frames.
+        Its levels are those of the frames. Its shading is undone in charts, which raises their
+        noise by its gain at most.
     dark : DarkResult | None
         Measurements of dark frames; None = there are none.
     charts : Sequence[PlaceSamples]
         Patches of charts.
-    slack : float
-        Largest gain of the shading that is undone in these: it may raise their noise.
     """
     *colours, white = noise.lines
-    shot, error = np.array([(line.shot, line.shot_error) for line in colours]).mean(axis=0)
-    rows = [("photon", white.shot, white.shot_error, shot, error, 1.0, "colour samples")]
+    photon = white.shot, white.shot_error
+    shot, error = np.mean([(line.shot, line.shot_error) for line in colours], axis=0).tolist()
+    rows = [("photon", photon, (shot, error), 1.0, "colour samples")]
     if charts:
         points = np.concatenate([_panchromatic(chart) for chart in charts], axis=1)
-        rows.append((*rows[0][:3], *_chart_shot(*points), slack, "the chart"))
+        gain = float(calibration.shading.sketch[-1].max()) if calibration.shading else 1.0
+        rows.append(("photon", photon, _chart_shot(*points), gain, "the chart"))
     if dark and dark.shows_read:
         free = fit_photon_transfer(*_panchromatic(noise.points))
         read = float(dark.read[-1] / (calibration.white_level - calibration.black_level[-1]))
-        rows.append(("read", free.read, free.read_error, read, 0.0, 1.0, "dark frames"))
-    for kind, ours, error, theirs, other, more, whom in rows:
+        rows.append(("read", (free.read, free.read_error), (read, 0.0), 1.0, "dark frames"))
+    for kind, (ours, error), (theirs, other), more, whom in rows:
         unlike = not theirs / (_OTHER_GAIN * more) < ours < theirs * _OTHER_GAIN
         if unlike and abs(ours - theirs) > _SURE * math.hypot(error, other):
             return f"their {kind} noise is {ours / max(theirs, 1e-12):.2g} times that of {whom}"

@@ -60,10 +60,7 @@ def build_report(result: Result, provenance: Mapping[str, str]) -> bytes:
         gamma=fits.get("gamma"),
         noise=fits.get("noise"),
         plots={name: embed_plot(plot) for name, plot in plots.items() if name in fits},
-        colours=[
-            (chart, _patches(chart.fit), _differences(chart.fit))
-            for chart in fits.get("colour", ())
-        ],
+        colours=[(chart, _patches(chart.fit)) for chart in fits.get("colour", ())],
         dark=measured.dark,
         shading=measured.shading,
         camera=camera,
@@ -106,16 +103,6 @@ def _patches(fit: ColourFit) -> list[tuple[str, float, tuple[str, ...]]]:
     """Return of each patch its name, its dE2000, and its colours: measured, reference."""
     stripes = zip(_css_colours(fit.lab), _css_colours(fit.reference), strict=True)
     return list(zip(NAMES, fit.difference.tolist(), stripes, strict=True))
-
-
-def _differences(fit: ColourFit) -> list[tuple[str, str, str]]:
-    """Return mean and maximum of dE2000, and those with each patch predicted from the others."""
-    rows = {
-        "matrix, light treated as even": fit.plain,
-        "matrix, corrected for uneven light": fit.difference,
-        "the same, each patch predicted from the others": fit.left_out,
-    }
-    return [(name, f"{errors.mean():.2f}", f"{errors.max():.2f}") for name, errors in rows.items()]
 
 
 def _css_colours(lab: DoubleArray) -> list[str]:

@@ -63,14 +63,10 @@ class PlaceSamples:
         """The places that have samples of all planes and are not clipped, (N,)."""
         return ~self.clipped & (self.count.min(axis=1) >= 1)
 
-    def chosen(self, which: BoolArray) -> "PlaceSamples":
-        """Return some of the places; which: (N,)."""
-        return PlaceSamples(*(values[which] for values in vars(self).values()))
-
-    def joined(self, other: "PlaceSamples") -> "PlaceSamples":
-        """Return these places and those of `other` after them."""
+    def joined(self, other: "PlaceSamples", which: BoolArray) -> "PlaceSamples":
+        """Return these places and some of `other` after them; which: (N,), of `other`."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return PlaceSamples(*(np.concatenate(pair) for pair in pairs))
+        return PlaceSamples(*(np.concatenate([ours, theirs[which]]) for ours, theirs in pairs))
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
@@ -144,21 +140,17 @@ def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     code = 1 / (calibration.white_level - calibration.black_level[-1])
     moments, at_white = [], []
     for pixels in patches:
-        plane, full = planes[pixels], clipped[pixels] & (planes[pixels] != NO_PLANE)
-        moment, kept = _moments(pixels, levels[pixels], plane, number, code)
+        moment, kept = _moments(pixels, levels[pixels], planes[pixels], number, code)
         moments.append(moment)
-        at_white.append((full & kept).any())
+        at_white.append((clipped[pixels] & kept).any())
     mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
-    last, gain = np.array(mosaic.shape) - 1, np.ones(mean.shape)
     middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches])
-    if shading := calibration.shading:
-        for place, (row, column) in zip(gain, middles.astype(int).tolist(), strict=True):
-            part = slice(row, row + 1), slice(column, column + 1)
-            place[:] = [
-                shading.of_plane(mosaic.shape, plane, *part).item() for plane in range(number)
-            ]
+    last, dimming = np.array(mosaic.shape) - 1, np.zeros((len(mean), number - 1))
     where = 2 * (middles - last / 2) / np.hypot(*last)
-    dimming = gain[:, -1:] / gain[:, :-1] - 1
+    if shading := calibration.shading:
+        at = tuple(middles.astype(int).T)
+        gains = [shading.of_plane(mosaic.shape, plane)[at] for plane in range(number)]
+        dimming = np.stack([gains[-1] / gain - 1.0 for gain in gains[:-1]], axis=1)
     return PlaceSamples(mean, variance, count, np.array(at_white), where, dimming)
 
 

@@ -69,14 +69,11 @@ class ShadingResult:
         Number of frames that it comes from; those that are clipped are left out.
     error : float
         Standard error of the gain where it is known worst, as a share, if the black level is right.
-    tilt : str
-        By how much the light is brighter at one side, and which; "" = not clearly.
     """
 
     shading: Shading | None
     frames: int
     error: float
-    tilt: str = ""
 
     @property
     def words(self) -> str:
@@ -138,7 +135,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
         shading, error = _refined(shading, tiles)
     _check_alike(parts)
     left = _measured(light, frames[0][1], shading)
-    uneven = _check_light(left, shading, pattern.channels)
+    _check_light(left, shading, pattern.channels)
     residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
     if residual > _RESIDUAL:
         raise InputError(
@@ -148,7 +145,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
         )
     is_even = float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error)
     rounded = None if is_even else replace(shading, residual=float(f"{residual:.2g}"))
-    return ShadingResult(rounded, len(parts), error, "" if is_even else uneven)
+    return ShadingResult(rounded, len(parts), error)
 
 
 def _common_focal_length(frames: Sequence[Named]) -> float | None:
@@ -179,8 +176,8 @@ def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, 
     total, parts, clipped = np.zeros(shape), {}, []
     for name, frame in frames:
         levels = levels_of(frame)
-        clipped_planes = np.bincount(planes[levels >= CLIPPED], minlength=len(letters))
-        shares = clipped_planes[: len(letters)] / number
+        of_planes = np.bincount(planes[levels >= CLIPPED], minlength=number.size)
+        shares = of_planes[: number.size] / number
         if shares.max() > _CLIPPED_PART:
             clipped.append((float(shares.max()), letters[int(shares.argmax())], name))
             continue
@@ -320,9 +317,9 @@ def _residuals(tiles: _Tiles) -> list[float]:
     return np.sqrt(np.maximum(beyond, 0)).tolist()
 
 
-def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> str:
+def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
     """Raise InputError if the light is brighter on one side, or falls off around a place far from
-    the middle; return `ShadingResult.tilt`.
+    the middle.
 
     shading: with which the tiles were measured. letters: of the channels. Light whose colour
     differs from side to side is uneven too, so that each is compared with all light.
@@ -380,15 +377,10 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> str:
     for letter, gain, weight in zip(letters, gains[:-1], weights[:-1], strict=True):
         coloured = [fit_tilt(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres]
         tilts[f" in {letter}, compared with W"] = min(coloured)
-    uneven = ""
     for which, (tilt, side) in tilts.items():
-        if tilt > _TILT:
-            brighter = f"{100 * tilt:.1f} % brighter at the {side} of the sensor than opposite"
-            if tilt > (limit := _TILT if which else _LIGHT_TILT):
-                raise InputError(
-                    f"flat frames: the light is tilted{which}: {brighter}, {100 * limit:.0f} % are "
-                    "allowed; take an evenly lit surface, and turn the camera by half a turn to "
-                    "see what is the light's"
-                )
-            uneven = brighter
-    return uneven
+        if tilt > (limit := _TILT if which else _LIGHT_TILT):
+            raise InputError(
+                f"flat frames: the light is tilted{which}: {100 * tilt:.1f} % brighter at the "
+                f"{side} of the sensor than opposite, {100 * limit:.0f} % are allowed; take an "
+                "evenly lit surface, and turn the camera by half a turn to see what is the light's"
+            )

@@ -102,10 +102,7 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     first, *others = facts["letters"]
     period = facts["period"]
     rows = [
-        (
-            "period",
-            f"{facts['period']} pixels, {facts['certainty']:.0f} standard errors from chance",
-        ),
+        ("period", f"{period} pixels, {facts['certainty']:.0f} standard errors from chance"),
         ("panchromatic", f"{len(facts['panchromatic'])} of {period**2} sites"),
         ("letters", f"{first}   from the first pixel on"),
         *(("", row) for row in others),

@@ -76,7 +76,6 @@ def test_uneven_light_does_not_tint_the_matrix() -> None:
     light = np.exp(0.35 * (CELLS[:, 0] / 6) - 0.5 * (CELLS[:, 1] / 4) ** 2)
     fit = fit_colour(READINGS * light[:, None], REFERENCE, CELLS)
     assert fit.difference.mean() < 0.8
-    assert fit.difference.mean() < 0.3 * fit.plain.mean()
     np.testing.assert_allclose(fit.light / light * light.mean(), 1, atol=0.06)
     assert fit.unevenness > UNEVEN
 

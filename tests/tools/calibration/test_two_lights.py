@@ -90,7 +90,7 @@ def test_a_third_light_has_nearly_the_colours_of_its_own_matrix(bench: Bench) ->
     lost = []
     for light in THIRD:
         read = readings(camera, light)
-        fitted = float(fit_colour(read, REFERENCE, CELLS).plain.mean())
+        fitted = float(fit_colour(read, REFERENCE, CELLS).difference.mean())
         assert mean_error(two, read) < BAR * fitted, light
         lost += [mean_error(one, read) / fitted for one in alone]
     assert max(lost) > LOST

@@ -104,10 +104,8 @@ class ChartPlace:
         """
         side = period * round(max(INNER * self.pitch / period, _LEAST_AREA))
         step = max(side, *(length // _MOST_AREAS for length in shape))
-        (left, top), (right, bottom) = (
-            bound(self.corners, axis=0) + sign * self.pitch / 2
-            for bound, sign in ((np.min, -1), (np.max, 1))
-        )
+        left, top = np.min(self.corners, axis=0) - self.pitch / 2
+        right, bottom = np.max(self.corners, axis=0) + self.pitch / 2
         return [
             tuple(pixels.ravel() for pixels in np.mgrid[row : row + side, column : column + side])
             for row in range(0, shape[0] - side + 1, step)
