@@ -505,13 +505,9 @@ def conclude_black_level(measured: Measurements) -> Part | None:
         "the read noise is smaller than rounding to codes shows, so the dark frames do not "
         "tell it; use more gain or more bits"
     )
-    return Part(
-        "black_level",
-        {"frames": dark.frames, "standard_error": rounded(dark.black_error)},
-        {"black_level": measured.calibration.black_level},
-        warnings=() if dark.shows_read else (coarse,),
-        result=dark,
-    )
+    facts = {"frames": dark.frames, "standard_error": rounded(dark.black_error)}
+    changes = {"black_level": measured.calibration.black_level}
+    return Part("black_level", facts, changes, () if dark.shows_read else (coarse,))
 
 
 def conclude_defects(measured: Measurements) -> Part | None:

@@ -136,10 +136,9 @@ class Assumed:
         if error is not None:
             errors = numbers("measured.black_level.standard_error", error, len(level))
             black = np.hypot(errors, drift)
-        colour, tilt = _UNKNOWN_COLOUR, _UNKNOWN_TILT
-        if even or calibration.shading or "shading" in measured:
-            colour = tilt = _KNOWN_COLOUR
-        return cls(black, error is not None, colour, tilt)
+        is_even = even or calibration.shading or "shading" in measured
+        lens = (_KNOWN_COLOUR, _KNOWN_COLOUR) if is_even else (_UNKNOWN_COLOUR, _UNKNOWN_TILT)
+        return cls(black, error is not None, *lens)
 
     def precision(
         self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
@@ -315,12 +314,11 @@ class GammaFit:
         The error includes that of the black level only where dark frames have measured it.
         """
         solution, covariance = self._solved(offset=False)
-        at, prior = named(len(self.calibration.channels)), 0.0
+        at = named(len(self.calibration.channels))
         place = at["offset"].start
-        if self.assumed.black_measured:
-            gamma = solution[at["gamma"]]
-            prior = 1 / self.assumed.precision(gamma, self.calibration)[place, place]
-        variance = max(covariance[place, place], 0.0) * self.widened + prior
+        prior = self.assumed.precision(solution[at["gamma"]], self.calibration)[place, place]
+        black = self.assumed.black_measured / prior
+        variance = max(covariance[place, place], 0.0) * self.widened + black
         return float(solution[place]), float(np.sqrt(variance))
 
     @property
@@ -660,6 +658,7 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         unexplained=unexplained,
         limit=max(fit.limit for fit in fits),
         bend=max((fit.bend for fit in fits), key=lambda bend: bend[1]),
+        around=sum(fit.around for fit in fits),
         condition=min(fit.condition for fit in fits),
         spread=max(fit.spread for fit in fits),
         where=np.concatenate([fit.where for fit in fits]),

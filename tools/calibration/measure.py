@@ -249,8 +249,7 @@ def measure_chart(
     places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
         fit = fit_gamma(places, mosaic.calibration, assumed)
-        areas = chart.around(mosaic.shape, mosaic.pattern.period)
-        if fit.worst > _SURE and areas:
+        if fit.worst > _SURE and (areas := chart.around(mosaic.shape, mosaic.pattern.period)):
             fit = with_surroundings(fit, places, patch_samples(mosaic, areas))
     else:
         measured, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]
@@ -406,9 +405,8 @@ class Session:
                     self.measured.remarks.append(f"{line}, with a black level of {levels}")
                 self._console.note(f"{line}: are all frames from one camera?")
             self._cameras[stated.camera] = path, stated.black_level
-        defects = self._defects.union(stated.defects)
-        known = self._known | {"defects": tuple(sorted(defects))}
-        mosaic = mosaic.calibrated(replace(stated, **known))
+        defects = tuple(sorted(self._defects.union(stated.defects)))
+        mosaic = mosaic.calibrated(replace(stated, **self._known, defects=defects))
         if check := _CHECKS.get(kind):
             check(mosaic)
         digest = hashlib.sha256(mosaic.codes.data).digest()
@@ -436,8 +434,7 @@ class Session:
         if kind == "dark" or "black_level" in self._known:
             del ours["black level"]
         for name, fact in ours.items():
-            may_lack = name in ("sensor", "model")
-            if fact != first[name] and (not may_lack or (fact and first[name])):
+            if fact != first[name] and fact and first[name]:  # sensor and model may not be stated
                 raise InputError(
                     f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all "
                     "frames have to be from one camera, with the same settings"

@@ -175,8 +175,7 @@ def _moments(
             middle = float(np.median(values[here] / shading[here]))
             # Few samples tell their spread less well than the panchromatic ones, by photon noise.
             least = spread * max(middle / max(fitted[0], code), 1) ** 0.5 * (here.size < _FEW)
-            good = inliers(values[here] - middle * shading[here], max(code, least))
-            here = here[good]
+            here = here[inliers(values[here] - middle * shading[here], max(code, least))]
         kept[plane == index] = False
         kept[here] = True
         if here.size:

@@ -21,7 +21,7 @@ from ...shared import Mosaic, Shading
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
 from ...shared.shading import ZOOMED, basis
-from .samples import CLIPPED, levels_of, planes_of, robust_deviation, windows
+from .samples import CLIP, CLIPPED, inliers, levels_of, planes_of, windows
 
 # Periods along a side of a tile, at least, and tiles along an axis.
 _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
@@ -31,7 +31,6 @@ _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
 _ROUGH, _COLOUR_ROUGH = 5.0, 0.05
 # The second round sees tiles that are nearly even, whose means are those of their middles.
 _ROUNDS = 2
-_OUTLIER = 5.0  # standard deviations
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
 _WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
 _NOISE = 1.3  # times the noise that tiles show of themselves: they do not know it better
@@ -136,7 +135,10 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     _check_alike(parts)
     left = _measured(light, frames[0][1], shading)
     _check_light(left, shading, pattern.channels)
-    residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
+    share = left.light / left.light.mean(axis=1, keepdims=True) - 1
+    beyond = (share**2).mean(axis=1) - _NOISE * ((left.error / left.light) ** 2).mean(axis=1)
+    residuals = np.sqrt(np.maximum(beyond, 0)).tolist()  # root mean square, of each plane
+    residual, letter = max(zip(residuals, pattern.planes, strict=True))
     if residual > _RESIDUAL:
         raise InputError(
             f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth "
@@ -224,10 +226,8 @@ def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Tiles:
         for number, window in enumerate(windows(shape, (down, right))):
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
-            deviation = np.abs(values - np.median(values))
-            # Few codes have no median deviation.
-            most = max(_OUTLIER * robust_deviation(deviation), float(deviation.std()))
-            kept = values[deviation <= most]
+            off = values - np.median(values)
+            kept = values[inliers(off, float(np.abs(off).std()) / CLIP)]
             mean = float(kept.mean())
             # Second differences do not see light that falls off.
             error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _FLOOR * mean)
@@ -306,15 +306,6 @@ def _values(
 ) -> DoubleArray:
     """Return a spline's values at N places, (N,)."""
     return _design(size, points.shape, rows, columns) @ points.ravel()
-
-
-def _residuals(tiles: _Tiles) -> list[float]:
-    """Return how far the tiles of each plane differ, beyond their noise: root mean square, as a
-    share of the light.
-    """
-    share = tiles.light / tiles.light.mean(axis=1, keepdims=True) - 1
-    beyond = (share**2).mean(axis=1) - _NOISE * ((tiles.error / tiles.light) ** 2).mean(axis=1)
-    return np.sqrt(np.maximum(beyond, 0)).tolist()
 
 
 def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
