@@ -193,7 +193,8 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
         top = int(random.integers(0, SHAPE[0] - high + 1))
         left = int(random.integers(0, SHAPE[1] - wide + 1))
         if camera.corner:
-            top, left = random.choice([0, SHAPE[0] - high]), random.choice([0, SHAPE[1] - wide])
+            top = int(random.choice([0, SHAPE[0] - high]))
+            left = int(random.choice([0, SHAPE[1] - wide]))
         scene[top : top + high, left : left + wide] = charts()[np.ix_(rows, columns)]
         scene *= colour / (colour.max() * 0.9) * random.uniform(0.4, 0.95)
         scale = wide / SHAPE[1], high / SHAPE[0]

@@ -365,7 +365,7 @@ def _resemblance(levels: DoubleArray, kinds: Sequence[NDArray[Any]]) -> DoubleAr
     green.
     """
     means = [levels[:, kind].mean(axis=1) for kind in kinds]
-    return np.corrcoef(means)[[1, 0, 0], [2, 2, 1]]
+    return np.asarray(np.corrcoef(means))[[1, 0, 0], [2, 2, 1]]
 
 
 def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:

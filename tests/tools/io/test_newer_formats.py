@@ -90,7 +90,10 @@ def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     data = path.read_bytes()
     second = data.index(b"\xff\xd9\xff\xd8") + 2
     assert tags["XMP-hdrgm:Version"] == 1.0
-    assert tags["XMP-Container:DirectoryItemLength"] == len(data) - second
+    container = (
+        "XMP-GContainer" if "XMP-GContainer:DirectoryItemLength" in tags else "XMP-Container"
+    )
+    assert tags[f"{container}:DirectoryItemLength"] == len(data) - second  # exiftool 13: G
     assert (tags["MPImage1:MPImageLength"], tags["MPImage2:MPImageStart"]) == (second, second)
     assert tags["MPImage2:MPImageLength"] == len(data) - second
     assert not [key for key in tags if "Warning" in key]
