@@ -133,3 +133,10 @@ def unsynced_folders(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         monkeypatch.setattr(os, "fsync", sync)
 
     return refuse
+
+
+def pytest_make_parametrize_id(config: pytest.Config, val: object, argname: str) -> str | None:
+    """Name long bytes by their argument: a profile holds the second in which it was made, and all
+    workers have to collect the same tests.
+    """
+    return argname if isinstance(val, bytes) and len(val) > 64 else None
