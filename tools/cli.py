@@ -97,7 +97,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 code = FAILED
                 level = logging.INFO if console.verbose else logging.WARNING
                 with shown_by(console.note, level):
-                    console.note(*([versions()] if console.verbose else ()))
+                    if console.verbose:
+                        console.note(versions())
                     code = _module(verb).run(parsed, console)
             finally:
                 if code:

@@ -55,7 +55,7 @@ _REMEDIES = {
     "defects": "take dark and flat frames (`dark`, `flat`)",
     "shading": "take flat frames (`flat`)",
 }
-"""What to do for each part that was not measured."""
+"""Remedy for each part that was not measured."""
 
 # Of a camera file that is updated.
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
@@ -211,16 +211,15 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     """Return the weights of Eq. 7 as all shots show them together, and what does not fit
     together.
     """
-    fit = measured.gamma
-    if fit is None:
+    if not (gammas := measured.gammas):
         stated = ", ".join(f"{value:g}" for value in measured.calibration.gamma)
         line = f"it stays as the shots state it ({stated})"
         if len(measured.calibration.channels) >= FEWEST_CHANNELS:
             line += "; shoot a ColorChecker, and add it with `update`"
         return Part("gamma", missing=line)
-    black, others = _contradictions(measured)
-    fit = max(measured.gammas.values(), key=lambda each: each.worst)
-    refusal = "; ".join(each.fault for each in measured.gammas.values() if each.fault)
+    black, others = _contradictions(gammas, measured.shots)
+    fit = max(gammas.values(), key=lambda each: each.worst)
+    refusal = "; ".join(each.fault for each in gammas.values() if each.fault)
     # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may
     # follow.
     if others or (black and (refusal or fit.assumed.black_measured)):
@@ -248,20 +247,22 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     return Part("gamma", facts, changes, warnings, black + others, refusal, fit)
 
 
-def _contradictions(measured: Measurements) -> tuple[list[str], list[str]]:
+def _contradictions(
+    fits: Mapping[str, GammaFit], shots: Sequence[ShotMeasurement]
+) -> tuple[list[str], list[str]]:
     """Return what contradicts the black level, and what else does not fit together, by more than
     four standard errors, and what to shoot instead; a sentence each.
     """
     black, others = [], []
-    for light, fit in measured.gammas.items():
+    for light, fit in fits.items():
         is_linear = fit.bend[1] < _BENT
         if is_linear and abs(fit.black_deviation) > _CONTRADICTION:
             black.append(_wrong_black(fit))
         if is_linear and fit.unexplained > SUFFERS:
             others.append(_not_following(fit))
         if fit.contradiction > _CONTRADICTION:
-            shots = [shot for shot in measured.shots if light in ("", shot.light)]
-            gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in shots)
+            under = [shot for shot in shots if light in ("", shot.light)]
+            gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in under)
             others.append(
                 f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard "
                 f"deviations: {gammas}; give only shots of one session, with one lens, or shoot "
