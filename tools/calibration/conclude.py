@@ -17,7 +17,6 @@ from ...shared import Camera
 from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import as_rows
 from ...shared.errors import InputError
-from ...shared.figures import numbers
 from ...shared.lights import CalibratedLight, without_gamma
 from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
@@ -235,8 +234,7 @@ def conclude_gamma(measured: Measurements) -> Part | None:
     changes, warnings = {"gamma": tuple(fit.gamma.tolist())}, _gamma_warnings(fit, measured.shots)
     old, lights = np.array(measured.calibration.gamma), measured.calibration.lights or ()
     if (before := measured.known.get("gamma")) and not any(light.gamma for light in lights):
-        stated = before.get("half_width_95", [0] * old.size)
-        width = numbers("measured.gamma.half_width_95", stated, old.size)
+        width = before.get("half_width_95", [0] * old.size)
         moved = float((np.abs(fit.gamma - old) / np.hypot(fit.half_width, width)).max())
         if moved > _MOVED:
             warnings.append(
@@ -590,8 +588,8 @@ def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
         key, values = f"{name}_error", np.array([getattr(before, name), getattr(after, name)])
         first, last = values / scales
         if all(key in of_noise for of_noise in facts):
-            errors = [numbers(f"measured.noise.{key}", each[key], len(first)) for each in facts]
-            half = SIGMAS * (np.array(errors) / scales).sum(axis=0)
+            errors = np.array([of_noise[key] for of_noise in facts])
+            half = SIGMAS * (errors / scales).sum(axis=0)
             beyond |= bool((np.abs(last - first) > half).any())
         moved = 100 * (last / np.maximum(first, 1e-12) - 1)
         words.append(f"{kind} by {moved.min():+.3g} to {moved.max():+.3g} %")

@@ -10,11 +10,11 @@ from typing import Any
 
 from ...shared import Camera, Mosaic, read_camera
 from ...shared.errors import InputError, OutputError
+from ...shared.figures import numbers
 from ...shared.writing import write_durably
 from ..batch.folders import DNGS, Search, file_key, search
 from ..batch.jobs import identity
 from ..io.backup import keep_old
-from .gamma import Assumed
 
 Files = dict[str, list[str]]
 """The files to calibrate from: paths of each of `KINDS`, then of the charts under each of two
@@ -91,10 +91,15 @@ def read_known(path: Path) -> Camera:
         That names the file and what is damaged in it.
     """
     camera = read_camera(path)
-    try:
-        Assumed.of(camera.calibration, measured=camera.measured)
-    except InputError as error:
-        raise type(error)(f"{path}: {error}") from None
+    planes = len(camera.calibration.black_level)
+    for part, key, count in (
+        ("gamma", "half_width_95", planes - 1),
+        ("noise", "shot_error", planes),
+        ("noise", "read_error", planes),
+        ("black_level", "standard_error", planes),
+    ):
+        if (stated := camera.measured.get(part, {}).get(key)) is not None:
+            numbers(f"{path}: measured.{part}.{key}", stated, count)
     return camera
 
 

@@ -37,7 +37,6 @@ from ...shared import SensorCalibration
 from ...shared.arrays import BoolArray, DoubleArray
 from ...shared.calibration import derived_channel
 from ...shared.errors import InputError
-from ...shared.figures import numbers
 from .dark_frames import DarkResult
 from .noise import fit_photon_transfer
 from .samples import PlaceSamples, robust_deviation
@@ -134,8 +133,7 @@ class Assumed:
         error = dark.black_error if dark else measured.get("black_level", {}).get("standard_error")
         black = np.maximum(_UNKNOWN_BLACK * level, 4 * drift)
         if error is not None:
-            errors = numbers("measured.black_level.standard_error", error, len(level))
-            black = np.hypot(errors, drift)
+            black = np.hypot(error, drift)
         is_even = even or calibration.shading or "shading" in measured
         lens = (_KNOWN_COLOUR, _KNOWN_COLOUR) if is_even else (_UNKNOWN_COLOUR, _UNKNOWN_TILT)
         return cls(black, error is not None, *lens)
@@ -457,7 +455,8 @@ def with_surroundings(fit: GammaFit, chart: PlaceSamples, around: PlaceSamples) 
     the interval; otherwise the fit to the patches alone.
 
     Even areas without clipped samples obey Eq. 7 as patches do. Areas that move gamma out of the
-    interval of the chart do not: reflections, or a texture finer than the pattern.
+    interval of the chart do not: reflections, or a texture finer than the pattern. Where the chart
+    does not obey Eq. 7 either, areas of one colour differ from it alike, and tell little.
 
     Parameters
     ----------
@@ -466,6 +465,8 @@ def with_surroundings(fit: GammaFit, chart: PlaceSamples, around: PlaceSamples) 
     chart, around
         Statistics of the patches, and of areas of their size.
     """
+    if fit.unexplained:
+        return fit
     even = ~around.clipped
     for plane in range(around.mean.shape[1]):
         of_chart = (chart.mean, chart.variance, chart.count)

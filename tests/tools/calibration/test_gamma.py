@@ -16,6 +16,7 @@ from panchroma.tools.calibration.gamma import (
     fit_gamma,
     reconciled,
     unknowns,
+    with_surroundings,
 )
 from panchroma.tools.calibration.measure import measure_chart
 from panchroma.tools.calibration.samples import PlaceSamples, patch_samples
@@ -165,6 +166,20 @@ def test_even_areas_around_a_small_chart_in_a_photograph_halve_the_interval_of_g
     assert fit.worst < 0.026
     assert fit.around > 100
     assert len(fit.used) == len(fit.level) == len(shot.places.mean) == 24
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_areas_of_one_grey_do_not_vouch_for_patches_that_differ_from_eq_7(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    patches = places(random.uniform(0.05, 0.6, (24, 3)), GAMMA, 1e-3, 200, seed)
+    around = places(np.full((120, 3), 0.3), GAMMA, 1e-3, 200, seed)
+    patches, around = (
+        replace(each, dimming=np.zeros((len(each.mean), 3))) for each in (patches, around)
+    )
+    patches.mean[:, -1] *= 1 + random.normal(0, 0.01, 24)
+    fit = with_surroundings(of_chart(patches), patches, around)
+    assert (fit.around, combined([fit, replace(fit, around=7)]).around) == (0, 7)
+    assert (np.abs(fit.gamma - GAMMA) < 1.3 * fit.half_width).all()
 
 
 def test_a_chart_in_a_corner_tells_gamma_there_whatever_the_lens_does() -> None:

@@ -201,7 +201,7 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     assert read_camera(output).calibration.gamma == known
 
 
-GAMMA, ERROR = {"gamma": {"date": "2026-01-01"}}, r"measured\.black_level\.standard_error "
+GAMMA = {"gamma": {"date": "2026-01-01"}}
 
 
 def camera(measured: dict[str, Any], **changes: Any) -> Camera:
@@ -213,7 +213,15 @@ def camera(measured: dict[str, Any], **changes: Any) -> Camera:
     [
         (camera(GAMMA), replace(BLIND, sensor="other"), r"camera.json: .*'other'.*'bench'"),
         (camera(GAMMA), replace(BLIND, white_level=4000), "white level 4000, the camera file 4095"),
-        (camera({"black_level": {"standard_error": [1.0] * 3}}), BLIND, ERROR),
+        *(
+            (camera({part: {key: errors}}), BLIND, rf"camera.json: measured\.{part}\.{key} ")
+            for part, key, errors in (
+                ("black_level", "standard_error", [1.0] * 3),
+                ("gamma", "half_width_95", [1.0] * 4),
+                ("noise", "read_error", 3),
+                ("noise", "shot_error", ["1"] * 4),
+            )
+        ),
     ],
 )
 def test_another_sensor_and_a_damaged_file_are_not_updated(
