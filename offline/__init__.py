@@ -4,10 +4,10 @@
 
 from ..shared.processors import available_threads, threads, use_threads
 from .ahead import compile_kernel, kernels_to_compile
+from .bands import Band, Halo, RowStage
 from .measured import Measured
 from .memory import rendering_memory
 from .numerics.compile import compilation, kernel_cache
-from .parts import Halo, Part, RowStage
 from .render import (
     Rendering,
     Stages,
@@ -27,9 +27,9 @@ __all__ = [
     "PAPER",
     "PRESETS",
     "UNLEARNED",
+    "Band",
     "Halo",
     "Measured",
-    "Part",
     "RenderSettings",
     "Rendering",
     "RowStage",

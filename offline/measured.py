@@ -10,8 +10,8 @@ from ..shared.block_grid import BlockGrid
 from ..shared.calibration import NoiseModel, SensorCalibration
 from ..shared.errors import InputError
 from ..shared.pattern import CfaPattern
+from .bands import Band
 from .frame import Sites
-from .parts import Part
 
 EVEN = 0.01 / 3
 """Distance of colours from their line, a share of the light, that even surfaces have: less of it is
@@ -79,28 +79,28 @@ class BlockSamples:
     kept: FloatArray | None = None
     lines: ColourLines | None = None
 
-    def within(self, part: Part) -> slice:
-        """The rows of blocks that lie wholly inside a part of the picture."""
+    def within(self, band: Band) -> slice:
+        """The rows of blocks that lie wholly inside a band of the picture."""
         grid = self.sites.grid
-        first = grid.whole_rows - part.first
-        inside = np.flatnonzero((first >= 0) & (first + grid.block_shape[0] <= len(part.luminance)))
+        first = grid.whole_rows - band.first
+        inside = np.flatnonzero((first >= 0) & (first + grid.block_shape[0] <= len(band.luminance)))
         return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, 0)
 
-    def inside(self, part: Part, rows: slice) -> list[tuple[slice, slice]]:
-        """Coordinates of each site of these rows of blocks in a part of the picture: slices of its
+    def inside(self, band: Band, rows: slice) -> list[tuple[slice, slice]]:
+        """Coordinates of each site of these rows of blocks in a band of the picture: slices of its
         rows and columns.
         """
-        return self.sites.at(rows, part.first)
+        return self.sites.at(rows, band.first)
 
-    def residual(self, part: Part, rows: slice) -> FloatArray:
-        """Residual of the part at the sites of these rows of blocks, (rows, columns, S)."""
-        if part.residual is None:
+    def residual(self, band: Band, rows: slice) -> FloatArray:
+        """Residual of the band at the sites of these rows of blocks, (rows, columns, S)."""
+        if band.residual is None:
             raise InputError(
                 "no stage has measured the residual of the picture at the colour sites: the "
                 "stage 'residual' has to come before, and "
-                "stages of one's own keep Part.residual, as dataclasses.replace does"
+                "stages of one's own keep Band.residual, as dataclasses.replace does"
             )
-        return np.stack([part.residual[place] for place in self.inside(part, rows)], axis=2)
+        return np.stack([band.residual[place] for place in self.inside(band, rows)], axis=2)
 
     def scaled_variance(self, gamma: FloatArray, rows: slice) -> FloatArray | None:
         """Variance of the noise in the residual, float32 (rows, columns, S); None = no noise."""

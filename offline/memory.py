@@ -2,8 +2,8 @@
 
 from ..shared.mosaic import Mosaic
 from ..shared.networks import network_for
+from .patches import band_rows
 from .settings import BEST, RenderSettings
-from .tiling import bands
 
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures
 # again). per pixel of the frame: samples in scene units, luminance, what replaces them, and where
@@ -48,7 +48,7 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
         + _PINNING * (pattern.is_scattered and settings.pinning.used)
         + _LEARNED * learned
     )
-    band = max(end - first for first, end in bands(pattern.grid(mosaic.shape)))
+    band = max(end - first for first, end in band_rows(pattern.grid(mosaic.shape)))
     stages = held * (1 + len(pattern.channels)) * min(band, height) * width + _NETWORK * learned
     return round(_PLANES * height * width + max(_BLOCK_SITE * sites, _SITE * sites + stages))
 

@@ -16,10 +16,11 @@ from ..shared.errors import InputError
 from ..shared.mosaic import Mosaic
 from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
+from .bands import Band, Halo, RowStage, run_stages
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
 from .numerics.pieces import copy_together
-from .parts import Halo, Part, RowStage, run_stages
+from .patches import band_rows
 from .settings import BEST, RenderSettings
 from .stages.chromaticity import estimate_chromaticities
 from .stages.colour_lines import LineProjection, fit_colour_lines
@@ -36,7 +37,6 @@ from .stages.pooling import pool_blocks
 from .stages.propagation import Propagation, apply_luminance
 from .stages.refinement import Refinement
 from .stages.shading import ShadingCorrection
-from .tiling import bands
 from .units import check_finite, check_frames
 
 Stages = Callable[[Measured, RenderSettings], list[RowStage]]
@@ -155,10 +155,10 @@ def render(
     luminance = np.empty(mosaic.shape, np.float32)
     chromaticity = np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
     rgb = np.empty_like(chromaticity)
-    for part in render_parts(measured, settings, progress, stages, check_halos=check_halos):
-        rows = slice(part.first, part.end)
-        _apply_luminance(part, rgb[rows])
-        planes = (luminance, part.luminance), (chromaticity, part.chromaticity)
+    for band in run_row_stages(measured, settings, progress, stages, check_halos=check_halos):
+        rows = slice(band.first, band.end)
+        _apply_luminance(band, rgb[rows])
+        planes = (luminance, band.luminance), (chromaticity, band.chromaticity)
         copy_together([(plane[rows], source) for plane, source in planes])
     return Rendering(rgb, luminance, chromaticity, measured.lost)
 
@@ -209,8 +209,8 @@ def colour_bands(
     >>> [band.shape for band in colour_bands(measure(grey))]
     [(30, 40, 3)]
     """
-    for part in render_parts(measured, settings, progress, stages):
-        yield _apply_luminance(part, np.empty_like(part.chromaticity))
+    for band in run_row_stages(measured, settings, progress, stages):
+        yield _apply_luminance(band, np.empty_like(band.chromaticity))
 
 
 def measure(
@@ -352,38 +352,38 @@ def _checked_luminance(luminance: FloatArray, shape: tuple[int, int]) -> FloatAr
     return values
 
 
-def render_parts(
+def run_row_stages(
     measured: Measured,
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
     *,
     check_halos: bool = False,
-) -> Iterator[Part]:
-    """The picture of what was measured, in parts, in scene units."""
+) -> Iterator[Band]:
+    """The picture of what was measured, in bands, in scene units."""
     made = _make_stages(stages, measured, settings)
     coloured = any(isinstance(stage, Propagation) for stage in made)
-    grey = _grey_parts(measured, progress, whole=not coloured)
+    grey = _grey_bands(measured, progress, whole=not coloured)
     return iter(run_stages(grey, made, measured.shape[0], progress, check_halos=check_halos))
 
 
-def _grey_parts(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Part]:
+def _grey_bands(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Band]:
     """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one
     value for all pixels.
     """
-    steps, grey = bands(measured.grid), np.float32(measured.calibration.grey)
+    steps, grey = band_rows(measured.grid), np.float32(measured.calibration.grey)
     progress.stage("colouring pixels", len(steps))
     for first, end in steps:
         luminance = measured.luminance[first:end]
         chromaticity = np.broadcast_to(grey, (*luminance.shape, len(measured.gamma)))
-        yield Part(first, luminance, chromaticity.copy() if whole else chromaticity)
+        yield Band(first, luminance, chromaticity.copy() if whole else chromaticity)
         progress.advance()
 
 
-def _apply_luminance(part: Part, rgb: FloatArray) -> FloatArray:
-    """Write each channel of a part times luminance into `rgb` (Eq. 17), and return that."""
-    apply_luminance(part.chromaticity, np.ascontiguousarray(part.luminance), rgb)
-    check_finite(rgb, part.first)
+def _apply_luminance(band: Band, rgb: FloatArray) -> FloatArray:
+    """Write each channel of a band times luminance into `rgb` (Eq. 17), and return that."""
+    apply_luminance(band.chromaticity, np.ascontiguousarray(band.luminance), rgb)
+    check_finite(rgb, band.first)
     return rgb
 
 

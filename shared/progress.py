@@ -14,9 +14,9 @@ class Progress:
     def advance(self, steps: int = 1) -> None:
         """`steps` more steps of the current stage are done."""
 
-    def part(self, name: str) -> None:
-        """A part of the current step begins; the part before it has ended. Stages whose steps have
-        no parts never call this.
+    def substep(self, name: str) -> None:
+        """A substep of the current step begins; the substep before it has ended. Stages whose
+        steps have no substeps never call this.
         """
 
 

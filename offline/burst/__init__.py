@@ -15,9 +15,9 @@ from ...shared.arrays import ByteArray, FloatArray
 from ...shared.errors import InputError
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
+from ..bands import RowStage
 from ..measured import Measured
 from ..memory import burst_memory
-from ..parts import RowStage
 from ..render import colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
 from ..stages.shading import ShadingCorrection

@@ -20,11 +20,11 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
 from ...shared.arrays import ByteArray, FloatArray, IndexArray
+from ..bands import DARK, Band, Halo, RowStage
 from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
-from ..parts import DARK, Halo, Part, RowStage
 from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY
 from .motion import in_reference
@@ -106,7 +106,7 @@ class ColourSamples:
         """
         spline = spline_filter(fine, mode="mirror", output=np.float32)
         last = np.array(sites.grid.frame)[:, None, None, None] - 1
-        parts = list[tuple[FloatArray, ...]]()
+        frames = list[tuple[FloatArray, ...]]()
         for one in kept:
             places = in_reference(one.motion, *sites.pixels, sites.grid.frame)
             noise = one.frame.noise
@@ -118,11 +118,11 @@ class ColourSamples:
             light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
             weight = agrees[used] / np.float32(255)
-            parts.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
+            frames.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
         places, channels, values, light, variance, weight = (
-            np.concatenate(arrays) for arrays in zip(*parts, strict=True)
+            np.concatenate(arrays) for arrays in zip(*frames, strict=True)
         )
-        return cls(places, channels, values, light, variance, weight, len(parts[0][0]))
+        return cls(places, channels, values, light, variance, weight, len(frames[0][0]))
 
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed.
@@ -259,7 +259,7 @@ class Spreading(RowStage):
         )
         return order, self.samples.places[order, 0], precision
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows.
 
         Raises
@@ -267,25 +267,25 @@ class Spreading(RowStage):
         ConvergenceError
             When conjugate gradients do not reach their tolerance.
         """
-        gamma, shown = self.measured.gamma, part.rows(*rows)
+        gamma, shown = self.measured.gamma, band.rows(*rows)
         order, down, precision = self._in_rows
-        first, end = np.searchsorted(down, part.first), np.searchsorted(down, part.end - 1, "right")
+        first, end = np.searchsorted(down, band.first), np.searchsorted(down, band.end - 1, "right")
         near = order[first:end]
-        samples = samples_of(part, self.samples, near, precision[near], gamma)
-        extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
+        samples = samples_of(band, self.samples, near, precision[near], gamma)
+        extent = Extent(rows[0] - band.first, rows[1] - band.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = fitted(part.luminance, samples, prior, extent, "samples")
+        fields = fitted(band.luminance, samples, prior, extent, "samples")
         fields = np.moveaxis(fields, 0, 2)
         light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)
-        return Part(shown.first, shown.luminance, (shown.chromaticity + change).astype(np.float32))
+        return Band(shown.first, shown.luminance, (shown.chromaticity + change).astype(np.float32))
 
 
 def samples_of(
-    part: Part, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray
+    band: Band, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray
 ) -> Samples:
-    """Residuals of samples in a part of the picture, times gamma, distributed to the four pixels
+    """Residuals of samples in a band of the picture, times gamma, distributed to the four pixels
     around each sample.
 
     Parameters
@@ -295,9 +295,9 @@ def samples_of(
     precision : FloatArray
         (N,), of each.
     """
-    rows, columns = part.luminance.shape
+    rows, columns = band.luminance.shape
     last = rows - 1, columns - 1
-    places = (samples.places[near] - (part.first, 0)).clip(0, last)
+    places = (samples.places[near] - (band.first, 0)).clip(0, last)
     first = places.astype(np.intp)
     (down, across), (top, left) = (places - first).T, first.T
     bottom, right = np.minimum(first + 1, last).T
@@ -308,7 +308,7 @@ def samples_of(
     pixels = np.stack([columns * row + column for row, column in corners], axis=1)
     channels = samples.channels[near].astype(np.intp)
     colour = (
-        part.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares
+        band.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares
     ).sum(axis=1)
     residual = gamma[channels] * (samples.values[near] - colour * samples.light[near])
     weights = (samples.weight[near] * precision)[:, None] * shares

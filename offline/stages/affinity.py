@@ -45,8 +45,8 @@ from ..numerics.conjugate_gradients import (
 from ..numerics.functions import exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..numerics.solvers import check_convergence
+from ..patches import HALO, core_patches, domain_places, patches_of
 from ..stage import Between, Count, Range, StageSettings
-from ..tiling import HALO, core_patches, domain_places, patches_of
 
 _SCALES = Range(
     lambda value: min(value, default=0) > 0 and max(value) <= 64,
@@ -166,7 +166,7 @@ def solve_affinities(
         (H, W), the whole frame.
     rows : tuple[int, int] | None, optional
         First and end of the frame's rows whose patches are solved; they begin and end where cores
-        do (`tiling.bands`), or where the frame does. None = all.
+        do (`patches.band_rows`), or where the frame does. None = all.
 
     Raises
     ------

@@ -49,13 +49,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ...shared.arrays import FloatArray, strips
+from ..bands import DARK, Band, RowStage
 from ..frame import Cleaned, Sites, unclipped_blocks
 from ..measured import EVEN, ColourLines
 from ..numerics.arrays import Floats1, Floats2, Floats3
 from ..numerics.compile import Pieces, parallel_kernel
 from ..numerics.functions import unset
 from ..numerics.gaussian import TRUNCATE, smoothed
-from ..parts import DARK, Part, RowStage
 from ..stage import Switch
 
 
@@ -317,9 +317,9 @@ class LineProjection(RowStage):
         share, offset, slope = self.lines.share, self.lines.offset, self.lines.slope
         return np.concatenate([share[None], share * offset, share * slope])
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows."""
-        picture, (down, across) = part.rows(*rows), self.sites.middle
+        picture, (down, across) = band.rows(*rows), self.sites.middle
         lines = LinePlanes(self._planes, (down - picture.first, across), self.sites.grid.period)
         result = np.empty(picture.chromaticity.shape, np.float32)
         lead_to_lines(
@@ -337,7 +337,7 @@ class LinePlanes(NamedTuple):
         Confidence of each line, then that times its offsets and times its slopes, (1 + 2 C, block
         rows, block columns).
     first : tuple[float, float]
-        Row and column of the first block in a part of the picture, pixels; it may lie outside.
+        Row and column of the first block in a band of the picture, pixels; it may lie outside.
     period : int
         Pixels between blocks.
     """
@@ -361,7 +361,7 @@ def lead_to_lines(
     Parameters
     ----------
     light, colour : Floats2, Floats3
-        Luminance (rows, W) and chromaticity (rows, W, C) of a part of the picture.
+        Luminance (rows, W) and chromaticity (rows, W, C) of a band of the picture.
     gamma : Floats1
         (C,).
     out : Floats3

@@ -37,12 +37,12 @@ import numpy as np
 from ...shared.arrays import FloatArray, IndexArray, mirrored
 from ...shared.networks import Block, load_network, network_for
 from ...shared.pattern import CfaPattern
+from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Sites, mean_of_sites
 from ..measured import BlockSamples
 from ..numerics.arrays import Floats1, Floats2, Floats3, Floats4, Ints1
 from ..numerics.compile import Pieces, parallel_kernel
 from ..numerics.pieces import copy_array, in_pieces
-from ..parts import DARK, Halo, Part, RowStage
 
 REACH = 5
 """Cells around a cell that a network sees."""
@@ -132,15 +132,15 @@ class ColourNetwork(RowStage):
     def _cells(self) -> "Cells":
         return Cells.of(self.samples.sites)
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows with their chromaticity corrected; they end where tiles do."""
         cells, network, gamma = self._cells, load_network(self.path), self.gamma
-        residuals, size = Residuals(cells, part, self.samples, gamma), _TILE * cells.period
+        residuals, size = Residuals(cells, band, self.samples, gamma), _TILE * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
         # an even number of tiles in a row: two threads end together
         count = 2 * -(-cells.shape[1] // (2 * _WIDEST))
         sides = _TILE, -(-cells.shape[1] // count)
-        result = part.rows(*rows)
+        result = band.rows(*rows)
         result = replace(result, chromaticity=copy_array(result.chromaticity))
 
         def correct(tile: tuple[int, int]) -> None:
@@ -149,7 +149,7 @@ class ColourNetwork(RowStage):
                 for index, side in zip(tile, sides, strict=True)
             ]
             error, variance, unexplained = residuals.of(*region)
-            pixels = cells.cut(part, gamma, region[0], region[1])
+            pixels = cells.cut(band, gamma, region[0], region[1])
             contrast = Contrast.of(pixels, error, variance)
             contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
@@ -357,7 +357,7 @@ class Cells:
 
     def cut(
         self,
-        part: Part,
+        band: Band,
         gamma: FloatArray,
         rows: Span,
         columns: Span,
@@ -372,24 +372,24 @@ class Cells:
         ----------
         weights : FloatArray, optional
             (3, 3).
-        part : Part
+        band : Band
             All rows of the frame that the cells show.
         """
         down, across = (
             mirrored(self._turned_pixels(axis, span), self.frame[axis])
             for axis, span in enumerate((rows, columns))
         )
-        down = down.clip(part.first, part.end - 1) - part.first
+        down = down.clip(band.first, band.end - 1) - band.first
         of_channels = np.empty_like(weights)
         of_channels[:, self.channels] = weights * gamma[self.channels]
         picture = np.empty(
             (3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]), np.float32
         )
-        cut_cells(part.luminance, part.chromaticity, of_channels, down, across, picture)
+        cut_cells(band.luminance, band.chromaticity, of_channels, down, across, picture)
         return picture
 
-    def add(self, answer: Answer, spans: list[Span], result: Part, gamma: FloatArray) -> None:
-        """Correct the chromaticity of a part in some cells, as far as it has them.
+    def add(self, answer: Answer, spans: list[Span], result: Band, gamma: FloatArray) -> None:
+        """Correct the chromaticity of a band in some cells, as far as it has them.
 
         Parameters
         ----------
@@ -511,7 +511,7 @@ def add_answer(
 
 
 class Residuals:
-    """Residuals of the blocks in a part of a picture, by cells.
+    """Residuals of the blocks in a band of a picture, by cells.
 
     Parameters
     ----------
@@ -519,9 +519,9 @@ class Residuals:
         (C,), float32.
     """
 
-    def __init__(self, cells: Cells, part: Part, samples: BlockSamples, gamma: FloatArray) -> None:
-        rows = samples.within(part)
-        error = samples.residual(part, rows)[..., cells.sites]
+    def __init__(self, cells: Cells, band: Band, samples: BlockSamples, gamma: FloatArray) -> None:
+        rows = samples.within(band)
+        error = samples.residual(band, rows)[..., cells.sites]
         noise = samples.scaled_variance(gamma, rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
         variance = np.where(samples.unclipped[rows], variance, np.float32(UNKNOWN))

@@ -35,13 +35,13 @@ import numpy as np
 
 from ...shared.arrays import FloatArray
 from ...shared.site_errors import nearness
+from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Cleaned, Sites, curvature, mean_of_sites, unclipped_blocks
 from ..measured import EVEN, BlockSamples
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
 from ..numerics.pieces import BLOCK_ROWS, copy_array, in_strips
-from ..parts import DARK, Halo, Part, RowStage
 from ..stage import Switch
 
 
@@ -305,7 +305,7 @@ def _solve(matrix: Doubles2, right: Doubles1) -> None:
 
 @dataclass(eq=False)
 class SiteResidual(RowStage):
-    """Measure the residuals of the picture at the colour sites (`Part.residual`).
+    """Measure the residuals of the picture at the colour sites (`Band.residual`).
 
     Attributes
     ----------
@@ -318,9 +318,9 @@ class SiteResidual(RowStage):
 
     name = "residual"
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, with their residual."""
-        picture, sites = part.rows(*rows), self.samples.sites
+        picture, sites = band.rows(*rows), self.samples.sites
         residual = np.zeros(picture.luminance.shape, np.float32)
         for site, (channel, (down, across)) in enumerate(
             zip(sites.channels, sites.places, strict=True)
@@ -359,22 +359,22 @@ class Correction(RowStage):
         """The blocks around a site."""
         return Halo(site_reach(self.samples.sites.grid.period))
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, corrected."""
-        blocks, gamma = self.samples.within(part), self.gamma
+        blocks, gamma = self.samples.within(band), self.gamma
         if blocks.start >= blocks.stop:
-            return part.rows(*rows)
-        places, channels = self.samples.inside(part, blocks), self.samples.sites.channels
+            return band.rows(*rows)
+        places, channels = self.samples.inside(band, blocks), self.samples.sites.channels
         colours = [
-            part.chromaticity[place][..., channel] * gamma[channel]
+            band.chromaticity[place][..., channel] * gamma[channel]
             for place, channel in zip(places, channels, strict=True)
         ]
-        error = self.samples.residual(part, blocks)
+        error = self.samples.residual(band, blocks)
         weight = np.stack(colours, axis=2)
         light, tints = estimate_errors(error, weight, self.samples, blocks, gamma)
         if self.samples.kept is not None:
             tints *= self.samples.kept[blocks, :, None, None]
-        luminance, chromaticity = copy_array(part.luminance), copy_array(part.chromaticity)
+        luminance, chromaticity = copy_array(band.luminance), copy_array(band.chromaticity)
         for site, place in enumerate(places):
             before, after = luminance[place], luminance[place] + light[..., site]
             # what is not a number is to be seen, and refused
@@ -385,4 +385,4 @@ class Correction(RowStage):
             share = lit / np.where(lit, after, np.float32(1))
             for channel, weight in enumerate(gamma):
                 chromaticity[place][..., channel] += tints[..., site, channel] * (share / weight)
-        return replace(part, luminance=luminance, chromaticity=chromaticity).rows(*rows)
+        return replace(band, luminance=luminance, chromaticity=chromaticity).rows(*rows)

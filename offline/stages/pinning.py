@@ -25,12 +25,12 @@ import numpy as np
 
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.calibration import derived_channel
+from ..bands import DARK, Band, Halo, RowStage
 from ..frame import mean_of_sites
 from ..measured import BlockSamples, Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolate
 from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
-from ..parts import DARK, Halo, Part, RowStage
 from .correction import signal_power, site_reach
 
 # Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01.
@@ -96,7 +96,7 @@ class Pinning(RowStage):
     def _around(self) -> FloatArray:
         return np.ascontiguousarray(smoothed(np.moveaxis(self.measured.blocks, 2, 0), _AROUND))
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows.
 
         Raises
@@ -105,15 +105,15 @@ class Pinning(RowStage):
             When conjugate gradients do not reach their tolerance.
         """
         samples, gamma = self.samples, self.measured.gamma
-        tiles = samples.within(part)
+        tiles = samples.within(band)
         if tiles.start >= tiles.stop:
-            return part.rows(*rows)
+            return band.rows(*rows)
         variance = samples.scaled_variance(gamma, tiles)
         noise = None if variance is None else mean_of_sites(variance)
-        power = signal_power(samples.residual(part, tiles), noise)
+        power = signal_power(samples.residual(band, tiles), noise)
         confidence = _confidence(power, noise) * samples.unclipped[tiles]
-        places = samples.inside(part, tiles)
-        luminance = np.stack([part.luminance[place] for place in places], axis=2)
+        places = samples.inside(band, tiles)
+        luminance = np.stack([band.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
         mean = np.square(luminance).mean(axis=2, dtype=np.float32, keepdims=True)
         squared = np.square(luminance) / mean.clip(np.float32(DARK**2))
@@ -122,25 +122,25 @@ class Pinning(RowStage):
         if samples.lines is not None:
             apart = 1 - samples.lines.share[tiles]
             confidence, weight = confidence * apart, weight * apart[..., None]
-        ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
+        ratios, weights = np.zeros_like(band.luminance), np.zeros_like(band.luminance)
         for site, place in enumerate(places):
             lit = luminance[..., site] > DARK
             ratio = samples.samples[tiles, :, site] / np.where(lit, luminance[..., site], 1)
             ratios[place] = np.where(lit, ratio, 0)
             weights[place] = np.where(lit, weight[..., site], 0)
-        return self._pinned(part, rows, self._base(part, confidence, tiles), ratios, weights)
+        return self._pinned(band, rows, self._base(band, confidence, tiles), ratios, weights)
 
-    def _base(self, part: Part, confidence: FloatArray, tiles: slice) -> FloatArray:
+    def _base(self, band: Band, confidence: FloatArray, tiles: slice) -> FloatArray:
         """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a
         wide neighbourhood.
         """
         grid = self.measured.grid
-        trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
+        trusted, plane = np.empty_like(band.luminance), np.empty_like(band.luminance)
         half = (grid.period - 1) / 2
         down, across = float(grid.whole_rows[tiles.start]), float(grid.whole_columns[0])
-        interpolate(confidence, (down + half - part.first, across + half), grid.period, trusted)
-        base = part.chromaticity.copy()
-        first = float(grid.rows[0]) + half - part.first, float(grid.columns[0]) + half
+        interpolate(confidence, (down + half - band.first, across + half), grid.period, trusted)
+        base = band.chromaticity.copy()
+        first = float(grid.rows[0]) + half - band.first, float(grid.columns[0]) + half
         for channel, around in enumerate(self._around):
             interpolate(around, first, grid.period, plane)
             base[..., channel] += trusted * (plane - base[..., channel])
@@ -148,20 +148,20 @@ class Pinning(RowStage):
 
     def _pinned(
         self,
-        part: Part,
+        band: Band,
         rows: tuple[int, int],
         base: FloatArray,
         ratios: FloatArray,
         weights: FloatArray,
-    ) -> Part:
-        filters = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
+    ) -> Band:
+        filters = self.measured.pattern.filter_map(band.luminance.shape, (band.first, 0))
         of_channel = np.arange(base.shape[2])[:, None, None] == filters
         apart = weights * (ratios - np.moveaxis(base, 2, 0))
         samples = Samples(of_channel * weights, of_channel * apart)
-        extent = Extent(rows[0] - part.first, rows[1] - part.first, HALO, TOLERANCE)
+        extent = Extent(rows[0] - band.first, rows[1] - band.first, HALO, TOLERANCE)
         prior = Prior(_SMOOTHNESS, _FADING, self._edge)
-        change = fitted(part.luminance, samples, prior, extent, "pinning")
-        own, pinned = part.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
+        change = fitted(band.luminance, samples, prior, extent, "pinning")
+        own, pinned = band.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
         gamma, derived = self.measured.gamma, self.measured.pattern.derived
         if derived is not None:  # Eq. 7
             pinned[..., derived] = derived_channel(1, pinned, gamma, derived).clip(0)

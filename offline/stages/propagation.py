@@ -16,13 +16,13 @@ import numpy as np
 
 from ...shared.arrays import FloatArray
 from ...shared.pattern import CfaPattern
+from ..bands import Band, Halo, RowStage
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.compile import Pieces, kernel, parallel_kernel
 from ..numerics.functions import unset
-from ..parts import Halo, Part, RowStage
+from ..patches import core_patches, domain_places, patches_of
 from ..stage import NotNegative, StageSettings
-from ..tiling import core_patches, domain_places, patches_of
 from .affinity import CLASSES, AffinitySettings, solve_affinities
 
 
@@ -52,14 +52,14 @@ class Propagation(RowStage):
 
     @property
     def halo(self) -> Halo:
-        """No rows around, but whole rows of cores (`tiling`)."""
+        """No rows around, but whole rows of cores (`patches`)."""
         grid = self.measured.grid
         return Halo(
             alignment=core_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
         )
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        """These rows, with a chromaticity that does not depend on the part's.
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
+        """These rows, with a chromaticity that does not depend on the band's.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Propagation(RowStage):
         fields = solve_affinities(luminance, pattern, self.affinity, rows)
         # c, Eqs. 10 and 14
         colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)
-        return Part(rows[0], part.rows(*rows).luminance, colour)
+        return Band(rows[0], band.rows(*rows).luminance, colour)
 
 
 def propagate(
@@ -241,16 +241,16 @@ def _weigh(
     softness, likeness = weighting.softness, weighting.likeness
     if likeness > _ZERO:
         for column in range(len(alpha)):
-            part = softness + abs(alpha[column])
+            weight = softness + abs(alpha[column])
             apart = here[column] - lit[column]
             both = here[column] + lit[column]
             alike = both * both / (both * both + likeness * (apart * apart) + _SMALLEST_FLOAT)
-            kappa[column] = part * part * lit[column] * alike
+            kappa[column] = weight * weight * lit[column] * alike
             total[column] += kappa[column]
     else:
         for column in range(len(alpha)):
-            part = softness + abs(alpha[column])
-            kappa[column] = part * part * lit[column]
+            weight = softness + abs(alpha[column])
+            kappa[column] = weight * weight * lit[column]
             total[column] += kappa[column]
 
 

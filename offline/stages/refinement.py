@@ -21,6 +21,7 @@ import numpy as np
 
 from ...shared.arrays import FloatArray, mirrored
 from ...shared.calibration import NoiseModel
+from ..bands import Band, Halo, RowStage
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.compile import Pieces, kernel, parallel_kernel
@@ -28,7 +29,6 @@ from ..numerics.functions import LEAST_EXPONENT, exponential, tile_at, unset, ze
 from ..numerics.gaussian import gaussian
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
 from ..numerics.pieces import tiles
-from ..parts import Halo, Part, RowStage
 from ..stage import NotNegative, Positive, Range, StageSettings
 
 
@@ -76,15 +76,15 @@ class Refinement(RowStage):
         """sigma_z of Eq. 16, scene units."""
         return noise_level(self.measured.luminance, self.measured.calibration.noise)
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows with their chromaticity refined."""
         luminance, period = self.measured.luminance, self.measured.pattern.period
-        refined = refine(part, rows, luminance, period, self.sigma, self.settings)
-        return Part(rows[0], part.rows(*rows).luminance, refined)
+        refined = refine(band, rows, luminance, period, self.sigma, self.settings)
+        return Band(rows[0], band.rows(*rows).luminance, refined)
 
 
 def refine(
-    part: Part,
+    band: Band,
     rows: tuple[int, int],
     luminance: FloatArray,
     period: int,
@@ -95,7 +95,7 @@ def refine(
 
     Parameters
     ----------
-    part : Part
+    band : Band
         c[n], with what the window reaches around these rows.
     luminance : FloatArray
         (H, W), the whole frame.
@@ -105,8 +105,8 @@ def refine(
         sigma_z of Eq. 16, scene units (see `noise_level`).
     """
     if not settings.used:
-        return part.rows(*rows).chromaticity.copy()
-    result = np.empty((rows[1] - rows[0], *part.chromaticity.shape[1:]), np.float32)
+        return band.rows(*rows).chromaticity.copy()
+    result = np.empty((rows[1] - rows[0], *band.chromaticity.shape[1:]), np.float32)
     width = max(settings.strength * sigma, settings.floor)  # h
     # A window of (K + 1) x (K + 1) for even K.
     blur, radius = gaussian(settings.blur * period), period // 2
@@ -115,9 +115,9 @@ def refine(
         mirrored(np.arange(first - margin, end + margin), size)
         for (first, end), size in zip((rows, (0, luminance.shape[1])), luminance.shape, strict=True)
     )
-    # Beyond the rows of the part, weights alone are needed.
-    at = (down - part.first).clip(0, len(part.chromaticity) - 1)
-    initial = np.ascontiguousarray(part.chromaticity)
+    # Beyond the rows of the band, weights alone are needed.
+    at = (down - band.first).clip(0, len(band.chromaticity) - 1)
+    initial = np.ascontiguousarray(band.chromaticity)
     window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
     average(initial, luminance, Places(down, at, across), window, result)
     return result

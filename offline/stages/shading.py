@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from ...shared.shading import Shading
-from ..parts import Part, RowStage
+from ..bands import Band, RowStage
 
 
 @dataclass(eq=False)
@@ -20,9 +20,9 @@ class ShadingCorrection(RowStage):
 
     name = "shading"
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows as without shading."""
-        shown = part.rows(*rows)
+        shown = band.rows(*rows)
         return replace(
             shown, luminance=shown.luminance * self.shading.of_plane(self.shape, -1, slice(*rows))
         )

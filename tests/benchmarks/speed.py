@@ -45,22 +45,22 @@ _PACKAGES = ("numpy", "numba", "imagecodecs", "onnxruntime", "rawpy")
 
 
 class StageClock(Progress):
-    """A progress listener that measures how long each stage of a rendering takes, or each part of a
-    stage that has parts.
+    """A progress listener that measures how long each stage of a rendering takes, or each substep
+    of a stage that has them.
     """
 
     def __init__(self) -> None:
         self.seconds = defaultdict[str, list[float]](list)
         self._marks: list[tuple[str, float]] = []  # what begins when
-        self._bare = False  # what began last is a stage without parts so far
+        self._bare = False  # what began last is a stage without substeps so far
 
     def stage(self, name: str, steps: int) -> None:
         """A stage begins; the stage before it has ended."""
         self._marks.append((name, time.perf_counter()))
         self._bare = True
 
-    def part(self, name: str) -> None:
-        """A part of a step begins; its times in all steps are added up. The first one includes the
+    def substep(self, name: str) -> None:
+        """A substep begins; its times in all steps are added up. The first one includes the
         beginning of its stage.
         """
         self._marks.append((name, self._marks.pop()[1] if self._bare else time.perf_counter()))
@@ -120,8 +120,8 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     print(f"{'MP/s':<34}    least   median     most")
     for name, times in seconds.items():
         line(name, times)
-        for stage, parts in clocks[name].seconds.items() if name in clocks else ():
-            line(f"  {stage}", parts[-rounds:])
+        for stage, substeps in clocks[name].seconds.items() if name in clocks else ():
+            line(f"  {stage}", substeps[-rounds:])
 
 
 def render_file(shot: Path, preset: str) -> None:

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from panchroma.offline import BEST, Measured, Part, RenderSettings, RowStage, measure, row_stages
-from panchroma.offline.parts import run_stages
+from panchroma.offline import BEST, Band, Measured, RenderSettings, RowStage, measure, row_stages
+from panchroma.offline.bands import run_stages
 from panchroma.offline.stages.propagation import Propagation
 from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import FloatArray
@@ -87,20 +87,20 @@ class RowStageTests(StageTests):
         return self.rendered(mosaic, [0, mosaic.shape[0]])
 
     def rendered(self, mosaic: Mosaic, cuts: list[int]) -> FloatArray:
-        """Return colour after the stage, (H, W, C), from parts that end at these rows."""
+        """Return colour after the stage, (H, W, C), from bands that end at these rows."""
         measured = measure(mosaic, self.settings)
         grey = np.full(
             (*measured.shape, len(measured.gamma)), measured.calibration.grey, np.float32
         )
-        whole = Part(0, measured.luminance, grey)
+        whole = Band(0, measured.luminance, grey)
         first, *others = self.stages(measured)
         assert isinstance(first, Propagation)
-        spread = Part.joined(list(run_stages([whole], [first], measured.shape[0])))
-        parts = [spread.rows(*rows) for rows in pairwise(cuts)]
-        done = Part.joined(list(run_stages(parts, others, measured.shape[0])))
+        spread = Band.joined(list(run_stages([whole], [first], measured.shape[0])))
+        bands = [spread.rows(*rows) for rows in pairwise(cuts)]
+        done = Band.joined(list(run_stages(bands, others, measured.shape[0])))
         return done.chromaticity * done.luminance[..., None]
 
-    def test_parts_are_the_whole(self) -> None:
+    def test_bands_are_the_whole(self) -> None:
         mosaic = shot(self.pattern, (211, 60), self.sigma)
         assert self.name in [stage.name for stage in self.stages(measure(mosaic, self.settings))]
         expected = self.rendered(mosaic, [0, 211])

@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from panchroma.offline.patches import band_rows
 from panchroma.offline.stages import affinity as stage
 from panchroma.offline.stages.affinity import AffinitySettings, solve_affinities
-from panchroma.offline.tiling import bands
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import ConvergenceError
@@ -207,7 +207,7 @@ def test_rows_of_patches_and_threads_leave_no_trace(
     pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
     light = shaded_steps(shape)
     entire = solve(light, pattern, PAPER)
-    steps = bands(pattern.grid(shape))
+    steps = band_rows(pattern.grid(shape))
     assert len(steps) > 1
     for _ in each_thread_count:
         parts = [solve_affinities(light, pattern, PAPER, rows) for rows in steps]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, memory, network_name, render, rendering_memory
+from panchroma.offline.bands import Band
 from panchroma.offline.measured import BlockSamples, ColourLines
-from panchroma.offline.parts import Part
 from panchroma.offline.stages import colour_network as module
 from panchroma.offline.stages.colour_network import REACH, UNKNOWN, Cells, ColourNetwork, Residuals
 from panchroma.offline.stages.correction import SiteResidual
@@ -43,14 +43,14 @@ def scene(height: int, width: int) -> FloatArray:
     return LEAVES[:height, :width]
 
 
-def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Part, BlockSamples]:
+def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Band, BlockSamples]:
     """A picture that is blurred in colour, and what the sites measured."""
     mosaic = simulate_additive(rgb, pattern, GREY, sigma, np.random.default_rng(0))
     light = np.ascontiguousarray(rgb.sum(axis=2))
     grey = np.full(rgb.shape, 1 / 3, np.float32)
     colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
     samples = sampled(mosaic, light)
-    return SiteResidual(samples, ONES)(Part(0, light, colour), (0, len(light))), samples
+    return SiteResidual(samples, ONES)(Band(0, light, colour), (0, len(light))), samples
 
 
 def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES) -> ColourNetwork:
@@ -60,8 +60,8 @@ def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES
 
 def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
     """Chromaticity after the network."""
-    part, sites = measured(rgb, pattern)
-    return learned(pattern, sites)(part, (0, len(rgb))).chromaticity
+    band, sites = measured(rgb, pattern)
+    return learned(pattern, sites)(band, (0, len(rgb))).chromaticity
 
 
 def blocks_of(period: int, *letters: str) -> list[CfaPattern]:
@@ -165,16 +165,16 @@ def test_every_cell_holds_its_own_block(
     pattern, shape, period = replace(tile, origin=origin), (40, 53), tile.period
     rgb = np.random.default_rng(1).uniform(0.1, 1, (*shape, 3)).astype(np.float32)
     light = np.ascontiguousarray(rgb.sum(axis=2))
-    part = Part(0, light, rgb / light[..., None])
+    band = Band(0, light, rgb / light[..., None])
     sites = sampled(simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0)), light)
-    black = Part(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
-    part = replace(part, residual=SiteResidual(sites, ONES)(black, (0, shape[0])).residual)
+    black = Band(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
+    band = replace(band, residual=SiteResidual(sites, ONES)(black, (0, shape[0])).residual)
     cells = Cells.of(sites.sites)
     whole = (0, cells.shape[0]), (0, cells.shape[1])
-    picture = cells.cut(part, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
+    picture = cells.cut(band, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
         3, period, period, *cells.shape
     )
-    error, variance, _ = Residuals(cells, part, sites, ONES).of(*whole)
+    error, variance, _ = Residuals(cells, band, sites, ONES).of(*whole)
     assert len(error) == len(places)
     for number, (channel, row, column) in enumerate(places):
         known = variance < UNKNOWN
@@ -210,22 +210,22 @@ def test_noise_on_a_flat_surface_is_not_taken_for_colour() -> None:
 
 def test_what_colour_lines_explain_is_left_alone() -> None:
     rgb, pattern = scene(120, 120), CfaPattern.bayer(6)
-    part, sites = measured(rgb, pattern)
+    band, sites = measured(rgb, pattern)
     line = np.zeros((3, *sites.unclipped.shape), np.float32)
     for share in (0.0, 1.0):
         lines = ColourLines(line, line, np.full_like(line[0], share))
-        found = learned(pattern, replace(sites, lines=lines))(part, (0, 120)).chromaticity
+        found = learned(pattern, replace(sites, lines=lines))(band, (0, 120)).chromaticity
         inner = slice(pattern.period, -pattern.period)  # cells without a whole block have no line
-        assert np.array_equal(found[inner, inner], part.chromaticity[inner, inner]) == (share == 1)
+        assert np.array_equal(found[inner, inner], band.chromaticity[inner, inner]) == (share == 1)
 
 
 def test_gamma_only_scales_the_channels() -> None:
     rgb, pattern, gamma = scene(100, 100), CfaPattern.bayer(6), (0.5, 1.0, 2.0)
     scaled = np.array(gamma, np.float32)
-    part, sites = measured(rgb, pattern)
-    other = replace(part, chromaticity=part.chromaticity / scaled)
+    band, sites = measured(rgb, pattern)
+    other = replace(band, chromaticity=band.chromaticity / scaled)
     seen = replace(sites, samples=sites.samples / scaled[sites.sites.channels])
-    expected = learned(pattern, sites)(part, (0, 100)).chromaticity
+    expected = learned(pattern, sites)(band, (0, 100)).chromaticity
     found = learned(pattern, seen, np.array(gamma, np.float32))(other, (0, 100)).chromaticity
     assert_close(found * scaled, expected, 1e-5)
 
@@ -245,11 +245,11 @@ def test_it_brings_colour_closer_to_the_scene() -> None:
 def test_where_nothing_changes_nothing_is_corrected(pattern: CfaPattern, light: float) -> None:
     """Flat to the last bit: there is no activity, and no division by it."""
     rgb = np.full((90, 96, 3), light, np.float32)
-    part, sites = measured(np.ones_like(rgb), pattern)
+    band, sites = measured(np.ones_like(rgb), pattern)
     flat = replace(
-        part, luminance=np.full_like(part.luminance, light), residual=np.zeros_like(part.luminance)
+        band, luminance=np.full_like(band.luminance, light), residual=np.zeros_like(band.luminance)
     )
-    assert_close(learned(pattern, sites)(flat, (0, 90)).chromaticity, part.chromaticity, 1e-6)
+    assert_close(learned(pattern, sites)(flat, (0, 90)).chromaticity, band.chromaticity, 1e-6)
 
 
 def test_the_network_runs_only_where_it_corrects_something(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -257,7 +257,7 @@ def test_the_network_runs_only_where_it_corrects_something(monkeypatch: pytest.M
     rgb = np.full((330, 340, 3), 0.3, np.float32)
     rgb[100:150, 90:100] = 0.9, 0.1, 0.2
     pattern, asked = CfaPattern.bayer(6, "GRBG", origin=(1, 4)), list[tuple[int, ...]]()
-    part, samples = measured(rgb, pattern)
+    band, samples = measured(rgb, pattern)
     stage = learned(pattern, samples)
     network = load_network(stage.path)
 
@@ -267,7 +267,7 @@ def test_the_network_runs_only_where_it_corrects_something(monkeypatch: pytest.M
             return network.run(names, inputs)
 
     monkeypatch.setattr(module, "load_network", lambda _: Counted())
-    changed = np.abs(stage(part, (0, 330)).chromaticity - part.chromaticity).max(axis=2) > 0
+    changed = np.abs(stage(band, (0, 330)).chromaticity - band.chromaticity).max(axis=2) > 0
     assert len(asked) == 1
     assert max(asked[0]) < 30
     assert changed[100:150].any()
@@ -330,7 +330,7 @@ def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
     onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     nodes = list(onnx.load(tmp_path / path.name).graph.node)
     looks = [body.g.node for node in nodes for body in node.attribute if body.g.node]
-    kinds = [node.op_type for part in (nodes, *looks) for node in part]
+    kinds = [node.op_type for graph in (nodes, *looks) for node in graph]
     assert (kinds.count("QLinearConv"), kinds.count("Conv")) == (
         (8, 2) if path.stem.startswith("rgbw") else (18, 2)
     )

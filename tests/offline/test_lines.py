@@ -9,8 +9,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from panchroma.offline import BEST, measure, render
+from panchroma.offline.bands import Band
 from panchroma.offline.measured import ColourLines
-from panchroma.offline.parts import Part
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.colour_lines import (
     _REACH,
@@ -102,7 +102,7 @@ def test_a_pixel_in_the_middle_of_a_block_gets_the_colour_of_its_line_as_far_as_
     share = random.uniform(0, 1, sites.shape).astype(np.float32)
     lines = ColourLines(np.full_like(slope, 0.01), slope, share)
     colour = np.broadcast_to(np.array([1, 0, 0], np.float32) / gamma, (*shape, 3))
-    result = LineProjection(sites, lines, gamma)(Part(0, light, colour), (0, shape[0])).chromaticity
+    result = LineProjection(sites, lines, gamma)(Band(0, light, colour), (0, shape[0])).chromaticity
     place = np.ix_(sites.grid.whole_rows, sites.grid.whole_columns + 1)
     target = np.moveaxis(lines.at(light[place]), 0, 2)
     target /= target.sum(axis=2, keepdims=True) * gamma

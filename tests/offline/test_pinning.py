@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, render
+from panchroma.offline.bands import Band, apply_stage
 from panchroma.offline.measured import BlockSamples, Measured
-from panchroma.offline.parts import Part, apply_stage
 from panchroma.offline.stages.correction import SiteResidual
 from panchroma.offline.stages.pinning import Pinning
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
@@ -29,7 +29,7 @@ TILES = [
 HOLES = 5e-3
 
 
-def pictured(mosaic: Mosaic) -> tuple[Part, Measured]:
+def pictured(mosaic: Mosaic) -> tuple[Band, Measured]:
     """The picture before it is pinned: true luminance, and one colour everywhere; with what is
     known of the frame.
     """
@@ -39,28 +39,28 @@ def pictured(mosaic: Mosaic) -> tuple[Part, Measured]:
     grey = np.float32(1 / sum(mosaic.calibration.gamma))
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, count), grey)
     measured = Measured(mosaic.pattern, mosaic.calibration, light, blocks, sampled(mosaic, light))
-    return Part(0, light, np.full((*mosaic.shape, count), grey)), measured
+    return Band(0, light, np.full((*mosaic.shape, count), grey)), measured
 
 
-def pinned(part: Part, measured: Measured, samples: BlockSamples) -> FloatArray:
+def pinned(band: Band, measured: Measured, samples: BlockSamples) -> FloatArray:
     """Its chromaticity after it has been pinned by these samples."""
-    missed = SiteResidual(samples, measured.gamma)(part, (part.first, part.end))
-    return Pinning(measured, samples)(missed, (part.first, part.end)).chromaticity
+    missed = SiteResidual(samples, measured.gamma)(band, (band.first, band.end))
+    return Pinning(measured, samples)(missed, (band.first, band.end)).chromaticity
 
 
 @pytest.mark.parametrize("sigma", [None, 0.05])
 @pytest.mark.parametrize("height", [40, 70, 333])
 def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height: int) -> None:
-    part, measured = pictured(shot(KODAK, (333, 37), sigma))
-    whole = pinned(part, measured, measured.samples)
-    missed = SiteResidual(measured.samples, measured.gamma)(part, (0, 333))
+    band, measured = pictured(shot(KODAK, (333, 37), sigma))
+    whole = pinned(band, measured, measured.samples)
+    missed = SiteResidual(measured.samples, measured.gamma)(band, (0, 333))
     pieces = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
     found = [
         piece.chromaticity
         for piece in apply_stage(pieces, Pinning(measured, measured.samples), 333)
     ]
     assert np.array_equal(np.concatenate(found), whole)
-    assert np.abs(whole - part.chromaticity).max() > 0.1
+    assert np.abs(whole - band.chromaticity).max() > 0.1
 
 
 @pytest.mark.parametrize("letters", TILES)
@@ -95,11 +95,11 @@ def test_colour_that_changes_within_a_tile_is_seen() -> None:
 
 
 def test_noise_alone_moves_nothing() -> None:
-    part, measured = pictured(shot(KODAK, (90, 90), None))
+    band, measured = pictured(shot(KODAK, (90, 90), None))
     samples = measured.samples
     seen = np.stack(
         [
-            part.luminance[place] * part.chromaticity[*place, channel]
+            band.luminance[place] * band.chromaticity[*place, channel]
             for channel, place in zip(samples.sites.channels, samples.sites.places, strict=True)
         ],
         axis=2,
@@ -108,14 +108,14 @@ def test_noise_alone_moves_nothing() -> None:
         np.float32
     )
     noisy = replace(samples, samples=noise, noise=NoiseModel.gaussian(0.01, 4))
-    assert np.abs(pinned(part, measured, noisy) - part.chromaticity).max() < 1e-6
+    assert np.abs(pinned(band, measured, noisy) - band.chromaticity).max() < 1e-6
 
 
 def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
     """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say
     more than they did.
     """
-    part, measured = pictured(shot(KODAK, (90, 90), None))
+    band, measured = pictured(shot(KODAK, (90, 90), None))
     measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
     clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))
-    assert np.abs(pinned(part, measured, clipped) - part.chromaticity).max() < 1e-6
+    assert np.abs(pinned(band, measured, clipped) - band.chromaticity).max() < 1e-6

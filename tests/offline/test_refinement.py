@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panchroma.offline.parts import Part
+from panchroma.offline.bands import Band
 from panchroma.offline.stages.refinement import RefinementSettings, noise_level, refine
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import DoubleArray, FloatArray
@@ -33,7 +33,7 @@ def refined(
     initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings
 ) -> FloatArray:
     period, sigma = mosaic.pattern.period, noise_level(light, mosaic.calibration.noise)
-    return refine(Part(0, light, initial), (0, len(light)), light, period, sigma, settings)
+    return refine(Band(0, light, initial), (0, len(light)), light, period, sigma, settings)
 
 
 def expected(
@@ -135,7 +135,7 @@ def test_equals_the_reference_in_tiles(
         repetitions=repetitions,
     )
     assert_close(
-        refine(Part(0, light, initial), (0, shape[0]), light, period, 0.2, settings),
+        refine(Band(0, light, initial), (0, shape[0]), light, period, 0.2, settings),
         right,
         2 * FLOAT32,
     )

@@ -21,8 +21,8 @@ from panchroma.offline import (
     render,
     render_bands,
 )
+from panchroma.offline.bands import Band, run_stages
 from panchroma.offline.burst import merge_burst
-from panchroma.offline.parts import Part, run_stages
 from panchroma.offline.settings import UNLEARNED
 from panchroma.offline.stages.affinity import AffinitySettings
 from panchroma.offline.stages.denoising import denoise_luminance
@@ -220,11 +220,11 @@ def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
 def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
     mosaic = shot(*CASES["odd"])
 
-    def spoilt(*arguments: Any, **options: Any) -> Iterator[Part]:
-        for part in run_stages(*arguments, **options):
-            part.chromaticity[5, 7, 1] = np.nan
-            part.chromaticity[6, 2, 0] = np.inf
-            yield part
+    def spoilt(*arguments: Any, **options: Any) -> Iterator[Band]:
+        for band in run_stages(*arguments, **options):
+            band.chromaticity[5, 7, 1] = np.nan
+            band.chromaticity[6, 2, 0] = np.inf
+            yield band
 
     # `offline.render` is the function
     monkeypatch.setattr(sys.modules["panchroma.offline.render"], "run_stages", spoilt)
@@ -297,7 +297,7 @@ class Listener(Progress):
     def __init__(self) -> None:
         self.steps: dict[str, int] = {}
         self.done: Counter[str] = Counter()
-        self.parts: list[str] = []
+        self.substeps: list[str] = []
 
     def stage(self, name: str, steps: int) -> None:
         assert name not in self.steps
@@ -306,8 +306,8 @@ class Listener(Progress):
     def advance(self, steps: int = 1) -> None:
         self.done[list(self.steps)[-1]] += steps
 
-    def part(self, name: str) -> None:
-        self.parts.append(name)
+    def substep(self, name: str) -> None:
+        self.substeps.append(name)
 
 
 def test_progress_is_reported_stage_by_stage() -> None:
@@ -319,7 +319,7 @@ def test_progress_is_reported_stage_by_stage() -> None:
         "estimating colour of blocks",
         "colouring pixels",
     ]
-    assert listener.parts == ["propagation", "refinement"] * listener.steps["colouring pixels"]
+    assert listener.substeps == ["propagation", "refinement"] * listener.steps["colouring pixels"]
     assert listener.done["reconstructing luminance"] == listener.steps["reconstructing luminance"]
     assert listener.done["colouring pixels"] == listener.steps["colouring pixels"]
     assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST
+from panchroma.offline.bands import Band
 from panchroma.offline.frame import unclipped_blocks
 from panchroma.offline.measured import ColourLines
-from panchroma.offline.parts import Part
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
@@ -22,12 +22,12 @@ from tests.reference.sensor import luminance_of, observe
 BAYER = CfaPattern.bayer(6, origin=(1, 2))
 
 
-def corrected(part: Part, mosaic: Mosaic, clipping: float = np.inf) -> Part:
+def corrected(band: Band, mosaic: Mosaic, clipping: float = np.inf) -> Band:
     """The picture corrected by the samples of a mosaic."""
-    samples = sampled(mosaic, part.luminance, clipping)
+    samples = sampled(mosaic, band.luminance, clipping)
     gamma = np.array(mosaic.calibration.gamma, np.float32)
-    rows = part.first, part.end
-    return Correction(samples, gamma)(SiteResidual(samples, gamma)(part, rows), rows)
+    rows = band.first, band.end
+    return Correction(samples, gamma)(SiteResidual(samples, gamma)(band, rows), rows)
 
 
 def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArray:
@@ -106,13 +106,13 @@ def test_settled_luminance_has_no_seams_where_strips_of_blocks_meet(
     assert np.array_equal(settled(mosaic, light), expected)
 
 
-def render_of(mosaic: Mosaic) -> Part:
+def render_of(mosaic: Mosaic) -> Band:
     """A picture that is wrong everywhere, a little."""
     light, random = true_light(mosaic), np.random.default_rng(3)
     scene = materials(mosaic.shape, len(mosaic.pattern.channels))
     colour = scene / light[..., None] + random.normal(0, 0.02, scene.shape)
     colour /= (colour @ np.array(mosaic.calibration.gamma))[..., None]
-    return Part(
+    return Band(
         0,
         (light * random.uniform(0.95, 1.05, light.shape)).astype(np.float32),
         colour.astype(np.float32),
@@ -124,8 +124,8 @@ def test_without_noise_the_picture_reads_as_the_samples_do(
     pattern: CfaPattern, shape: tuple[int, int]
 ) -> None:
     mosaic = shot(pattern, shape, None)
-    part = render_of(mosaic)
-    sites, result = sampled(mosaic, part.luminance).sites, corrected(part, mosaic)
+    band = render_of(mosaic)
+    sites, result = sampled(mosaic, band.luminance).sites, corrected(band, mosaic)
     for channel, place in zip(sites.channels, sites.places, strict=True):
         assert_close(
             result.chromaticity[*place, channel] * result.luminance[place],
@@ -144,7 +144,7 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     samples = clean.signal + np.random.default_rng(1).normal(0, sigma, shape).astype(np.float32)
     mosaic = Mosaic(samples, BAYER, replace(clean.calibration, noise=NoiseModel.gaussian(sigma, 4)))
     result = corrected(
-        Part(0, np.full(shape, 0.9, np.float32), np.full((*shape, 3), 1 / 3, np.float32)), mosaic
+        Band(0, np.full(shape, 0.9, np.float32), np.full((*shape, 3), 1 / 3, np.float32)), mosaic
     )
     change = (result.chromaticity * result.luminance[..., None] - 0.3)[
         ~BAYER.panchromatic_mask(shape)
@@ -154,12 +154,12 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
 
 def test_blocks_at_the_limit_say_nothing() -> None:
     mosaic = shot(BAYER, (60, 60), None)
-    limit, part = float(np.quantile(mosaic.signal, 0.8)), render_of(mosaic)
-    samples, result = sampled(mosaic, part.luminance, limit), corrected(part, mosaic, limit)
+    limit, band = float(np.quantile(mosaic.signal, 0.8)), render_of(mosaic)
+    samples, result = sampled(mosaic, band.luminance, limit), corrected(band, mosaic, limit)
     assert 0 < samples.unclipped.mean() < 1
     for place in samples.sites.places:
         assert (
-            (result.luminance[place] == part.luminance[place]) == ~samples.unclipped
+            (result.luminance[place] == band.luminance[place]) == ~samples.unclipped
         ).mean() > 0.99
 
 
@@ -192,6 +192,6 @@ def test_at_an_edge_without_luminance_none_is_invented() -> None:
         (np.arange(60) < 31)[None, :, None], (0.5, 0.3, 0.1), np.full((60, 60, 3), (0.1, 0.3, 0.5))
     )
     light, grey = np.full((60, 60), 0.9, np.float32), np.full(scene.shape, 1 / 3, np.float32)
-    result = corrected(Part(0, light, grey), observe(scene, CfaPattern.bayer(6)))
+    result = corrected(Band(0, light, grey), observe(scene, CfaPattern.bayer(6)))
     assert np.array_equal(result.luminance, light)
     assert np.abs(result.chromaticity - grey).max() > 0.1

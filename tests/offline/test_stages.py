@@ -14,14 +14,14 @@ from scipy.ndimage import uniform_filter1d
 from panchroma.offline import (
     BEST,
     PAPER,
-    Part,
+    Band,
     RenderSettings,
     RowStage,
     measure,
     render,
     row_stages,
 )
-from panchroma.offline.parts import Halo
+from panchroma.offline.bands import Halo
 from panchroma.offline.render import Rendering
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
@@ -41,7 +41,7 @@ def shot(rows: int = 50, columns: int = 40, pattern: CfaPattern | None = None) -
     )
 
 
-def same(shown: Part) -> Part:
+def same(shown: Band) -> Band:
     return shown
 
 
@@ -50,15 +50,15 @@ class Own(RowStage):
 
     name = "own"
 
-    def __init__(self, made: Callable[[Part], Any] = same, *look: int) -> None:
+    def __init__(self, made: Callable[[Band], Any] = same, *look: int) -> None:
         self._made, self._look = made, Halo(*look)
 
     @property
     def halo(self) -> Halo:
         return self._look
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        return self._made(part.rows(*rows))
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
+        return self._made(band.rows(*rows))
 
 
 def rendered(
@@ -117,8 +117,8 @@ def spoilt(plane: FloatArray, value: float) -> FloatArray:
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (lambda shown: None, "returned NoneType, expected an offline.Part"),
-        (lambda shown: shown.chromaticity, "returned ndarray, expected an offline.Part"),
+        (lambda shown: None, "returned NoneType, expected an offline.Band"),
+        (lambda shown: shown.chromaticity, "returned ndarray, expected an offline.Band"),
         (
             lambda shown: replace(shown, luminance=shown.luminance.astype(float)),
             r"a luminance that is float64 \(50, 40\), expected float32",
@@ -150,8 +150,8 @@ def spoilt(plane: FloatArray, value: float) -> FloatArray:
     ],
 )
 @pytest.mark.parametrize("place", [0, None])
-def test_what_is_no_such_part_is_refused_and_the_stage_named(
-    made: Callable[[Part], Any], words: str, place: int | None
+def test_what_is_no_such_band_is_refused_and_the_stage_named(
+    made: Callable[[Band], Any], words: str, place: int | None
 ) -> None:
     with pytest.raises(
         InputError, match=f"the stage 'own' returned .*{words}|the stage 'own' {words}"
@@ -242,11 +242,11 @@ class Mean(RowStage):
     def halo(self) -> Halo:
         return self._halo
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-        plane = part.luminance if self._residual else part.chromaticity
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
+        plane = band.luminance if self._residual else band.chromaticity
         mean = uniform_filter1d(plane, 2 * self._radius + 1, axis=0)
         changed = {"residual" if self._residual else "chromaticity": mean}
-        return replace(part, **changed).rows(*rows)  # type: ignore[arg-type]
+        return replace(band, **changed).rows(*rows)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("rows", [50, 300])
@@ -275,9 +275,9 @@ def test_a_halo_that_is_too_small_on_one_side_is_found(down: int) -> None:
     class Shift(RowStage):
         name, halo = "shift", Halo(2)
 
-        def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
-            places = (np.arange(len(part.luminance)) + down).clip(0, len(part.luminance) - 1)
-            return replace(part, chromaticity=part.chromaticity[places]).rows(*rows)
+        def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
+            places = (np.arange(len(band.luminance)) + down).clip(0, len(band.luminance) - 1)
+            return replace(band, chromaticity=band.chromaticity[places]).rows(*rows)
 
     with pytest.raises(InputError, match="the stage 'shift' looks farther than its Halo"):
         render(

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...offline.parts import Part
-from ...offline.render import measure, render_parts
+from ...offline.bands import Band
+from ...offline.render import measure, run_row_stages
 from ...offline.settings import BEST
 from ...offline.stages.colour_network import Cells, Residuals, Span
 from ...shared import CfaPattern, Mosaic, SensorCalibration
@@ -96,13 +96,13 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     settings = replace(BEST, learned=replace(BEST.learned, used=False))
     gamma = np.ones(3, np.float32)
     measured = measure(mosaic, settings)
-    corrected = Part.joined(list(render_parts(measured, settings)))
+    corrected = Band.joined(list(run_row_stages(measured, settings)))
     assert measured.samples is not None  # BEST uses them
     cells = Cells.of(measured.samples.sites)
     # cells that lie wholly inside the frame
     rows, columns = ((1, count - 1) for count in cells.shape)
     error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
-    truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
+    truth = Band(0, np.ones(mosaic.shape, np.float32), scene)
     return [
         _picture(cells, corrected, rows, columns).astype(_KIND),
         _picture(cells, truth, rows, columns).astype(_KIND),
@@ -111,10 +111,10 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     ]
 
 
-def _picture(cells: Cells, part: Part, rows: Span, columns: Span) -> FloatArray:
+def _picture(cells: Cells, band: Band, rows: Span, columns: Span) -> FloatArray:
     """Return R, G and B of the pixels of some cells, (3, h K, w K)."""
     weights = np.eye(3, dtype=np.float32)
-    pixels = cells.cut(part, np.ones(3, np.float32), rows, columns, weights=weights)
+    pixels = cells.cut(band, np.ones(3, np.float32), rows, columns, weights=weights)
     down, across = pixels.shape[2:]
     parted = pixels.reshape(3, cells.period, cells.period, down, across)
     return parted.transpose(0, 3, 1, 4, 2).reshape(3, down * cells.period, -1)

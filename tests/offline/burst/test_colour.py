@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panchroma.offline import Measured, Part
+from panchroma.offline import Band, Measured
+from panchroma.offline.bands import apply_stage
 from panchroma.offline.burst.colour import ColourSamples, Spreading
 from panchroma.offline.numerics.linked import TILE
-from panchroma.offline.parts import apply_stage
 from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 
@@ -52,15 +52,15 @@ def spread(
     before: FloatArray,
     rows: int = 10**6,
 ) -> FloatArray:
-    """The corrected chromaticity. rows: of each part that it is computed in."""
+    """The corrected chromaticity. rows: of each band that it is computed in."""
     channels = before.shape[2]
     calibration = SensorCalibration(LETTERS[:channels], gamma=tuple(gamma_of(channels).tolist()))
     pattern, blocks = CfaPattern.with_block((LETTERS[:channels],), 8), (0, 0, channels)
     measured = Measured(pattern, calibration, luminance, np.empty(blocks, np.float32))
     stage = Spreading(samples, measured)
-    height, whole = len(luminance), Part(0, luminance, before)
-    parts = (whole.rows(top, min(top + rows, height)) for top in range(0, height, rows))
-    result = np.concatenate([part.chromaticity for part in apply_stage(parts, stage, height)])
+    height, whole = len(luminance), Band(0, luminance, before)
+    bands = (whole.rows(top, min(top + rows, height)) for top in range(0, height, rows))
+    result = np.concatenate([band.chromaticity for band in apply_stage(bands, stage, height)])
     assert np.abs((result * measured.gamma).sum(axis=2) - 1).max() < 1e-5  # luminance stays
     return result
 
@@ -93,7 +93,7 @@ def test_a_picture_that_its_samples_confirm_stays(count: int) -> None:
     assert np.abs(after - before).max() < 1e-6
 
 
-def test_parts_leave_no_trace() -> None:
+def test_bands_leave_no_trace() -> None:
     shape = (2 * TILE + 40, TILE + 30)
     luminance, before = edge(shape), tinted(shape, 0, 0)
     samples = samples_of(tinted(shape, 0.06, -0.04), luminance, 6000)

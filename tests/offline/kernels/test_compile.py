@@ -72,11 +72,11 @@ def test_a_kernel_is_compiled_once_until_a_source_changes_that_kernels_see(tmp_p
     copied(tmp_path)
     package = tmp_path / "panchroma"
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
-    for name in ("shared/mosaic.py", "offline/README.md", "offline/._tiling.py", "offline/a b.py"):
+    for name in ("shared/mosaic.py", "offline/README.md", "offline/._patches.py", "offline/a b.py"):
         path = package / name
         path.write_text((path.read_text() if path.exists() else "") + "\n")
     (package / "offline/.#lock.py").symlink_to("nowhere")
-    (package / "offline/tiling.py").touch()
+    (package / "offline/patches.py").touch()
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
     before = {}
     for name in ("shared/arrays.py", "offline/burst/motion.py", "offline/numerics/functions.py"):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER, render, render_bands
-from panchroma.offline import tiling as product
-from panchroma.offline.parts import Halo, Part, regroup
+from panchroma.offline import patches as product
+from panchroma.offline.bands import Band, Halo, regroup
+from panchroma.offline.patches import band_rows, domain_places, patches_of
 from panchroma.offline.settings import RenderSettings
 from panchroma.offline.stages.refinement import RefinementSettings
-from panchroma.offline.tiling import bands, domain_places, patches_of
 from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
@@ -26,7 +26,7 @@ def at_once(mosaic: Mosaic, settings: RenderSettings) -> FloatArray:
     """The picture, rendered as one band: `render` has as many as `render_bands`."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(product, "_BAND", 1 << 30)
-        assert len(bands(mosaic.pattern.grid(mosaic.shape))) == 1
+        assert len(band_rows(mosaic.pattern.grid(mosaic.shape))) == 1
         return render(mosaic, settings).rgb
 
 
@@ -91,7 +91,7 @@ def test_bands_cover_every_row_and_patch_once(
 ) -> None:
     grid = pattern.grid(shape)
     monkeypatch.setattr(product, "core_patches", lambda _: (core, core))
-    found = bands(grid)
+    found = band_rows(grid)
     patches = [patches_of(grid, rows) for rows in found]
     assert (patches[0][0], patches[-1][1]) == (0, grid.patches[0])
     assert (found[0][0], found[-1][1]) == (0, shape[0])
@@ -120,14 +120,14 @@ def test_windows_show_every_row_once_with_its_surroundings(step: int, reach: int
     light = random.random((height, 3), np.float32)
     colour = random.random((height, 3, 2), np.float32)
     cuts = [0, 9, 10, 43, 60, 97, height]
-    parts = (Part(first, light[first:end], colour[first:end]) for first, end in pairwise(cuts))
+    bands = (Band(first, light[first:end], colour[first:end]) for first, end in pairwise(cuts))
     done = 0
-    for part, (first, end) in regroup(parts, height, Halo(reach, step, -3)):
+    for band, (first, end) in regroup(bands, height, Halo(reach, step, -3)):
         assert first == done
         assert end == height or (end + 3) % step == 0
-        assert part.first <= max(first - reach, 0)
-        assert part.end >= min(end + reach, height)
-        assert np.array_equal(part.luminance, light[part.first : part.end])
-        assert np.array_equal(part.rows(first, end).chromaticity, colour[first:end])
+        assert band.first <= max(first - reach, 0)
+        assert band.end >= min(end + reach, height)
+        assert np.array_equal(band.luminance, light[band.first : band.end])
+        assert np.array_equal(band.rows(first, end).chromaticity, colour[first:end])
         done = end
     assert done == height

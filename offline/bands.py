@@ -1,7 +1,7 @@
-"""A picture goes from stage to stage in parts, from top to bottom; every stage says how far it
+"""A picture goes from stage to stage in bands, from top to bottom; every stage says how far it
 looks, and gets what it needs.
 
-Nothing is computed twice, and the picture does not depend on where parts begin.
+Nothing is computed twice, and the picture does not depend on where bands begin.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,8 +23,8 @@ _ROUNDING = 1e-4  # of the largest value: what a filter may differ by from band 
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """Some rows of a picture.
+class Band:
+    """Rows of a picture that are rendered together.
 
     Attributes
     ----------
@@ -42,8 +42,8 @@ class Part:
     Examples
     --------
     >>> import numpy as np
-    >>> from panchroma.offline import Part
-    >>> Part(10, np.ones((4, 6), np.float32), np.ones((4, 6, 3), np.float32)).rows(11, 13).end
+    >>> from panchroma.offline import Band
+    >>> Band(10, np.ones((4, 6), np.float32), np.ones((4, 6, 3), np.float32)).rows(11, 13).end
     13
     """
 
@@ -58,27 +58,27 @@ class Part:
         return self.first + len(self.luminance)
 
     @classmethod
-    def joined(cls, parts: Sequence["Part"]) -> "Part":
-        """The rows of parts of which each follows the one before; a single one as it is."""
-        if len(parts) == 1:
-            return parts[0]
-        first, end = parts[0].first, parts[-1].end
+    def joined(cls, bands: Sequence["Band"]) -> "Band":
+        """The rows of bands of which each follows the one before; a single one as it is."""
+        if len(bands) == 1:
+            return bands[0]
+        first, end = bands[0].first, bands[-1].end
         planes = {
             name: np.empty((end - first, *plane.shape[1:]), plane.dtype)
-            for name, plane in parts[0]._planes()
+            for name, plane in bands[0]._planes()
         }
         copies = [
-            (planes[name][part.first - first : part.end - first], plane)
-            for part in parts
-            for name, plane in part._planes()
+            (planes[name][band.first - first : band.end - first], plane)
+            for band in bands
+            for name, plane in band._planes()
         ]
         copy_together(copies)
         return cls(first, **planes)
 
-    def rows(self, first: int, end: int) -> "Part":
+    def rows(self, first: int, end: int) -> "Band":
         """Rows `first` to `end` of the frame alone; views."""
         within = slice(first - self.first, end - self.first)
-        return Part(first, **{name: plane[within] for name, plane in self._planes()})
+        return Band(first, **{name: plane[within] for name, plane in self._planes()})
 
     def _planes(self) -> list[tuple[str, FloatArray]]:
         names = [field.name for field in fields(self)][1:]
@@ -121,8 +121,8 @@ class RowStage(Protocol):
     --------
     >>> from panchroma.offline import RowStage
     >>> class Same(RowStage):
-    ...     def __call__(self, part, rows):
-    ...         return part.rows(*rows)
+    ...     def __call__(self, band, rows):
+    ...         return band.rows(*rows)
     >>> Same().halo
     Halo(radius=0, alignment=1, offset=0)
     """
@@ -134,89 +134,89 @@ class RowStage(Protocol):
         """Rows around the requested ones that the stage needs."""
         return Halo()
 
-    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """The picture in these rows, first and end.
 
         Parameters
         ----------
-        part : Part
+        band : Band
             `halo.radius` rows more on both sides, as far as the frame goes.
         """
         ...
 
 
 def run_stages(
-    parts: Iterable[Part],
+    bands: Iterable[Band],
     stages: Iterable[RowStage],
     height: int,
     progress: Progress = SILENT,
     *,
     check_halos: bool = False,
-) -> Iterable[Part]:
-    """Lead a picture that arrives in parts, from top to bottom, through the stages.
+) -> Iterable[Band]:
+    """Lead a picture that arrives in bands, from top to bottom, through the stages.
 
     Parameters
     ----------
     height : int
         Its rows.
     check_halos : bool, optional
-        Raise InputError if a stage of one's own depends on more rows than its halo has: each part
+        Raise InputError if a stage of one's own depends on more rows than its halo has: each band
         is made a second time, in two halves. It cannot tell from less than two rows.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from panchroma.offline.parts import Part, RowStage, run_stages
+    >>> from panchroma.offline.bands import Band, RowStage, run_stages
     >>> class Darker(RowStage):
-    ...     def __call__(self, part, rows):
-    ...         shown = part.rows(*rows)
-    ...         return Part(shown.first, shown.luminance / 2, shown.chromaticity)
-    >>> parts = [Part(row, np.ones((1, 4), np.float32), np.ones((1, 4, 3), np.float32)) for row in
+    ...     def __call__(self, band, rows):
+    ...         shown = band.rows(*rows)
+    ...         return Band(shown.first, shown.luminance / 2, shown.chromaticity)
+    >>> bands = [Band(row, np.ones((1, 4), np.float32), np.ones((1, 4, 3), np.float32)) for row in
     ...     range(2)]
-    >>> [float(part.luminance.max()) for part in run_stages(parts, [Darker(), Darker()], 2)]
+    >>> [float(band.luminance.max()) for band in run_stages(bands, [Darker(), Darker()], 2)]
     [0.25, 0.25]
     """
     for stage in stages:
-        parts = apply_stage(parts, stage, height, progress, check_halos=check_halos)
-    return parts
+        bands = apply_stage(bands, stage, height, progress, check_halos=check_halos)
+    return bands
 
 
 def apply_stage(
-    parts: Iterable[Part],
+    bands: Iterable[Band],
     stage: RowStage,
     height: int,
     progress: Progress = SILENT,
     *,
     check_halos: bool = False,
-) -> Iterator[Part]:
-    """The picture after one stage, part by part; see `run_stages`.
+) -> Iterator[Band]:
+    """The picture after one stage, in bands; see `run_stages`.
 
     Raises
     ------
     InputError
-        For what a stage of one's own returns, if it is no such part.
+        For what a stage of one's own returns, if it is no such band.
     """
     ours = type(stage).__module__.startswith(f"{__package__}.")
-    for part, rows in regroup(parts, height, stage.halo):
-        progress.part(stage.name)
-        made = stage(part, rows)
+    for band, rows in regroup(bands, height, stage.halo):
+        progress.substep(stage.name)
+        made = stage(band, rows)
         if not ours:
-            made = _checked(made, f"the stage {stage.name!r} returned", part, rows)
+            made = _checked(made, f"the stage {stage.name!r} returned", band, rows)
             if check_halos:
-                _check_halo(stage, part, made)
+                _check_halo(stage, band, made)
         yield made
 
 
-def _check_halo(stage: RowStage, part: Part, made: Part) -> None:
-    """Raise InputError if a stage makes other rows of a part that is cut in the middle, as far from
+def _check_halo(stage: RowStage, band: Band, made: Band) -> None:
+    """Raise InputError if a stage makes other rows of a band that is cut in the middle, as far from
     there as its halo says.
     """
     radius, alignment, offset = stage.halo
     middle = offset + ((made.first + made.end) // 2 - offset) // alignment * alignment
-    upper = made.first, middle, part.first, min(middle + radius, part.end)
-    lower = middle, made.end, max(middle - radius, part.first), part.end
+    upper = made.first, middle, band.first, min(middle + radius, band.end)
+    lower = middle, made.end, max(middle - radius, band.first), band.end
     for first, end, *cut in (upper, lower) if made.first < middle < made.end else ():
-        again = dict(stage(part.rows(*cut), (first, end))._planes())
+        again = dict(stage(band.rows(*cut), (first, end))._planes())
         for name, plane in made.rows(first, end)._planes():
             apart = np.abs(again[name] - plane).reshape(end - first, -1).max(axis=1)
             if apart.max() > _ROUNDING * max(float(np.abs(plane).max()), DARK):
@@ -226,13 +226,13 @@ def _check_halo(stage: RowStage, part: Part, made: Part) -> None:
                 )
 
 
-def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> Part:
+def _checked(made: object, returned: str, band: Band, rows: tuple[int, int]) -> Band:
     """Output of a user's stage for these rows, with contiguous planes. Raises InputError, which
     begins with `returned`.
     """
-    if not isinstance(made, Part):
-        raise InputError(f"{returned} {type(made).__name__}, expected an offline.Part")
-    width, channels = part.chromaticity.shape[1:]
+    if not isinstance(made, Band):
+        raise InputError(f"{returned} {type(made).__name__}, expected an offline.Band")
+    width, channels = band.chromaticity.shape[1:]
     shape = rows[1] - rows[0], width
     shapes = {"luminance": shape, "chromaticity": (*shape, channels), "residual": shape}
     planes = {name: getattr(made, name) for name in shapes}
@@ -250,33 +250,33 @@ def _checked(made: object, returned: str, part: Part, rows: tuple[int, int]) -> 
             raise InputError(f"{returned} a {name} that is not finite, {place}")
         planes[name] = np.ascontiguousarray(plane)
     if made.first != rows[0]:
-        wanted = f"expected {rows[0]} to {rows[1]}: part.rows(*rows) cuts them out"
+        wanted = f"expected {rows[0]} to {rows[1]}: band.rows(*rows) cuts them out"
         raise InputError(f"{returned} rows from {made.first} on, {wanted}")
-    return Part(made.first, **planes)
+    return Band(made.first, **planes)
 
 
 def regroup(
-    parts: Iterable[Part], height: int, halo: Halo
-) -> Iterator[tuple[Part, tuple[int, int]]]:
-    """Cut a picture into other parts: yield (part, rows), where the part holds `halo.radius` rows
+    bands: Iterable[Band], height: int, halo: Halo
+) -> Iterator[tuple[Band, tuple[int, int]]]:
+    """Cut a picture into other bands: yield (band, rows), where a band holds `halo.radius` rows
     more around `rows`.
 
     Parameters
     ----------
-    parts : Iterable[Part]
+    bands : Iterable[Band]
         From top to bottom.
     height : int
         Rows of the whole picture.
     """
-    waiting, done = list[Part](), 0
-    for part in parts:
-        waiting.append(part)
-        end = part.end
+    waiting, done = list[Band](), 0
+    for band in bands:
+        waiting.append(band)
+        end = band.end
         if end < height:
             end -= halo.radius
             end -= (end - halo.offset) % halo.alignment
         if end > done:
-            held = Part.joined(waiting)
+            held = Band.joined(waiting)
             yield held, (done, end)
             done = end
             rest = held.rows(max(done - halo.radius, held.first), held.end)

@@ -34,7 +34,7 @@ def core_patches(period: int) -> tuple[int, int]:
     return down, across
 
 
-def bands(grid: BlockGrid) -> list[tuple[int, int]]:
+def band_rows(grid: BlockGrid) -> list[tuple[int, int]]:
     """First row and end of the bands of a frame, from top to bottom: they end where cores do."""
     (height, width), ((above, _), _) = grid.frame, grid.padding
     core = core_patches(grid.period)[0] * grid.period
