@@ -29,6 +29,9 @@ STEPS = {
     "`paper`": PAPER,
     "`paper`, no medians": replace(PAPER, chromaticity=replace(PAPER.chromaticity, repetitions=0)),
     "`paper`, no refinement": replace(PAPER, refinement=BEST.refinement),
+    "`paper`, refined five times": replace(
+        PAPER, refinement=replace(PAPER.refinement, repetitions=5)
+    ),
     "`best`": BEST,
     "`best`, no network for luminance": replace(BEST, luminance=_FILLED),
     "`best`, no networks": PRESETS["unlearned"],
