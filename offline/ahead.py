@@ -12,9 +12,9 @@ from .settings import RenderSettings
 
 # Those that take longest to compile come first, so that several processes end at about the same
 # time.
-_LONGEST = "solve_regions", "average", "denoise", "fill_blocks", "shrink_once"
+_LONGEST = "solve_fields", "average", "denoise", "fill_blocks", "shrink_once"
 _SETTINGS = {"colour_lines": "lines", "colour_network": "learned"}  # that use other stages' modules
-_RARE = "solve_tiles"  # for scattered colour sites, and for bursts
+_RARE = "solve_linked"  # for scattered colour sites, and for bursts
 
 
 def used_kernels(*settings: RenderSettings) -> list[str]:

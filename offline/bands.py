@@ -13,7 +13,7 @@ import numpy as np
 from ..shared.arrays import FloatArray
 from ..shared.errors import InputError
 from ..shared.progress import SILENT, Progress
-from .numerics.pieces import copy_together
+from .numerics.chunks import copy_together
 
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No

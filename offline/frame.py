@@ -19,7 +19,7 @@ from ..shared.calibration import NoiseModel
 from ..shared.mosaic import Mosaic
 from ..shared.pattern import CfaPattern
 from ..shared.shading import Shading
-from .numerics.pieces import BLOCK_ROWS, in_strips
+from .numerics.chunks import BLOCK_ROWS, in_strips
 
 _LEAST_LEVEL = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
 # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
@@ -182,8 +182,8 @@ class Sites:
             (count - 1) * period + 1 for count in (rows.stop - rows.start, self.shape[1])
         )
         first = max(top - 1, 0)
-        part, sides = plane[first : top + down + period], ((top == 0, period), (left == 0, period))
-        near = np.pad(part, sides, constant_values=np.nan)
+        cut, sides = plane[first : top + down + period], ((top == 0, period), (left == 0, period))
+        near = np.pad(cut, sides, constant_values=np.nan)
         for row, column in steps:
             y, x = row + top - first + (top == 0), column + left + (left == 0)
             yield near[y : y + down : period, x : x + across : period]
@@ -287,7 +287,7 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
     """Distance of luminance at a site from the mean of the pixels one block's size to either side;
     the larger of both axes.
 
-    The error of filled luminance grows with it. A block that is a whole tile counts as `_WIDEST`
+    The error of filled luminance grows with it. A block that is a whole period counts as `_WIDEST`
     pixels wide at most.
 
     Parameters
@@ -295,8 +295,8 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
     site : tuple[slice, slice]
         Slices of the rows and columns of `luminance`.
     """
-    is_tile = grid.block_shape == (grid.period, grid.period)
-    block = (min(grid.period, _WIDEST),) * 2 if is_tile else grid.block_shape
+    is_whole = grid.block_shape == (grid.period, grid.period)
+    block = (min(grid.period, _WIDEST),) * 2 if is_whole else grid.block_shape
     places = [np.arange(along.start, along.stop, along.step) for along in site]
     bends = []
     for axis, step in enumerate(block):

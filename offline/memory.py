@@ -16,7 +16,7 @@ _SITE = 10.0
 # rows, by what is used of them: the paper's, the corrections at the sites, pinning, and the network
 # for colour with the rows around that it sees.
 _PAPER, _SITES, _PINNING, _LEARNED = 34.0, 14.0, 36.0, 37.0
-_NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work
+_NETWORK = 90 * 2**20  # bytes, with its runtime and the chunks that are at work
 
 # Of bursts, bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame
 # (luminance, agreement, colour samples) and besides (what compares one frame with the reference).

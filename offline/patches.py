@@ -1,44 +1,63 @@
-"""Coordinates of patches, cores and bands of a frame, and of the domain (the frame mirrored out to
-whole patches).
+"""Coordinates of patches, chunks and bands of a frame, and of the padded frame (the frame mirrored
+out to whole patches).
 
-A band is a whole number of rows of cores (see `stages.affinity`).
+A band is a whole number of rows of chunks, without their halos (see `stages.affinity`).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
-from ..shared.arrays import BORDER, IndexArray
+from ..shared.arrays import BORDER, FloatArray
 from ..shared.block_grid import BlockGrid
+from .numerics.arrays import Floats2, Ints1
 
 HALO = 2
-"""Patches around a core that are solved with it. Fields are then off by at most 0.007, by 1e-4 rms
+"""Patches around a chunk that are solved with it. Fields are then off by at most 0.007, by 1e-4 rms
 (photographs): a tenth of the error that a residual of 1e-3 leaves.
 """
-# Pixels of a region with its halo, down and across, and patches of a core. Few rows make low bands,
-# which need less memory; longer regions solve less of their surroundings.
-_REGION, _LEAST_CORE = (144, 288), 8
+# Pixels of a chunk with its halo, down and across, and patches without it. Few rows make low bands,
+# which need less memory; longer chunks solve less of their halos.
+_CHUNK, _LEAST_PATCHES = (144, 288), 8
 # The least number of rows of a band, so that every thread has work. Wide frames need fewer rows for
 # that: their bands have about `_ENOUGH` pixels, so that the planes of a band fit in the cache and
 # their memory is reused.
 _BAND, _ENOUGH = 192, 400_000
 
 
-def core_patches(period: int) -> tuple[int, int]:
-    """The number of rows, and of columns, of patches in the core of a region.
+class PaddedFrame(NamedTuple):
+    """Luminance of a frame, mirrored beyond its edges.
+
+    Attributes
+    ----------
+    luminance : Floats2
+        (H, W), scene units.
+    rows, columns : Ints1
+        The frame's row at each row of the padded frame, and its column at each column.
+    """
+
+    luminance: Floats2
+    rows: Ints1
+    columns: Ints1
+
+
+def chunk_patches(period: int) -> tuple[int, int]:
+    """The number of rows, and of columns, of patches in a chunk without its halo.
 
     Parameters
     ----------
     period : int
         K, pixels.
     """
-    down, across = (max(_LEAST_CORE, pixels // period - 2 * HALO) for pixels in _REGION)
+    down, across = (max(_LEAST_PATCHES, pixels // period - 2 * HALO) for pixels in _CHUNK)
     return down, across
 
 
 def band_rows(grid: BlockGrid) -> list[tuple[int, int]]:
-    """First row and end of the bands of a frame, from top to bottom: they end where cores do."""
+    """First row and end of the bands of a frame, from top to bottom: they end where chunks do."""
     (height, width), ((above, _), _) = grid.frame, grid.padding
-    core = core_patches(grid.period)[0] * grid.period
-    step = -(-min(_BAND, -(-_ENOUGH // width)) // core) * core
+    chunk = chunk_patches(grid.period)[0] * grid.period
+    step = -(-min(_BAND, -(-_ENOUGH // width)) // chunk) * chunk
     ends = [*range(step - above, height, step), height]
     return list(zip([0, *ends], ends, strict=False))
 
@@ -49,8 +68,8 @@ def patches_of(grid: BlockGrid, rows: tuple[int, int]) -> tuple[int, int]:
     return (rows[0] + above) // grid.period, -(-(rows[1] + above) // grid.period)
 
 
-def domain_places(grid: BlockGrid, reach: int = 0) -> tuple[IndexArray, IndexArray]:
-    """The frame row at each row of the domain, and the frame column at each of its columns.
+def pad_frame(luminance: FloatArray, grid: BlockGrid, reach: int = 0) -> PaddedFrame:
+    """Luminance of the frame, mirrored out to whole patches.
 
     Parameters
     ----------
@@ -61,4 +80,4 @@ def domain_places(grid: BlockGrid, reach: int = 0) -> tuple[IndexArray, IndexArr
         np.pad(np.pad(np.arange(size), padding, mode=BORDER), reach, mode=BORDER)
         for size, padding in zip(grid.frame, grid.padding, strict=True)
     )
-    return rows, columns
+    return PaddedFrame(luminance, rows, columns)

@@ -19,7 +19,7 @@ from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages
 from .frame import BlockSums, Cleaned, unclipped_blocks
 from .measured import Measured
-from .numerics.pieces import copy_together
+from .numerics.chunks import copy_together
 from .patches import band_rows
 from .settings import BEST, RenderSettings
 from .stages.chromaticity import estimate_chromaticities

@@ -21,8 +21,8 @@ from .stages.refinement import RefinementSettings
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """All settings of a render, one part per stage, in order of execution. The presets are `PAPER`
-    and `BEST`.
+    """All settings of a render, one object per stage, in order of execution. The presets are
+    `PAPER` and `BEST`.
 
     Stages with a `Switch` are not in the paper: `BEST` has all of them, `PAPER` none. correction
     distributes the residual of the picture at the colour sites (`stages.correction`), pinning where
@@ -71,14 +71,14 @@ class RenderSettings:
         """True if a switch is on: these stages use the samples of the colour sites, or the residual
         of the picture there.
         """
-        return any(part.used for part in vars(self).values() if isinstance(part, Switch))
+        return any(stage.used for stage in vars(self).values() if isinstance(stage, Switch))
 
     def switched(self, used: bool) -> "RenderSettings":
         """These settings with every `Switch` on or off."""
         switches: dict[str, Any] = {
-            name: replace(part, used=used)
-            for name, part in vars(self).items()
-            if isinstance(part, Switch)
+            name: replace(stage, used=used)
+            for name, stage in vars(self).items()
+            if isinstance(stage, Switch)
         }
         return replace(self, **switches)
 

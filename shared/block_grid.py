@@ -17,9 +17,9 @@ class BlockGrid:
 
     A patch begins in the middle of a block, so that its four corners lie in four blocks, or next to
     them if these are not 2 x 2 (Fig. 2). Patches cover the frame; the frame mirrored out to whole
-    patches is the *domain*. Block [0, 0] is at the top left corner of the first patch. Blocks that
-    lie partly or wholly outside the frame measure nothing and take the values of the nearest whole
-    one.
+    patches is the *padded frame*. Block [0, 0] is at the top left corner of the first patch. Blocks
+    that lie partly or wholly outside the frame measure nothing and take the values of the nearest
+    whole one.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class BlockGrid:
 
     @cached_property
     def patches(self) -> tuple[int, int]:
-        """Number of patches (down, across); the domain has K times as many rows and columns."""
+        """Number of patches (down, across); the padded frame has K times as many rows."""
         rows, columns = (
             (size + sum(pad)) // self.period
             for size, pad in zip(self.frame, self.padding, strict=True)

@@ -35,7 +35,7 @@ def session(model: Path | bytes, *, as_written: bool = False) -> Any:
         chooses.
     """
     options = onnxruntime.SessionOptions()
-    # our pieces run in parallel instead
+    # our chunks run in parallel instead
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     if as_written:

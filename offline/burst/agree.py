@@ -6,7 +6,7 @@ frame samples at other places (aliasing), so edges and texture differ even where
 changed: differences are tolerated in proportion to the contrast of both. Four signs show a change:
 another mean; differences as large as the texture; many small differences of one sign over a wide
 neighbourhood (a pale thing in noise); and differences that a shift explains (a branch that sways by
-a part of a pixel).
+a fraction of a pixel).
 
 Something may move in front of something else of the same luminance. The shares of the channels in
 its blocks then lie outside those of all blocks of the reference nearby. A thin coloured line may do
@@ -157,10 +157,10 @@ def agreement(reference: Reference, frame: Frame, light: FloatArray, motion: Mot
     deviation, result = colour_change(reference, frame, motion), np.empty(light.shape, np.uint8)
     for rows in strips(len(light), _STRIP):
         first = max(rows.start - _HALO, 0)
-        part = slice(first, rows.stop + _HALO)
-        own = replace(reference.frame, luminance=reference.frame.luminance[part])
+        near = slice(first, rows.stop + _HALO)
+        own = replace(reference.frame, luminance=reference.frame.luminance[near])
         agrees = agreement_of_luminance(
-            own, View(light[part], frame.noise, frame.limit), measured[part]
+            own, View(light[near], frame.noise, frame.limit), measured[near]
         )
         agrees = agrees[rows.start - first : rows.stop - first]
         result[rows] = np.rint(

@@ -1,7 +1,7 @@
 """Motion of a frame of a hand-held series against the reference, found from both, with OpenCV.
 
 Normalised correlation of small copies finds the shift. On each larger copy the enhanced correlation
-coefficient (ECC: Evangelidis and Psarakis 2008) finds shift and rotation to a small part of a
+coefficient (ECC: Evangelidis and Psarakis 2008) finds shift and rotation to a small fraction of a
 pixel. Where the frames differ by much of their texture, something moves, and does not count. Where
 most of the picture lies elsewhere still (parallax), dense optical flow (DIS: Kroeger et al. 2016)
 gives local shifts.
@@ -57,7 +57,7 @@ _MODEL = cv2.MOTION_EUCLIDEAN, (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT,
 # errors are twice as large (0.008 instead of 0.005 pixels, 0.037 instead of 0.016 with lamps)
 _BLACK = 0.1
 _ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
-_TILE = 32  # pixels between nodes of local shifts
+_STEP = 32  # pixels between nodes of local shifts
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
 # pixels: local shifts that are worth it explain the differences that such a shift makes,
@@ -303,7 +303,7 @@ def _fit(copy: _Copy, motion: Motion) -> Alignment:
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
     wide = [
-        plane - _around(plane, _TILE) for plane in (copy.reference, aligned.light - copy.reference)
+        plane - _around(plane, _STEP) for plane in (copy.reference, aligned.light - copy.reference)
     ]
     texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
@@ -315,7 +315,7 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     the motion says.
     """
     shape, inside = copy.reference.shape, np.isfinite(displaced(copy.frame, motion))
-    places = [np.linspace(0, size - 1, max(round(size / _TILE) + 1, 2)) for size in shape]
+    places = [np.linspace(0, size - 1, max(round(size / _STEP) + 1, 2)) for size in shape]
     nodes = np.ix_(*(np.rint(along).astype(np.intp) for along in places))
     local = np.zeros((*np.broadcast(*nodes).shape, 2), np.float32)
     steep = np.square(np.gradient(copy.reference)).sum(axis=0)
@@ -331,12 +331,12 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
         flow = optical.calc(first, second, np.zeros((*shape, 2), np.float32))
         flow = np.moveaxis(flow, 2, 0)[::-1]
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
-        total, *sums = (_around(plane, _TILE)[nodes] for plane in (counts, *(counts * flow)))
+        total, *sums = (_around(plane, _STEP)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
         moved.append(_aligned(copy, replace(motion, local=local)).light)
     before, after = (np.square(light - copy.reference) * inside for light in (moved[0], moved[-1]))
     worth = _NOISY * after + _NOTABLE**2 * inside * steep + TINY
-    share = _around(before - after, 2 * _TILE)[nodes] / _around(worth, 2 * _TILE)[nodes]
+    share = _around(before - after, 2 * _STEP)[nodes] / _around(worth, 2 * _STEP)[nodes]
     if np.median(share) < (_LOST + _WON) / 2:
         return None
     return local * np.clip((share - _LOST) / (_WON - _LOST), 0, 1)[..., None].astype(np.float32)

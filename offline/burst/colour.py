@@ -24,7 +24,7 @@ from ..bands import DARK, Band, Halo, RowStage
 from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
 from ..measured import Measured
 from ..numerics.gaussian import smoothed
-from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
+from ..numerics.linked import SIDE, Extent, Prior, Samples, fitted
 from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY
 from .motion import in_reference
@@ -55,7 +55,7 @@ alone, up to 1, where it is.
 Chosen: half of it costs 0.5 dB, twice gains 0.02.
 """
 HALO = 24
-"""Pixels around a tile that are solved with it. Chosen."""
+"""Pixels around a chunk that are solved with it. Chosen."""
 TOLERANCE = 1e-3
 """Relative residual at which conjugate gradients stop. Chosen: that of `AffinitySettings`."""
 
@@ -245,8 +245,8 @@ class Spreading(RowStage):
 
     @property
     def halo(self) -> Halo:
-        """A tile and what surrounds it."""
-        return Halo(HALO + 1, TILE)  # a sample beside the halo shows in its last row
+        """A chunk and what surrounds it."""
+        return Halo(HALO + 1, SIDE)  # a sample beside the halo shows in its last row
 
     @cached_property
     def _in_rows(self) -> tuple[IndexArray, FloatArray, FloatArray]:

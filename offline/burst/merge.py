@@ -18,17 +18,17 @@ from ...shared.calibration import NoiseModel
 from ...shared.mosaic import Mosaic
 from ..frame import Sites
 from ..numerics.arrays import Area, Bools2, Bytes3, Doubles2, Floats2, Floats3, Ints2, Scalar
-from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.functions import tile_at, zeros
+from ..numerics.chunks import chunk_count
+from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.functions import chunk_at, zeros
 from ..numerics.gaussian import gaussian, smooth_rows
 from ..numerics.interpolation import interpolated
-from ..numerics.pieces import tiles
 from ..settings import RenderSettings
 from ..stages.denoising import denoise_luminance
 from .motion import Motions, displaced, frame_place, reference_place
 from .select import Kept
 
-_ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, chosen for speed, and around it
+_ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a chunk, chosen for speed, and around it
 _ITERATIONS = 4  # rounds; chosen
 _FILLED = 0.05  # weight of interpolated light where a frame has colour sites; chosen
 # samples per place of the grid, below which a correction is reduced; chosen
@@ -123,8 +123,8 @@ def denoised(
         return luminance
     level = -np.log2(noise_ratio)
     most = max(float(np.median(level)), 1e-3)
-    part = 0.5**most
-    shot, read = np.array(noise.shot) * part, np.array(noise.read) * part**0.5
+    ratio = 0.5**most
+    shot, read = np.array(noise.shot) * ratio, np.array(noise.read) * ratio**0.5
     less = NoiseModel(tuple(shot.tolist()), tuple(read.tolist()))
     quieter = replace(samples, calibration=replace(samples.calibration, noise=less.possible()))
     result, alone = denoise_luminance(luminance, quieter, settings.denoising), 1 - level / most
@@ -134,8 +134,8 @@ def denoised(
     return result
 
 
-@parallel_kernel(pieces=lambda frames, *_: tiles(frames.planes.shape[1:], (_ROWS, _COLUMNS)))
-def merge(pieces: Pieces, frames: Frames, luminance: Floats2, noise_ratio: Floats2) -> None:
+@parallel_kernel(chunks=lambda frames, *_: chunk_count(frames.planes.shape[1:], (_ROWS, _COLUMNS)))
+def merge(chunks: Chunks, frames: Frames, luminance: Floats2, noise_ratio: Floats2) -> None:
     """Merge the frames of a burst.
 
     Parameters
@@ -144,23 +144,23 @@ def merge(pieces: Pieces, frames: Frames, luminance: Floats2, noise_ratio: Float
         Written, see `merge_luminance`.
     """
     _, height, width = frames.planes.shape
-    for tile in range(pieces[0], pieces[1]):
-        core = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
-        top, bottom = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height)
-        left, right = max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
+    for chunk in range(chunks[0], chunks[1]):
+        own = chunk_at(chunk, (height, width), (_ROWS, _COLUMNS))
+        top, bottom = max(own[0] - _MARGIN, 0), min(own[1] + _MARGIN, height)
+        left, right = max(own[2] - _MARGIN, 0), min(own[3] + _MARGIN, width)
         area = top, bottom, left, right
         extents = np.empty((len(frames.planes), 4), np.intp)
-        fine = _start(frames, area, core, noise_ratio, extents)
+        fine = _start(frames, area, own, noise_ratio, extents)
         _sharpen(fine, samples_in(frames, area, extents))
-        for y in range(2 * core[0], min(2 * core[1], len(luminance))):
-            for x in range(2 * core[2], min(2 * core[3], luminance.shape[1])):
+        for y in range(2 * own[0], min(2 * own[1], len(luminance))):
+            for x in range(2 * own[2], min(2 * own[3], luminance.shape[1])):
                 luminance[y, x] = fine[y - 2 * area[0], x - 2 * area[2]]
 
 
 @kernel
-def _start(frames: Frames, area: Area, core: Area, noise_ratio: Floats2, extents: Ints2) -> Floats2:
+def _start(frames: Frames, area: Area, own: Area, noise_ratio: Floats2, extents: Ints2) -> Floats2:
     """The mean of the interpolated frames on the grid of half pixels of an area; write
-    `noise_ratio` in its core, and `extents`.
+    `noise_ratio` in its interior, and `extents`.
 
     extents: (F, 4), first and end row, first and end column, of each frame's pixels that may lie
     where it agrees in the area.
@@ -195,7 +195,7 @@ def _start(frames: Frames, area: Area, core: Area, noise_ratio: Floats2, extents
         for column in range(columns):
             y, x, total = area[0] + row, area[2] + column, totals[row, column]
             mean[row, column] /= total
-            if core[0] <= y < core[1] and core[2] <= x < core[3]:
+            if own[0] <= y < own[1] and own[2] <= x < own[3]:
                 share = spreads[row, column] / (total * total)
                 noise_ratio[y, x] = share if share < _ALONE else _ONE
     fine = zeros(2 * rows - 1, 2 * columns - 1)

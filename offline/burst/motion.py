@@ -12,7 +12,7 @@ import numpy as np
 from ...shared.arrays import DoubleArray, FloatArray
 from ...shared.errors import InputError
 from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.interpolation import interpolated
 
 # that invert local shifts, which differ by less than 0.1 from pixel to pixel: each divides the
@@ -171,7 +171,7 @@ def _local_shift(motions: Motions, frame: int, y: float, x: float) -> tuple[floa
 
 @parallel_kernel()
 def map_points(
-    pieces: Pieces, motions: Motions, points: Doubles2, inverse: int, out: Floats2
+    chunks: Chunks, motions: Motions, points: Doubles2, inverse: int, out: Floats2
 ) -> None:
     """Write the places in a frame of points (N, 2) of the reference, or with `inverse` the other
     way.
@@ -181,7 +181,7 @@ def map_points(
     motions : Motions
         One.
     """
-    for point in range(pieces[0], pieces[1]):
+    for point in range(chunks[0], chunks[1]):
         y, x = points[point, 0], points[point, 1]
         out[point, 0], out[point, 1] = (
             reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
@@ -189,7 +189,7 @@ def map_points(
 
 
 @parallel_kernel()
-def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> None:
+def displace(chunks: Chunks, plane: Floats2, motions: Motions, out: Floats2) -> None:
     """Write a frame's plane, (H, W), as the reference would see it; NaN where the frame sees
     nothing.
 
@@ -199,7 +199,7 @@ def displace(pieces: Pieces, plane: Floats2, motions: Motions, out: Floats2) -> 
         One.
     """
     height, width = plane.shape
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         for column in range(width):
             y, x = frame_place(motions, 0, float(row), float(column))
             inside = -0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5

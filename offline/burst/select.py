@@ -27,16 +27,16 @@ from .motion import Motion, displaced
 # keeps and those that it refuses.
 _LEAST_AGREEMENT = 0.2  # share of the frame
 _LEAST_SHARPNESS = 0.85  # of the reference's detail; noise and aliasing leave 0.98 or more of it
-# of what noise accounts for: tiles with less detail beyond noise do not show sharpness
+# of what noise accounts for: windows with less detail beyond noise do not show sharpness
 _DETAIL = 0.5
-# a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
+# a quarter of the windows brighter or darker by this share than the middle: light from elsewhere
 _UNEVEN = 0.12
 _LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared
 # share of clipped pixels; light in units of the noise: beyond, a frame shows nothing
 _GONE, _DARK = 0.9, 0.5
-# Pixels: Gaussians whose difference shows detail that a soft frame has lost, and tiles that are
+# Pixels: Gaussians whose difference shows detail that a soft frame has lost, and windows that are
 # compared.
-_FINE, _COARSE, _TILE = 0.8, 1.6, 32
+_FINE, _COARSE, _WINDOW = 0.8, 1.6, 32
 # Chosen: they decide between frames that would do.
 _CANDIDATES = 4  # frames that are tried as the reference
 # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
@@ -312,37 +312,37 @@ def _floor(frame: View) -> float:
 
 
 def _detail(view: View, visible: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Power of fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0
-    where not all is visible.
+    """Power of fine detail in windows, and how much of it noise accounts for, (rows, columns) each;
+    0 where not all is visible.
     """
     fine = smoothed(view.luminance, _FINE) - smoothed(view.luminance, _COARSE)
-    whole, coarse = _tile_means(visible) == 1, gaussian(_COARSE).astype(np.float64)
+    whole, coarse = _window_means(visible) == 1, gaussian(_COARSE).astype(np.float64)
     taps = np.pad(gaussian(_FINE).astype(np.float64), (len(coarse) - len(gaussian(_FINE))) // 2)
     # share of white noise that is left
     of_noise = np.float32(np.square(np.outer(taps, taps) - np.outer(coarse, coarse)).sum())
-    noise = of_noise * _tile_means(view.variance(view.luminance)) * whole
-    return _tile_means(np.square(fine)) * whole, noise
+    noise = of_noise * _window_means(view.variance(view.luminance)) * whole
+    return _window_means(np.square(fine)) * whole, noise
 
 
 def _sharpness(reference: View, frame: View, visible: BoolArray) -> float:
-    """Amplitude of the frame's fine detail relative to the reference's: the median over tiles,
+    """Amplitude of the frame's fine detail relative to the reference's: the median over windows,
     which count by it.
     """
     (own, own_noise), (other, other_noise) = (_detail(view, visible) for view in (reference, frame))
     clear = own - own_noise > _DETAIL * np.maximum(own_noise, other_noise) + TINY
     if not clear.any():
-        return 1.0  # no tile shows it
+        return 1.0  # no window shows it
     weights = np.sqrt((own - own_noise)[clear])
     ratio = np.sqrt(np.maximum(other - other_noise, 0)[clear]) / weights
     return float(np.quantile(ratio, 0.5, weights=weights, method="inverted_cdf"))
 
 
 def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
-    """Difference of the light of a quarter of the tiles from what the exposure explains, a share of
-    it.
+    """Difference of the light of a quarter of the windows from what the exposure explains, a share
+    of it.
     """
     share, own, other = (
-        _tile_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance)
+        _window_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance)
     )
     lit = (share > 0.5) & (own > _LIT * _floor(reference) * share) & (other > 0)
     if not lit.any():
@@ -351,9 +351,9 @@ def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
     return float(np.expm1(np.quantile(np.abs(ratio - np.median(ratio)), 0.75)))
 
 
-def _tile_means(plane: FloatArray | BoolArray) -> FloatArray:
-    """Means of whole tiles of 32 x 32 pixels; of all of a plane that is smaller."""
-    size = min(_TILE, *plane.shape)
+def _window_means(plane: FloatArray | BoolArray) -> FloatArray:
+    """Means of whole windows of 32 x 32 pixels; of all of a plane that is smaller."""
+    size = min(_WINDOW, *plane.shape)
     rows, columns = (count // size * size for count in plane.shape)
     cut = plane[:rows, :columns].reshape(rows // size, size, columns // size, size)
     return cut.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)

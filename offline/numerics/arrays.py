@@ -1,7 +1,7 @@
 """Types of the arguments of kernels: NumPy's for type checkers, and the number of axes, for which
 Numba compiles.
 
-A digit is the number of axes. Arrays are contiguous, except where a part of kernels is given a
+A digit is the number of axes. Arrays are contiguous, except where a callee of kernels is given a
 section of one.
 """
 

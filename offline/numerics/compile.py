@@ -46,7 +46,7 @@ from ...shared.processors import threads
 from ...shared.source import code_digest
 from ...shared.writing import write_durably
 from .arrays import Pair
-from .pieces import in_pieces
+from .chunks import in_chunks
 
 F = TypeVar("F", bound=Callable[..., Any])
 P = ParamSpec("P")
@@ -62,8 +62,8 @@ _OPTIONS: dict[str, Any] = {
 _compiling = threading.Lock()
 _listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("listeners", default=())
 
-Pieces = Pair
-"""First piece and end, which every kernel takes before all other arguments: what it computes in one
+Chunks = Pair
+"""First chunk and end, which every kernel takes before all other arguments: what it computes in one
 call.
 """
 
@@ -93,9 +93,9 @@ class ParallelKernel(Generic[P]):
     """
 
     def __init__(
-        self, function: Callable[Concatenate[Pieces, P], None], pieces: Callable[..., int]
+        self, function: Callable[Concatenate[Chunks, P], None], chunks: Callable[..., int]
     ) -> None:
-        self.function, self._pieces = function, pieces
+        self.function, self._chunks = function, chunks
         self._compiled: Callable[..., None] | None = None
 
     @property
@@ -104,13 +104,13 @@ class ParallelKernel(Generic[P]):
         return self._compiled is not None
 
     def __call__(self, *arguments: P.args, **_: P.kwargs) -> None:
-        """Compute all pieces, in `pieces.threads()` threads."""
-        compiled, pieces = self.compile(), self._pieces(*arguments)
+        """Compute all chunks, in `threads()` threads."""
+        compiled, chunks = self.compile(), self._chunks(*arguments)
         largest = max(array.size for array in _arrays(arguments))
-        together = max(1, min(pieces * _TOGETHER // max(largest, 1), -(-pieces // (2 * threads()))))
+        together = max(1, min(chunks * _TOGETHER // max(largest, 1), -(-chunks // (2 * threads()))))
         if largest <= LITTLE:
-            together = pieces
-        in_pieces(lambda *part: compiled(part, *arguments), pieces, together)
+            together = chunks
+        in_chunks(lambda *span: compiled(span, *arguments), chunks, together)
 
     def compile(self) -> Callable[..., None]:
         """Read the machine code from the disk, or compile it and keep it there; return the
@@ -235,21 +235,21 @@ def _numba_type(annotation: Any) -> Any:
 
 
 kernels: dict[str, ParallelKernel[...]] = {}
-"""All kernels that stages call, by name; the others are parts of these."""
+"""All kernels that stages call, by name; the others are called by these."""
 
 
 def kernel(function: F) -> F:
-    """Make a function a part of the kernels that call it.
+    """Make a function callable from kernels.
 
-    Parts are not kept on the disk: who compiles a kernel compiles its parts, and so two programs
-    never write the same file. Called from Python a part is the Python function that it was; without
+    It is not kept on the disk: who compiles a kernel compiles its callees, and so two programs
+    never write the same file. Called from Python it is the Python function that it was; without
     the code by which Python would call the compiled one, kernels compile in two thirds of the time.
 
-    In kernels and parts copy arrays element by element: for each `a[:] = b` Numba compiles a
+    In kernels and callees copy arrays element by element: for each `a[:] = b` Numba compiles a
     message about shapes that differ.
     """
-    part: F = register_jitable(no_cpython_wrapper=True, **_OPTIONS)(function)
-    return part
+    callee: F = register_jitable(no_cpython_wrapper=True, **_OPTIONS)(function)
+    return callee
 
 
 def _length_of_last(*arguments: Any) -> int:
@@ -257,22 +257,22 @@ def _length_of_last(*arguments: Any) -> int:
 
 
 def parallel_kernel(
-    pieces: Callable[..., int] = _length_of_last,
-) -> Callable[[Callable[Concatenate[Pieces, P], None]], Callable[P, None]]:
+    chunks: Callable[..., int] = _length_of_last,
+) -> Callable[[Callable[Concatenate[Chunks, P], None]], Callable[P, None]]:
     """Compile a function when it is first called, once per machine, and let threads call it for
-    different pieces.
+    different chunks.
 
     It is compiled for the types that its annotations name (see `arrays`).
 
     Parameters
     ----------
-    pieces : Callable[..., int], optional
-        The number of pieces, from the arguments after the first; by default the length of the last
-        one, which is written. A call computes those from the first of its `Pieces` to the end.
+    chunks : Callable[..., int], optional
+        The number of chunks, from the arguments after the first; by default the length of the last
+        one, which is written. A call computes those from the first of its `Chunks` to the end.
     """
 
-    def decorate(function: Callable[Concatenate[Pieces, P], None]) -> Callable[P, None]:
-        kernels[function.__name__] = made = ParallelKernel(function, pieces)
+    def decorate(function: Callable[Concatenate[Chunks, P], None]) -> Callable[P, None]:
+        kernels[function.__name__] = made = ParallelKernel(function, chunks)
         return made
 
     return decorate
@@ -312,7 +312,7 @@ def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
     is new to this machine.
 
     number: this is the `number`-th kernel that is ready or in work; those that a stage calls count,
-    not their parts. most: how many there are in all. Not every render needs all of them.
+    not their callees. most: how many there are in all. Not every render needs all of them.
 
     Examples
     --------

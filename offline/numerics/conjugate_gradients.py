@@ -1,13 +1,13 @@
 """Conjugate gradients for fields on a graph that joins every pixel to its eight neighbours.
 
-Fields x_f of a region solve, at every pixel n with its neighbours n',
+Fields x_f of a rectangle solve, at every pixel n with its neighbours n',
 
     diagonal_f[n] x_f[n] - sum_n' link[n, n'] x_f[n'] = right side_f[n].
 
 The preconditioner is the diagonal; equations may come scaled to a diagonal of one, so that there is
 none to read. Every field takes steps of its own.
 
-A region lies in planes with two rows of zeros above and below. Rows follow each other without a
+A rectangle lies in planes with two rows of zeros above and below. Rows follow each other without a
 gap: the neighbours of an element lie at constant distances from it, and those beyond the left and
 right edge belong to other rows, so that links to them have to be zero. Links are read once for
 `TOGETHER` fields. Sums run down columns first: compilers vectorise that without changing the order.
@@ -30,7 +30,7 @@ TOGETHER = 3
 zero.
 """
 BORDER = 2
-"""Rows of zeros above a region, and below it."""
+"""Rows of zeros above a rectangle, and below it."""
 _WIDTH = 16  # elements: rows are a multiple of it, so that loops over them have no rest
 Unsigned = np.unsignedinteger[Any]
 _ZERO, _ONE, _NEXT = np.float32(0), np.float32(1), np.uintp(1)
@@ -82,7 +82,7 @@ class Edges(NamedTuple):
 
 @kernel
 def planes(count: int, size: Pair) -> FloatArray:
-    """Planes for a region of some rows and columns: zero around it, arbitrary in it."""
+    """Planes for a rectangle of some rows and columns: zero around it, arbitrary in it."""
     rows, columns = size
     result = unset(count, rows + 2 * BORDER, (columns + _WIDTH - 1) // _WIDTH * _WIDTH)
     for plane in range(count):
@@ -93,7 +93,7 @@ def planes(count: int, size: Pair) -> FloatArray:
 
 @kernel
 def cut(links: Floats3, size: Pair) -> None:
-    """Set to zero the links that lead out of a region."""
+    """Set to zero the links that lead out of a rectangle."""
     rows, columns = size
     for row in range(BORDER, BORDER + rows):
         links[:, row, columns:] = _ZERO

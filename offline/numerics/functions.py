@@ -14,7 +14,7 @@ from .lanes import BYTES, WIDTH, Lanes, root_seed
 _ROOT = tuple(np.float32(c) for c in (2.2662262, -2.4310766, 1.5637192, -0.39887085))
 
 # e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by
-# 9.2e-8 at most (minimax fit). ln 2 in two parts, the first short enough that n times it is exact.
+# 9.2e-8 at most (minimax fit). ln 2 in two terms, the first short enough that n times it is exact.
 _PER_LN2, _LN2_HIGH, _LN2_LOW = (
     np.float32(c) for c in (1.4426950408889634, 0.693359375, -2.12194440e-4)
 )
@@ -68,13 +68,13 @@ def mirrored(index: int, size: int) -> int:
 
 
 @kernel
-def tile_at(number: int, shape: Pair, tile: Pair) -> Area:
-    """First row, end, first column and end of one of the tiles that cover a shape, row by row: as
-    many as `pieces.tiles` says.
+def chunk_at(number: int, shape: Pair, size: Pair) -> Area:
+    """First row, end, first column and end of one of the chunks that cover a shape, row by row: as
+    many as `chunk_count` says.
     """
-    along = (shape[1] + tile[1] - 1) // tile[1]
-    top, left = number // along * tile[0], number % along * tile[1]
-    return top, min(top + tile[0], shape[0]), left, min(left + tile[1], shape[1])
+    along = (shape[1] + size[1] - 1) // size[1]
+    top, left = number // along * size[0], number % along * size[1]
+    return top, min(top + size[0], shape[0]), left, min(left + size[1], shape[1])
 
 
 @kernel

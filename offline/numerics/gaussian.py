@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...shared.arrays import FloatArray
 from .arrays import Floats1, Floats2, Frozen2, Scalar
-from .compile import Pieces, kernel, parallel_kernel
+from .compile import Chunks, kernel, parallel_kernel
 from .functions import mirrored
 
 TRUNCATE = 4
@@ -48,11 +48,11 @@ def filtered(planes: NDArray[Any], taps: FloatArray) -> FloatArray:
     return result
 
 
-_STRIP = 64  # rows that one piece of work smooths; chosen for speed
+_STRIP = 64  # rows of a chunk; chosen for speed
 
 
-@parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))
-def smooth(pieces: Pieces, plane: Frozen2, taps: Floats1, out: Floats2) -> None:
+@parallel_kernel(chunks=lambda plane, *_: -(-len(plane) // _STRIP))
+def smooth(chunks: Chunks, plane: Frozen2, taps: Floats1, out: Floats2) -> None:
     """Smooth a plane along rows and columns; it is mirrored at its border.
 
     Parameters
@@ -64,7 +64,7 @@ def smooth(pieces: Pieces, plane: Frozen2, taps: Floats1, out: Floats2) -> None:
     out : Floats2
         (H, W), written; not `plane` itself.
     """
-    for strip in range(pieces[0], pieces[1]):
+    for strip in range(chunks[0], chunks[1]):
         smooth_rows(plane, taps, strip * _STRIP, min((strip + 1) * _STRIP, len(plane)), out)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .arrays import Floats2, Scalar
-from .compile import Pieces, kernel, parallel_kernel
+from .compile import Chunks, kernel, parallel_kernel
 
 _ZERO = np.float32(0)
 _TAPS = 4
@@ -48,7 +48,7 @@ def cubic_taps(t: Scalar) -> Taps:
 
 @parallel_kernel()
 def interpolate(
-    pieces: Pieces, values: Floats2, first: tuple[float, float], period: int, plane: Floats2
+    chunks: Chunks, values: Floats2, first: tuple[float, float], period: int, plane: Floats2
 ) -> None:
     """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
 
@@ -61,7 +61,7 @@ def interpolate(
     """
     width = plane.shape[1]
     rows, columns = values.shape
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         place = (row - first[0]) / period
         down = int(np.floor(place))
         weights_down = cubic_taps(place - down)

@@ -1,5 +1,5 @@
 """Fields that fit samples and are smooth except across edges of luminance: the minimum of a sum of
-squares, tile by tile.
+squares, chunk by chunk.
 
 Each field x minimises, with w the weights of its samples and b these times what is sampled, s the
 smoothness, f the fading, t an edge and l the luminance,
@@ -16,13 +16,13 @@ import numpy as np
 
 from ...shared.arrays import FloatArray
 from .arrays import Doubles1, Floats1, Floats2, Floats3, Frozen2, Ints1, Scalar
-from .compile import Pieces, kernel, parallel_kernel
+from .compile import Chunks, kernel, parallel_kernel
 from .conjugate_gradients import BORDER, TOGETHER, Limits, System, linked_sum, planes, solve
-from .functions import tile_at, zeros
+from .functions import chunk_at, zeros
 from .solvers import check_convergence
 
-TILE = 128
-"""Rows and columns of a tile, which is solved at a time. Chosen for speed."""
+SIDE = 128
+"""Rows and columns of a chunk, which is solved at a time. Chosen for speed."""
 _ITERATIONS = 1000  # at most; bursts of two to eight frames took 200 or less, in noise of 0 to 0.1
 _ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
@@ -47,7 +47,7 @@ class Samples(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """First and end row to solve, where tiles begin at the first; pixels around a tile that are
+    """First and end row to solve, where chunks begin at the first; pixels around a chunk that are
     solved with it; tolerance.
     """
 
@@ -65,7 +65,7 @@ class Solution(NamedTuple):
     fields : Floats3
         (F, rows, W).
     residuals, used : Doubles1, Ints1
-        (tiles,), relative residual of the worst field, and iterations.
+        (chunks,), relative residual of the worst field, and iterations.
     """
 
     fields: Floats3
@@ -76,39 +76,39 @@ class Solution(NamedTuple):
 def fitted(
     luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent, solver: str
 ) -> FloatArray:
-    """Fields of some rows of a part of the picture, float32 (F, rows, W).
+    """Fields of some rows of a band of the picture, float32 (F, rows, W).
 
     Parameters
     ----------
     luminance : FloatArray
-        (rows, W), of the part.
+        (rows, W), of the band.
     solver : str
         Its name. Raises ConvergenceError when conjugate gradients do not reach their
         tolerance.
     """
     rows, width = extent.end - extent.first, luminance.shape[1]
-    tiles = -(-rows // TILE) * -(-width // TILE)
+    chunks = -(-rows // SIDE) * -(-width // SIDE)
     fields = np.empty((len(samples.weights), rows, width), np.float32)
-    solution = Solution(fields, np.empty(tiles), np.empty(tiles, np.intp))
+    solution = Solution(fields, np.empty(chunks), np.empty(chunks, np.intp))
     contiguous = Samples(*map(np.ascontiguousarray, samples))
-    solve_tiles(np.ascontiguousarray(luminance), contiguous, prior, extent, solution)
+    solve_linked(np.ascontiguousarray(luminance), contiguous, prior, extent, solution)
     check_convergence(solver, solution.used, solution.residuals, extent.tolerance)
     return fields
 
 
-@parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
-def solve_tiles(
-    pieces: Pieces,
+@parallel_kernel(chunks=lambda *arguments: len(arguments[-1].used))
+def solve_linked(
+    chunks: Chunks,
     luminance: Frozen2,
     samples: Samples,
     prior: Prior,
     extent: Extent,
     solution: Solution,
 ) -> None:
-    """Solve the tiles of some rows, see `fitted`."""
+    """Solve the chunks of some rows, see `fitted`."""
     height, width = luminance.shape
-    for number in range(pieces[0], pieces[1]):
-        top, bottom, left, end = tile_at(number, (extent.end - extent.first, width), (TILE, TILE))
+    for chunk in range(chunks[0], chunks[1]):
+        top, bottom, left, end = chunk_at(chunk, (extent.end - extent.first, width), (SIDE, SIDE))
         above = max(extent.first + top - extent.halo, 0)
         below = min(extent.first + bottom + extent.halo, height)
         before, after = max(left - extent.halo, 0), min(end + extent.halo, width)
@@ -119,7 +119,7 @@ def solve_tiles(
         fields, residual, used = _solved(
             weights, products, links, np.float32(prior.fading), extent.tolerance
         )
-        solution.residuals[number], solution.used[number] = residual, used
+        solution.residuals[chunk], solution.used[chunk] = residual, used
         for field in range(len(weights)):
             for row in range(top, bottom):
                 line = fields[field, BORDER + extent.first + row - above]
@@ -160,21 +160,21 @@ def _link_row(
 def _solved(
     weights: Floats3, products: Floats3, links: Floats3, fading: Scalar, tolerance: float
 ) -> tuple[FloatArray, float, int]:
-    """The fields of a region, in planes of `conjugate_gradients`, its relative residual and the
+    """The fields of a chunk, in planes of `conjugate_gradients`, its relative residual and the
     iterations used.
     """
-    parts, rows, columns = weights.shape
-    count = (parts + TOGETHER - 1) // TOGETHER * TOGETHER
+    count, rows, columns = weights.shape
+    padded = (count + TOGETHER - 1) // TOGETHER * TOGETHER
     graph, degree = planes(4, (rows, columns)), planes(1, (rows, columns))[0]
     for side in range(4):
         _place(links[side], graph[side])
     shape = degree.shape
-    diagonal, residual, fields = zeros(count, *shape), zeros(count, *shape), zeros(count, *shape)
+    diagonal, residual, fields = zeros(padded, *shape), zeros(padded, *shape), zeros(padded, *shape)
     residual[0] = _ONE
     linked_sum(graph, residual[0], degree)
     residual[0] = _ZERO
-    for field in range(count):
-        if field < parts:
+    for field in range(padded):
+        if field < count:
             _place(products[field], residual[field])
             _place(weights[field], diagonal[field])
         for row in range(BORDER, BORDER + rows):
@@ -189,7 +189,7 @@ def _solved(
 
 @kernel
 def _place(source: Floats2, plane: Floats2) -> None:
-    """Copy a region into a plane."""
+    """Copy values into a plane."""
     for row in range(len(source)):
         line, values = plane[BORDER + row], source[row]
         for column in range(len(values)):

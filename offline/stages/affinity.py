@@ -13,11 +13,10 @@ class, 0 at all others. The four blocks at the corners of a patch belong to four
 so the four fields hold every map that the patch needs. They sum to one at every pixel, so only
 three are solved (errata: "three maps out of every four").
 
-The fields are those of the whole frame, solved region by region. A region is a core of patches and
-a halo around it, cut where the domain ends; cores form a grid that starts with the first patch.
-Blocks hold the fields at every corner of every patch, so influence falls about tenfold with each
-patch it has to cross: what lies beyond the halo changes the core by less than the solver's
-tolerance.
+The fields are those of the whole frame, solved in chunks of patches with a halo around them, cut
+where the padded frame ends; chunks form a grid that starts with the first patch. Blocks hold the
+fields at every corner of every patch, so influence falls about tenfold with each patch it has to
+cross: what lies beyond the halo changes the chunk by less than the solver's tolerance.
 
 Literally: tests/reference/affinity.py.
 """
@@ -31,7 +30,7 @@ from ...shared.arrays import BoolArray, FloatArray
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import (
     BORDER,
     Limits,
@@ -45,7 +44,7 @@ from ..numerics.conjugate_gradients import (
 from ..numerics.functions import exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..numerics.solvers import check_convergence
-from ..patches import HALO, core_patches, domain_places, patches_of
+from ..patches import HALO, PaddedFrame, chunk_patches, pad_frame, patches_of
 from ..stage import Between, Count, Range, StageSettings
 
 _SCALES = Range(
@@ -85,34 +84,17 @@ class Filters(NamedTuple):
     slope: Floats2
 
 
-class Frame(NamedTuple):
-    """The frame as a domain of whole patches, mirrored beyond its edges.
-
-    Attributes
-    ----------
-    luminance : Floats2
-        (H, W), scene units.
-    rows, columns : Ints1
-        The frame's row at each row of the domain, and its column at each column; the filters' reach
-        more at both ends.
-    """
-
-    luminance: Floats2
-    rows: Ints1
-    columns: Ints1
-
-
-class Regions(NamedTuple):
-    """Regions that are solved.
+class ChunkGrid(NamedTuple):
+    """Chunks of patches that are solved.
 
     Attributes
     ----------
     period : int
         K, pixels.
     first, end, across : int
-        First and end row of their cores, and the columns of the domain, in patches.
+        First and end row, and the columns of the padded frame, in patches.
     down, along : int
-        Patches of a core; `first` is a multiple of `down`.
+        Patches of a chunk without its halo; `first` is a multiple of `down`.
     """
 
     period: int
@@ -125,7 +107,7 @@ class Regions(NamedTuple):
 
 class Pins(NamedTuple):
     """Values at the blocks, (4, 2 K, 2 K + columns): a table that repeats in both directions, and
-    where in it a region begins.
+    where in it a chunk begins.
     """
 
     values: Floats3
@@ -139,9 +121,9 @@ class Solutions(NamedTuple):
     Attributes
     ----------
     fields : Floats3
-        (4, pixel rows, domain columns).
+        (4, pixel rows, padded columns).
     residuals, used : Doubles1, Ints1
-        (regions,), relative residual of the worst field, and iterations.
+        (chunks,), relative residual of the worst field, and iterations.
     """
 
     fields: Floats3
@@ -155,17 +137,15 @@ def solve_affinities(
     settings: AffinitySettings,
     rows: tuple[int, int] | None = None,
 ) -> FloatArray:
-    """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks with
-    row parity p, column parity q.
-
-    The domain is the frame mirrored out to whole patches (`BlockGrid`).
+    """alpha[p, q, n] in 0..1, float32 (2, 2, rows, columns) of the padded frame (`BlockGrid`): the
+    field of the blocks with row parity p, column parity q.
 
     Parameters
     ----------
     luminance : FloatArray
         (H, W), the whole frame.
     rows : tuple[int, int] | None, optional
-        First and end of the frame's rows whose patches are solved; they begin and end where cores
+        First and end of the frame's rows whose patches are solved; they begin and end where chunks
         do (`patches.band_rows`), or where the frame does. None = all.
 
     Raises
@@ -175,17 +155,17 @@ def solve_affinities(
     """
     grid = pattern.grid((luminance.shape[0], luminance.shape[1]))
     period, across = grid.period, grid.patches[1]
-    down, along = core_patches(period)
+    down, along = chunk_patches(period)
     first, end = patches_of(grid, rows or (0, len(luminance)))
     filters = derivative_filters(settings.scales)
-    places = domain_places(grid, filters.smooth.shape[1] - 1)
+    padded = pad_frame(luminance, grid, filters.smooth.shape[1] - 1)
     count = -(-(end - first) // down) * -(-across // along)
     fields = np.empty((CLASSES, (end - first) * period, across * period), np.float32)
     solutions = Solutions(fields, np.empty(count), np.empty(count, np.intp))
-    regions = Regions(period, first, end, across, down, along)
+    chunk_grid = ChunkGrid(period, first, end, across, down, along)
     limits = Limits(settings.tolerance, settings.iterations)
     pins = _pins(pattern, grid, (along + 2 * HALO) * period)
-    solve_regions(Frame(luminance, *places), regions, pins, filters, limits, solutions)
+    solve_fields(padded, chunk_grid, pins, filters, limits, solutions)
     check_convergence("affinity", solutions.used, solutions.residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
@@ -203,8 +183,8 @@ def derivative_filters(scales: tuple[float, ...]) -> Filters:
 
 
 def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
-    """Values at the blocks, from the domain's corner on, repeating in both directions: (4, 2 K, 2 K
-    + a region's columns).
+    """Values at the blocks, from the padded frame's corner on, repeating in both directions: (4, 2
+    K, 2 K + a chunk's columns).
 
     1 at the blocks of class 0, 1 and 2, and last at all blocks.
     """
@@ -225,11 +205,11 @@ _NO_ENERGY = np.float32(1e-30)  # scene units squared
 _LEAST_DIAGONAL = np.float32(1e-37)
 
 
-@parallel_kernel(pieces=lambda *arguments: len(arguments[-1].used))
-def solve_regions(
-    pieces: Pieces,
-    frame: Frame,
-    regions: Regions,
+@parallel_kernel(chunks=lambda *arguments: len(arguments[-1].used))
+def solve_fields(
+    chunks: Chunks,
+    frame: PaddedFrame,
+    grid: ChunkGrid,
     pins: Floats3,
     filters: Filters,
     limits: Limits,
@@ -245,17 +225,17 @@ def solve_regions(
         Norm of the residual relative to that of the right-hand side, both over the roots of the
         diagonal, and iterations.
     """
-    period, reach = regions.period, filters.smooth.shape[1] - 1
+    period, reach = grid.period, filters.smooth.shape[1] - 1
     height = (len(frame.rows) - 2 * reach) // period
-    across = (regions.across + regions.along - 1) // regions.along
-    for region in range(pieces[0], pieces[1]):
-        top, left = regions.first + region // across * regions.down, region % across * regions.along
-        bottom = min(top + regions.down, regions.end)
-        right = min(left + regions.along, regions.across)
+    across = (grid.across + grid.along - 1) // grid.along
+    for chunk in range(chunks[0], chunks[1]):
+        top, left = grid.first + chunk // across * grid.down, chunk % across * grid.along
+        bottom = min(top + grid.down, grid.end)
+        right = min(left + grid.along, grid.across)
         above, before = max(top - HALO, 0), max(left - HALO, 0)
         size = (
             (min(bottom + HALO, height) - above) * period,
-            (min(right + HALO, regions.across) - before) * period,
+            (min(right + HALO, grid.across) - before) * period,
         )
         light = _window(
             frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach)
@@ -271,26 +251,26 @@ def solve_regions(
         norm = _start(links, given, size[1], scale, residual)
         _scale(links, scale)
         system = System(links, links[:0])
-        solutions.residuals[region], solutions.used[region] = solve(
+        solutions.residuals[chunk], solutions.used[chunk] = solve(
             system, residual, solution, limits, norm
         )
         for row in range((bottom - top) * period):
-            place = (top - regions.first) * period + row, left * period
+            place = (top - grid.first) * period + row, left * period
             inner = (top - above) * period + row, (left - before) * period
             _finish(solution, scale, given, inner, solutions.fields, place, (right - left) * period)
 
 
 @kernel
 def _given(pins: Pins, field: int, row: int, columns: int) -> Floats1:
-    """Values at the blocks in a row of a region."""
+    """Values at the blocks in a row of a chunk."""
     return pins.values[field, (pins.row + row) % pins.values.shape[1]][
         pins.column : pins.column + columns
     ]
 
 
 @kernel
-def _window(frame: Frame, place: Pair, size: Pair) -> FloatArray:
-    """Luminance of some rows and columns of the domain."""
+def _window(frame: PaddedFrame, place: Pair, size: Pair) -> FloatArray:
+    """Luminance of some rows and columns of the padded frame."""
     light = unset(size[0], size[1])
     columns = frame.columns[place[1] : place[1] + size[1]]
     for row in range(size[0]):
@@ -491,7 +471,7 @@ def _finish(
     """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding
     and tolerance.
 
-    inner, place: row and first column in the region, and in `fields`.
+    inner, place: row and first column in the chunk, and in `fields`.
     """
     (row, left), solved = inner, len(solution)
     sums = zeros(columns)

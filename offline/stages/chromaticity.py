@@ -26,10 +26,10 @@ from ...shared.arrays import BORDER, DoubleArray, FloatArray
 from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned
 from ..numerics.arrays import Bools1, Doubles1, Doubles3
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.chunks import BLOCK_ROWS, in_strips
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import ORIENTATIONS, mirrored
 from ..numerics.gaussian import smoothed
-from ..numerics.pieces import BLOCK_ROWS, in_strips
 from ..stage import CountOrNone, NotNegative, StageSettings
 
 
@@ -190,7 +190,7 @@ def oriented_medians(
 
 @parallel_kernel()
 def oriented_median(
-    pieces: Pieces, before: Doubles3, after: Doubles3, changed: Bools1, changes: Bools1
+    chunks: Chunks, before: Doubles3, after: Doubles3, changed: Bools1, changes: Bools1
 ) -> None:
     """Replace each vector by whichever of its four oriented medians of five is nearest to it.
 
@@ -210,7 +210,7 @@ def oriented_median(
     columns = width - 4
     medians = np.empty((channels, columns))
     distance, nearest = np.empty(columns), np.empty(columns)
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         near = np.array([mirrored(row + step, rows) for step in range(-2, 3)])
         for channel in range(channels):
             after[channel, row] = before[channel, row]

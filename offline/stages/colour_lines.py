@@ -53,7 +53,7 @@ from ..bands import DARK, Band, RowStage
 from ..frame import Cleaned, Sites, unclipped_blocks
 from ..measured import EVEN, ColourLines
 from ..numerics.arrays import Floats1, Floats2, Floats3
-from ..numerics.compile import Pieces, parallel_kernel
+from ..numerics.compile import Chunks, parallel_kernel
 from ..numerics.functions import unset
 from ..numerics.gaussian import TRUNCATE, smoothed
 from ..stage import Switch
@@ -354,7 +354,7 @@ ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 @parallel_kernel()
 def lead_to_lines(
-    pieces: Pieces, light: Floats2, colour: Floats3, lines: LinePlanes, gamma: Floats1, out: Floats3
+    chunks: Chunks, light: Floats2, colour: Floats3, lines: LinePlanes, gamma: Floats1, out: Floats3
 ) -> None:
     """Take chromaticities to those of lines that are interpolated between blocks.
 
@@ -371,7 +371,7 @@ def lead_to_lines(
     row_of_lines, target = unset(parts, across), unset(count)
     at = np.clip((np.arange(width) - lines.first[1]) / lines.period, 0.0, across - 1.0)
     before = np.minimum(at.astype(np.intp), max(across - 2, 0))
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         place = min(max((row - lines.first[0]) / lines.period, 0.0), down - 1.0)
         above = min(int(place), max(down - 2, 0))
         below, near = min(above + 1, down - 1), np.float32(place - above)

@@ -1,11 +1,11 @@
 """Correction of chromaticity by a network that was trained on photographs, for what one block in K
 x K pixels cannot measure.
 
-The frame is cut into cells, K x K pixels with a block in the middle, and the pixels of a cell are
-the network's channels (space to depth). With e1 = (1, -1, 0) / sqrt 2 and e2 = (1, 1, -2) / sqrt 6,
-which keep luminance, a pixel has l = (R + G + B) / 3 and colour p_k = e_k . (R, G, B), channels
-times gamma. Around a cell, with the mean <.> of 3 x 3 cells, the residuals r_s of the render at the
-S sites before they were corrected, and the variance v of the noise in r:
+The frame is cut into superpixels, K x K pixels with a block in the middle, and the pixels of a
+superpixel are the network's channels (space to depth). With e1 = (1, -1, 0) / sqrt 2 and e2 = (1,
+1, -2) / sqrt 6, which keep luminance, a pixel has l = (R + G + B) / 3 and colour p_k = e_k . (R, G,
+B), channels times gamma. Around a superpixel, with the mean <.> of 3 x 3 superpixels, the residuals
+r_s of the render at the S sites before they were corrected, and the variance v of the noise in r:
 
     t_k = <p_k> / <l>                         mean colour
     d_0 = l - <l>,  d_k = p_k - l t_k         departures from one luminance, and from one colour
@@ -15,16 +15,16 @@ S sites before they were corrected, and the variance v of the noise in r:
 
 The network sees d_0 / a, d_k / a, r / a, t_k, log2(1 + sqrt v / a), 0.3 log2(1 + <l> / a) and b /
 a. Its answer times b is added to p_k, but leads no chromaticity p_k / l out of the range of those
-in 3 x 3 cells. Clipped blocks have an infinite v, so that b is 0 around them.
+in 3 x 3 superpixels. Clipped blocks have an infinite v, so that b is 0 around them.
 `tools/training/network.py` has the same formulas for training, `models/README.md` the pictures that
 were learned from.
 
-Tiles with little noise are looked at twice, where a cell is the same in another orientation: the
-answer is the mean of both.
+Chunks with little noise are looked at twice, where a superpixel is the same in another orientation:
+the answer is the mean of both.
 
-A file in `models/` serves a block and its mirror images: cells are mirrored on the way in and out.
-Tiles of cells have one size and fixed places, so that neither threads nor bands change a bit; in a
-tile the network runs on the smallest box around the cells that are worth it.
+A file in `models/` serves a block and its mirror images: superpixels are mirrored on the way in and
+out. Chunks of superpixels have one size and fixed places, so that neither threads nor bands change
+a bit; in a chunk the network runs on the smallest box around the superpixels that are worth it.
 """
 
 from dataclasses import dataclass, replace
@@ -41,13 +41,13 @@ from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Sites, mean_of_sites
 from ..measured import BlockSamples
 from ..numerics.arrays import Floats1, Floats2, Floats3, Floats4, Ints1
-from ..numerics.compile import Pieces, parallel_kernel
-from ..numerics.pieces import copy_array, in_pieces
+from ..numerics.chunks import copy_array, in_chunks
+from ..numerics.compile import Chunks, parallel_kernel
 
 REACH = 5
-"""Cells around a cell that a network sees."""
+"""Superpixels around a superpixel that a network sees."""
 MARGIN = 2
-"""Cells around a cell on which its inputs depend."""
+"""Superpixels around a superpixel on which its inputs depend."""
 SURROUNDINGS = 5
 """Inputs of the network beside those of pixels and sites: mean colour, noise, mean luminance,
 bound.
@@ -72,18 +72,18 @@ _DIM, _LEAST_DIM = 0.2, 1e-5
 # bound, a fraction of luminance, below which a correction is not worth its time, as below the
 # noise: loses nothing
 _FAINT = 0.01
-# Standard deviation of the noise in residuals, scene units, below which a tile is looked at twice.
+# Standard deviation of the noise in residuals, scene units, below which a chunk is looked at twice.
 # A second look takes a quarter of BEST's time. Mean gain of 14 photographs (median, 10 %, whole
 # image) without noise 0.05, 0.08, 0.08 dB, at sigma 0.005 0.02, 0.06, 0.04, at 0.01 0.01, 0.05,
 # 0.03, at 0.03 0.01, 0.02, 0.01.
 _QUIET = 0.005
-# cells of a tile down and, at most, across: wider ones leave the processor's cache
-_TILE, _WIDEST = 48, 96
+# superpixels of a chunk down and, at most, across: wider ones leave the processor's cache
+_SIDE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
 _ZERO, _THIRD = np.float32(0), np.float32(1 / 3)
 
 Span = tuple[int, int]
-"""First and end of some rows, or columns, of cells; they may lie outside the frame."""
+"""First and end of some rows, or columns, of superpixels; they may lie outside the frame."""
 
 
 def network_name(pattern: CfaPattern) -> str | None:
@@ -124,56 +124,56 @@ class ColourNetwork(RowStage):
 
     @property
     def halo(self) -> Halo:
-        """A tile, and what the network sees around it."""
-        cells = self._cells
-        return Halo((_HALO + 1) * cells.period, _TILE * cells.period, cells.origin[0])
+        """A chunk, and what the network sees around it."""
+        grid = self._grid
+        return Halo((_HALO + 1) * grid.period, _SIDE * grid.period, grid.origin[0])
 
     @cached_property
-    def _cells(self) -> "Cells":
-        return Cells.of(self.samples.sites)
+    def _grid(self) -> "Superpixels":
+        return Superpixels.of(self.samples.sites)
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
-        """These rows with their chromaticity corrected; they end where tiles do."""
-        cells, network, gamma = self._cells, load_network(self.path), self.gamma
-        residuals, size = Residuals(cells, band, self.samples, gamma), _TILE * cells.period
-        first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
-        # an even number of tiles in a row: two threads end together
-        count = 2 * -(-cells.shape[1] // (2 * _WIDEST))
-        sides = _TILE, -(-cells.shape[1] // count)
+        """These rows with their chromaticity corrected; they end where chunks do."""
+        grid, network, gamma = self._grid, load_network(self.path), self.gamma
+        residuals, size = Residuals(grid, band, self.samples, gamma), _SIDE * grid.period
+        first, last = ((row - grid.origin[0]) // size for row in (rows[0], rows[1] - 1))
+        # an even number of chunks in a row: two threads end together
+        count = 2 * -(-grid.shape[1] // (2 * _WIDEST))
+        sides = _SIDE, -(-grid.shape[1] // count)
         result = band.rows(*rows)
         result = replace(result, chromaticity=copy_array(result.chromaticity))
 
-        def correct(tile: tuple[int, int]) -> None:
-            region = [
+        def correct(chunk: tuple[int, int]) -> None:
+            window = [
                 (index * side - _HALO, (index + 1) * side + _HALO)
-                for index, side in zip(tile, sides, strict=True)
+                for index, side in zip(chunk, sides, strict=True)
             ]
-            error, variance, unexplained = residuals.of(*region)
-            pixels = cells.cut(band, gamma, region[0], region[1])
+            error, variance, unexplained = residuals.of(*window)
+            pixels = grid.cut(band, gamma, window[0], window[1])
             contrast = Contrast.of(pixels, error, variance)
             contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
             inner = worth[REACH:-REACH, REACH:-REACH]
             box = [np.flatnonzero(inner.any(axis=axis)) for axis in (1, 0)]
             if box[0].size:
-                down, across = ((int(cells[0]), int(cells[-1]) + 1) for cells in box)
+                down, across = ((int(places[0]), int(places[-1]) + 1) for places in box)
                 inputs = contrast.around(down, across, REACH).inputs()[None]
                 twice = np.array(np.median(contrast.variance[worth]) < _QUIET**2)
                 (answer,) = network.run(None, {"features": inputs, "twice": twice})
                 spans = [
-                    cells.span(axis, region[axis], span) for axis, span in enumerate((down, across))
+                    grid.span(axis, window[axis], span) for axis, span in enumerate((down, across))
                 ]
                 limited = contrast.around(down, across, 1).answered(answer[0])
-                cells.add(limited, spans, result, gamma)
+                grid.add(limited, spans, result, gamma)
 
-        tiles = [(down, across) for down in range(first, last + 1) for across in range(count)]
-        in_pieces(lambda first, _: correct(tiles[first]), len(tiles))
+        chunks = [(down, across) for down in range(first, last + 1) for across in range(count)]
+        in_chunks(lambda first, _: correct(chunks[first]), len(chunks))
         return result
 
 
 class Contrast(NamedTuple):
-    """Pixels and blocks of h x w cells in terms of their surroundings, float32; the formulas are
-    those of the module.
+    """Pixels and blocks of h x w superpixels in terms of their surroundings, float32; the formulas
+    are those of the module.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class Contrast(NamedTuple):
     variance : FloatArray
         Of the noise in them, (h, w).
     own, light : FloatArray
-        Mean luminance of a cell, and of 3 x 3 cells, (h, w).
+        Mean luminance of a superpixel, and of 3 x 3 superpixels, (h, w).
     colour : FloatArray
         t, (2, h, w).
     activity, bound : FloatArray
@@ -203,7 +203,7 @@ class Contrast(NamedTuple):
 
     @classmethod
     def of(cls, pixels: FloatArray, error: FloatArray, variance: FloatArray) -> "Contrast":
-        """Return the contrast of all but the outermost `MARGIN` cells."""
+        """Return the contrast of all but the outermost `MARGIN` superpixels."""
         means = pixels.mean(axis=1)
         light, *components = _mean_around(means)
         positive = np.maximum(light, np.float32(_LEAST_LIGHT))
@@ -225,12 +225,12 @@ class Contrast(NamedTuple):
         departures, light, colour = map(_inner, (departures, light, colour))
         return cls(pixels, departures, error, variance, own, light, colour, activity, bound)
 
-    def around(self, rows: Span, columns: Span, cells: int) -> "Contrast":
-        """Return some of the cells inside the outermost `REACH`, with some `cells` more on each
+    def around(self, rows: Span, columns: Span, margin: int) -> "Contrast":
+        """Return some of the superpixels inside the outermost `REACH`, with `margin` more on each
         side.
         """
         down, across = (
-            slice(REACH + first - cells, REACH + end + cells) for first, end in (rows, columns)
+            slice(REACH + first - margin, REACH + end + margin) for first, end in (rows, columns)
         )
         return Contrast(*(planes[..., down, across] for planes in self))
 
@@ -250,7 +250,7 @@ class Contrast(NamedTuple):
 
     def answered(self, answer: FloatArray) -> "Answer":
         """Return the network's answer, (2 K^2, h - 2, w - 2), and its limits, for all but the
-        outermost cells.
+        outermost superpixels.
         """
         dim = np.maximum(np.float32(_DIM) * self.own, np.float32(_LEAST_DIM))
         chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], dim)
@@ -262,7 +262,7 @@ class Contrast(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Answer of the network for h x w cells, and what limits it.
+    """Answer of the network for h x w superpixels, and what limits it.
 
     Attributes
     ----------
@@ -273,7 +273,7 @@ class Answer(NamedTuple):
     dim : Floats2
         Mean of the channels, scene units, below which a pixel's chromaticity tells little, (h, w).
     low, high : Floats3
-        Range of p_k / l in 3 x 3 cells, (2, h, w).
+        Range of p_k / l in 3 x 3 superpixels, (2, h, w).
     """
 
     change: Floats4
@@ -283,18 +283,18 @@ class Answer(NamedTuple):
     high: Floats3
 
 
-def _inner(planes: FloatArray, cells: int = 1) -> FloatArray:
-    return planes[..., cells:-cells, cells:-cells]
+def _inner(planes: FloatArray, margin: int = 1) -> FloatArray:
+    return planes[..., margin:-margin, margin:-margin]
 
 
 def _mean_around(planes: FloatArray) -> FloatArray:
-    """Return the mean of 3 x 3 cells, one cell less on each side."""
+    """Return the mean of 3 x 3 superpixels, one less on each side."""
     rows = planes[..., :-2, :] + planes[..., 1:-1, :] + planes[..., 2:, :]
     return (rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / np.float32(9)
 
 
 def _extreme(of: np.ufunc, planes: FloatArray) -> FloatArray:
-    """Return the least or greatest of 3 x 3 cells, one cell less on each side. of: np.minimum or
+    """Return the least or greatest of 3 x 3 superpixels, one less on each side. of: np.minimum or
     np.maximum.
     """
     rows = of(of(planes[..., :-2, :], planes[..., 1:-1, :]), planes[..., 2:, :])
@@ -303,10 +303,10 @@ def _extreme(of: np.ufunc, planes: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Cells:
-    """The cells of a frame, and their way to and from the orientation that the network knows.
+class Superpixels:
+    """The superpixels of a frame, and their way to and from the orientation that the network knows.
 
-    Mirrored, a block has as many pixels of its cell before it as behind it, or one less.
+    Mirrored, a block has as many pixels of its superpixel before it as behind it, or one less.
 
     Attributes
     ----------
@@ -315,11 +315,11 @@ class Cells:
     period : int
         K.
     origin : tuple[int, int]
-        Frame row and column at which the first cell begins, 0 or less.
+        Frame row and column at which the first superpixel begins, 0 or less.
     shape : tuple[int, int]
-        Number of cells (down, across).
+        Number of superpixels (down, across).
     blocks : tuple[int, int]
-        Index of the first cell (down, across) with a whole block.
+        Index of the first superpixel (down, across) with a whole block.
     steps : tuple[int, int]
         1, or -1 along an axis that is mirrored.
     channels : list[int]
@@ -338,13 +338,13 @@ class Cells:
     sites: list[int]
 
     @classmethod
-    def of(cls, sites: Sites) -> "Cells":
-        """Return the cells of a frame with channels R, G and B."""
+    def of(cls, sites: Sites) -> "Superpixels":
+        """Return the superpixels of a frame with channels R, G and B."""
         pattern, grid, period = sites.pattern, sites.grid, sites.grid.period
         steps = Block.of(pattern).steps
         axes = list[tuple[int, int, int]]()
         for axis, whole in enumerate((grid.whole_rows, grid.whole_columns)):
-            # pixels of a cell before its block
+            # pixels of a superpixel before its block
             before = (period - grid.block_shape[axis] + (steps[axis] < 0)) // 2
             start = -((before - pattern.block_origin[axis]) % period)
             count = -(-(grid.frame[axis] - start) // period)
@@ -363,8 +363,8 @@ class Cells:
         columns: Span,
         weights: FloatArray = WEIGHTS,
     ) -> FloatArray:
-        """Return three weighted sums of R, G and B, times gamma, of some cells, mirrored as the
-        network knows them.
+        """Return three weighted sums of R, G and B, times gamma, of some superpixels, mirrored as
+        the network knows them.
 
         Float32 (3, K^2, h, w). The frame is mirrored at its border.
 
@@ -373,7 +373,7 @@ class Cells:
         weights : FloatArray, optional
             (3, 3).
         band : Band
-            All rows of the frame that the cells show.
+            All rows of the frame that the superpixels show.
         """
         down, across = (
             mirrored(self._turned_pixels(axis, span), self.frame[axis])
@@ -385,30 +385,30 @@ class Cells:
         picture = np.empty(
             (3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]), np.float32
         )
-        cut_cells(band.luminance, band.chromaticity, of_channels, down, across, picture)
+        cut_superpixels(band.luminance, band.chromaticity, of_channels, down, across, picture)
         return picture
 
     def add(self, answer: Answer, spans: list[Span], result: Band, gamma: FloatArray) -> None:
-        """Correct the chromaticity of a band in some cells, as far as it has them.
+        """Correct the chromaticity of a band in some superpixels, as far as it has them.
 
         Parameters
         ----------
         spans : list[Span]
-            Rows and columns of the cells in the frame.
+            Rows and columns of the superpixels in the frame.
         """
         basis, (rows, columns) = np.empty_like(BASIS), map(self._turned_pixels, (0, 1), spans)
         basis[:, self.channels] = BASIS
         places = rows - result.first, columns
         add_answer(answer, basis, gamma, places, result.luminance, result.chromaticity)
 
-    def span(self, axis: int, region: Span, inner: Span) -> Span:
-        """Return the cells of the frame that are some of those inside the outermost `_HALO` of a
-        mirrored region of cells.
+    def span(self, axis: int, window: Span, inner: Span) -> Span:
+        """Return the superpixels of the frame that are some of those inside the outermost `_HALO`
+        of a mirrored window of superpixels.
         """
-        first, end = (_HALO + cell for cell in inner)
+        first, end = (_HALO + superpixel for superpixel in inner)
         if self.steps[axis] > 0:
-            return region[0] + first, region[0] + end
-        return region[1] - end, region[1] - first
+            return window[0] + first, window[0] + end
+        return window[1] - end, window[1] - first
 
     def turned(self, planes: FloatArray) -> FloatArray:
         """Return planes (..., rows, columns) in the orientation that the network knows, or back
@@ -417,14 +417,14 @@ class Cells:
         return planes[..., :: self.steps[0], :: self.steps[1]]
 
     def _turned_pixels(self, axis: int, span: Span) -> IndexArray:
-        """Rows, or columns, of the frame at the pixels of cells, in the network's orientation."""
+        """Rows, or columns, of the frame at pixels of superpixels, as the network knows them."""
         pixels = self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
         return np.ascontiguousarray(pixels[:: self.steps[axis]])
 
 
-@parallel_kernel(pieces=lambda *given: given[-1].shape[2])
-def cut_cells(
-    pieces: Pieces,
+@parallel_kernel(chunks=lambda *given: given[-1].shape[2])
+def cut_superpixels(
+    chunks: Chunks,
     luminance: Floats2,
     chromaticity: Floats3,
     weights: Floats2,
@@ -432,7 +432,7 @@ def cut_cells(
     columns: Ints1,
     out: Floats4,
 ) -> None:
-    """Write three weighted sums of three channels, times luminance, cell by cell.
+    """Write three weighted sums of three channels, times luminance, superpixel by superpixel.
 
     Parameters
     ----------
@@ -441,13 +441,13 @@ def cut_cells(
     weights : Floats2
         (3, 3), of each sum.
     rows, columns : Ints1
-        Those of all pixels of h x w cells, (h K,) and (w K,).
+        Those of all pixels of h x w superpixels, (h K,) and (w K,).
     out : Floats4
         (3, K^2, h, w), written.
     """
     _, _, height, width = out.shape
     period = len(rows) // height
-    for down in range(pieces[0], pieces[1]):
+    for down in range(chunks[0], chunks[1]):
         for pixel in range(period * period):
             row, first = rows[down * period + pixel // period], pixel % period
             for across in range(width):
@@ -462,9 +462,9 @@ def cut_cells(
                     out[plane, pixel, down, across] = total * light
 
 
-@parallel_kernel(pieces=lambda answer, *_: answer.change.shape[2])
+@parallel_kernel(chunks=lambda answer, *_: answer.change.shape[2])
 def add_answer(
-    pieces: Pieces,
+    chunks: Chunks,
     answer: Answer,
     basis: Floats2,
     gamma: Floats1,
@@ -472,19 +472,20 @@ def add_answer(
     luminance: Floats2,
     chromaticity: Floats3,
 ) -> None:
-    """Add the answer for h x w cells to chromaticity, (H, W, 3), within its limits. No channel
-    gains or loses more than the luminance, (H, W), which stays.
+    """Add the answer for h x w superpixels to chromaticity, (H, W, 3), within its limits. No
+    channel gains or loses more than the luminance, (H, W), which stays.
 
     Parameters
     ----------
     basis : Floats2
         e1 and e2 of the three channels, (2, 3).
     places : tuple[Ints1, Ints1]
-        Rows and columns of all pixels of the cells, (h K,) and (w K,), also outside the picture.
+        Rows and columns of all pixels of the superpixels, (h K,) and (w K,), also outside the
+        picture.
     """
     (rows, columns), (_, _, height, width) = places, answer.change.shape
     period, (bottom, right), step = len(rows) // height, luminance.shape, np.zeros(3, np.float32)
-    for down in range(pieces[0], pieces[1]):
+    for down in range(chunks[0], chunks[1]):
         for pixel in range(period * period):
             row, first = rows[down * period + pixel // period], pixel % period
             for across in range(width if 0 <= row < bottom else 0):
@@ -511,7 +512,7 @@ def add_answer(
 
 
 class Residuals:
-    """Residuals of the blocks in a band of a picture, by cells.
+    """Residuals of the blocks in a band of a picture, by superpixels.
 
     Parameters
     ----------
@@ -519,9 +520,11 @@ class Residuals:
         (C,), float32.
     """
 
-    def __init__(self, cells: Cells, band: Band, samples: BlockSamples, gamma: FloatArray) -> None:
+    def __init__(
+        self, grid: Superpixels, band: Band, samples: BlockSamples, gamma: FloatArray
+    ) -> None:
         rows = samples.within(band)
-        error = samples.residual(band, rows)[..., cells.sites]
+        error = samples.residual(band, rows)[..., grid.sites]
         noise = samples.scaled_variance(gamma, rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
         variance = np.where(samples.unclipped[rows], variance, np.float32(UNKNOWN))
@@ -530,15 +533,15 @@ class Residuals:
         unexplained = (
             np.ones_like(variance) if samples.lines is None else 1 - samples.lines.share[rows] ** 32
         )
-        self._cells, self._first = cells, (cells.blocks[0] + rows.start, cells.blocks[1])
+        self._grid, self._first = grid, (grid.blocks[0] + rows.start, grid.blocks[1])
         self._values = np.concatenate([error, variance[..., None], unexplained[..., None]], axis=2)
-        self._outside = np.array([0] * len(cells.sites) + [UNKNOWN, 1], np.float32)
+        self._outside = np.array([0] * len(grid.sites) + [UNKNOWN, 1], np.float32)
 
     def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the residuals at the S sites of some cells, mirrored, the variance of their noise,
-        and how little lines explain.
+        """Return the residuals at the S sites of some superpixels, mirrored, the variance of their
+        noise, and how little lines explain.
 
-        Float32 (S, h, w), (h, w) and (h, w): 0, UNKNOWN and 1 in cells without a whole block.
+        Float32 (S, h, w), (h, w) and (h, w): 0, UNKNOWN and 1 in superpixels without a whole block.
         """
         count = self._values.shape[:2]
         places = [
@@ -552,5 +555,5 @@ class Residuals:
             np.ix_(*(place.clip(0, size - 1) for place, size in zip(places, count, strict=True)))
         ]
         values = np.where((down[:, None] & across)[..., None], values, self._outside)
-        planes = np.ascontiguousarray(self._cells.turned(values.transpose(2, 0, 1)))
+        planes = np.ascontiguousarray(self._grid.turned(values.transpose(2, 0, 1)))
         return planes[:-2], planes[-2], planes[-1]

@@ -39,9 +39,9 @@ from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Cleaned, Sites, curvature, mean_of_sites, unclipped_blocks
 from ..measured import EVEN, BlockSamples
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
-from ..numerics.pieces import BLOCK_ROWS, copy_array, in_strips
 from ..stage import Switch
 
 
@@ -241,7 +241,7 @@ class SiteErrors(NamedTuple):
 
 @parallel_kernel()
 def posterior_means(
-    pieces: Pieces,
+    chunks: Chunks,
     given: SiteErrors,
     near: Doubles2,
     alike: Doubles2,
@@ -260,7 +260,7 @@ def posterior_means(
     """
     (_, columns, count), channels = light.shape, aside.shape[1]
     covariance, solution = np.empty((count, count)), np.empty(count)
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         for column in range(columns):
             of_light = np.float64(given.light[row, column])
             of_colour = np.float64(given.colour[row, column])

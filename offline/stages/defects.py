@@ -9,7 +9,7 @@ be a second defect) and noise explain:
 
 A colour sample c of channel i is a lower bound of luminance, gamma_i c: where it exceeds every
 panchromatic neighbour it is one of N, and the end of a thin stroke next to a block is no defect.
-Where a colour site beside m is brighter or darker than in the tiles around, the range of N ends as
+Where a colour site beside m is brighter or darker than one period away, the range of N ends as
 much higher or lower: both see the same small thing. An outlier becomes the mean of opposite
 neighbours; directions d along which luminance changes little (mean |difference|) have the largest
 weights 1 / (change |d|)^2.
@@ -39,8 +39,8 @@ from ...shared.calibration import NoiseModel
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..frame import Cleaned, sum_noise
+from ..numerics.chunks import copy_array, in_strips
 from ..numerics.functions import ORIENTATIONS
-from ..numerics.pieces import copy_array, in_strips
 from ..stage import NotNegative, Positive, StageSettings
 
 
@@ -141,7 +141,7 @@ def find_outliers(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next tile,
+    """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next period,
     can be seen.
 
     luminance: float32 (halo + rows + halo, halo + W + halo); where coloured, its lower bound. NaN =
@@ -173,13 +173,13 @@ class _Strip:
 
     def outliers(self) -> BoolArray:
         """The outliers among its rows, bool (rows, W)."""
-        core, near = (np.s_[edge:-edge, edge:-edge] for edge in (self.halo, self.halo - 1))
-        value, floor = self.luminance[core], self.settings.floor * self.frame.level
+        interior, near = (np.s_[edge:-edge, edge:-edge] for edge in (self.halo, self.halo - 1))
+        value, floor = self.luminance[interior], self.settings.floor * self.frame.level
         most = _of_neighbours(self.luminance[near], np.fmax)
         panchromatic = np.where(self.coloured, np.float32(np.inf), self.luminance)
         least = _of_neighbours(panchromatic[near], np.fmin)
         beyond = np.maximum(value - most, least - value)
-        outliers: BoolArray = (beyond > floor) & ~self.coloured[core]
+        outliers: BoolArray = (beyond > floor) & ~self.coloured[interior]
         place = _places(outliers)
         outliers[place] = beyond[place] - self.noise(most[place]) > floor
         place = _places(outliers)
@@ -211,12 +211,12 @@ class _Strip:
         row, column, value, low, high = (
             given[outlier] for given in (row, column, value, low, high)
         )
-        # The usual brightness of the colour sites beside a sample is their mean in the tiles above,
+        # The usual brightness of the colour sites beside a sample is their mean one period above,
         # below, left and right.
         period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
         steps = (-period, 0), (period, 0), (0, -period), (0, period)
-        tiles = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
-        usual = _mean(tiles, 0).clip(0) + black
+        repeats = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
+        usual = _mean(repeats, 0).clip(0) + black
         are_sites = self.around(row, column, 1, self.coloured)
         sites = np.where(are_sites, self.around(row, column, 1), np.float32(np.nan))
         darker, brighter = (

@@ -35,10 +35,10 @@ from ...shared.arrays import DoubleArray, FloatArray, IndexArray
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Pair, Single
-from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.functions import mirrored, tile_at, zeros
+from ..numerics.chunks import chunk_count
+from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.functions import chunk_at, mirrored, zeros
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, square_root, store, where_less
-from ..numerics.pieces import tiles
 from ..stage import NotNegative, Positive, Range, StageSettings
 
 LARGEST = 32  # pixels: side of a DCT block accepted at most, for time and memory
@@ -69,7 +69,7 @@ class DenoisingSettings(StageSettings):
 
 
 # Pixels between two reports of progress, and the least number of rows.
-_PIECE, _LEAST_ROWS = 1 << 21, 256
+_PIXELS, _LEAST_ROWS = 1 << 21, 256
 
 
 def denoise_luminance(
@@ -98,12 +98,12 @@ def denoise_luminance(
         transform[:size, :size] = cosines(size)
     uncertain = ~mosaic.pattern.panchromatic_mask((mosaic.pattern.period, width))
     result = np.empty_like(luminance)
-    step = max(_PIECE // width // _LEAST_ROWS, 1) * _LEAST_ROWS
-    pieces = [(top, min(top + step, height)) for top in range(0, height, step)]
-    progress.stage("denoising luminance", len(pieces))
+    step = max(_PIXELS // width // _LEAST_ROWS, 1) * _LEAST_ROWS
+    steps = [(top, min(top + step, height)) for top in range(0, height, step)]
+    progress.stage("denoising luminance", len(steps))
     noise_model = np.float32(shot), np.float32(read)
     shrinkage = Shrinkage(sizes, transforms, *noise_model, np.float32(settings.threshold))
-    for rows in pieces:
+    for rows in steps:
         denoise(luminance, uncertain, rows, shrinkage, result)
         progress.advance()
     return result
@@ -176,10 +176,10 @@ class Memory(NamedTuple):
 
 
 @parallel_kernel(
-    pieces=lambda noisy, uncertain, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), _WINDOW)
+    chunks=lambda noisy, _, rows, *rest: chunk_count((rows[1] - rows[0], noisy.shape[1]), _WINDOW)
 )
 def denoise(
-    pieces: Pieces,
+    chunks: Chunks,
     noisy: Floats2,
     uncertain: Bools2,
     rows: Pair,
@@ -210,8 +210,8 @@ def denoise(
     )  # fmt: skip
     halves, block = zeros(4, most, wide), zeros(3, most * most, WIDTH)
     memory = Memory(samples, pilot, sums, weights, halves, block)
-    for window in range(pieces[0], pieces[1]):
-        above, below, left, right = tile_at(window, (rows[1] - rows[0], width), _WINDOW)
+    for window in range(chunks[0], chunks[1]):
+        above, below, left, right = chunk_at(window, (rows[1] - rows[0], width), _WINDOW)
         top = rows[0] + above - halo
         down = below - above + 2 * halo
         across = right - left + 2 * halo

@@ -31,9 +31,9 @@ from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
 from ...shared.white_balance import clipped_share, raised_to_white
 from ..frame import Cleaned
+from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
 from ..numerics.gaussian import filtered, gaussian, smoothed
 from ..numerics.interpolation import interpolate
-from ..numerics.pieces import BLOCK_ROWS, copy_array, in_strips
 from ..stage import Between, StageSettings
 
 
@@ -168,8 +168,8 @@ def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
     """`light` of blocks, (rows, columns), where every block that is not `bright` takes the mean of
     the bright ones near it.
 
-    A dark block next to a clipped region lies beyond an edge: interpolating towards it would darken
-    the rim of the region.
+    A dark block next to a clipped area lies beyond an edge: interpolating towards it would darken
+    the rim of the area.
     """
     weight, total = smoothed(np.stack([bright, np.where(bright, light, 0)]), _LENDING_WIDTH)
     return np.where(bright | (weight == 0), light, total / np.where(weight > 0, weight, 1))

@@ -47,11 +47,11 @@ from ..numerics.arrays import (
     Scalar,
     Single,
 )
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.chunks import copy_array, in_strips
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
 from ..numerics.lanes import WIDTH, Lanes, greater, lesser, load, store
-from ..numerics.pieces import copy_array, in_strips
 from ..stage import Between, Count, Positive, StageSettings
 from .luminance_network import correct_fill
 
@@ -92,7 +92,7 @@ _ROOT3 = 3**0.5
 # and the wavelet's.
 _LOW = np.array([1 + _ROOT3, 3 + _ROOT3, 3 - _ROOT3, 1 - _ROOT3]) / 8
 _TAPS: FloatArray = np.stack([_LOW, _LOW[::-1] * [1, -1, 1, -1]]).astype(np.float32)
-# The taps down and across of the three high-pass bands, (3, 4, 4).
+# The taps down and across of the three high-pass subbands, (3, 4, 4).
 _FILTERS: FloatArray = np.stack([np.outer(_TAPS[i], _TAPS[j]) for i, j in ((0, 1), (1, 0), (1, 1))])
 
 # Pixels: standard deviation of the start's means (0.0 dB); every scattered site has a panchromatic
@@ -104,7 +104,7 @@ _AROUND = 1.0
 _WHITE = 3.0
 # sites of a block that the samples in it are a good start for: those of a Bayer block
 _BAYER_SITES = 4
-_PIECE = 128  # rows of blocks that are filled between two reports of progress
+_ROWS = 128  # rows of blocks that are filled between two reports of progress
 
 
 def recover_luminance(
@@ -129,7 +129,7 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     )
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
-        progress.stage("reconstructing luminance", -(-len(rows) // _PIECE))
+        progress.stage("reconstructing luminance", -(-len(rows) // _ROWS))
         start = copy_array(signal) if start is signal else start
         return _fill_isolated(start, pattern, (rows, columns), thresholds, progress)
     progress.stage("reconstructing luminance", settings.iterations)
@@ -177,11 +177,11 @@ def _around(signal: FloatArray, holes: BoolArray) -> FloatArray:
 
     def work(rows: slice) -> None:
         top = max(rows.start - reach, 0)
-        part = signal[top : rows.stop + reach]
-        clear = ~holes[np.arange(top, top + len(part)) % len(holes)]
+        cut = signal[top : rows.stop + reach]
+        clear = ~holes[np.arange(top, top + len(cut)) % len(holes)]
         known = clear.astype(np.float32)
-        mean = smoothed(part * known, _AROUND) / smoothed(known, _AROUND)
-        start[rows] = np.where(clear, part, mean)[rows.start - top : rows.stop - top]
+        mean = smoothed(cut * known, _AROUND) / smoothed(known, _AROUND)
+        start[rows] = np.where(clear, cut, mean)[rows.start - top : rows.stop - top]
 
     in_strips(work, len(signal))
     return start
@@ -220,20 +220,20 @@ def _fill_isolated(
     edges = [np.s_[: rows[0], :], np.s_[below:, :], np.s_[:, : columns[0]], np.s_[:, right:]]
     margins = []
     for corner, edge in zip(corners, edges, strict=True):
-        part, holes = start[edge], _holes(pattern, start[edge].shape, corner)
-        if len(part) > part.shape[1]:  # rows are long, for speed
-            margins.append(fill(part.T, holes.T, thresholds).T)
+        cut, holes = start[edge], _holes(pattern, start[edge].shape, corner)
+        if len(cut) > cut.shape[1]:  # rows are long, for speed
+            margins.append(fill(cut.T, holes.T, thresholds).T)
         else:
-            margins.append(fill(part, holes, thresholds))
+            margins.append(fill(cut, holes, thresholds))
     for edge, filled in zip(edges, margins, strict=True):
         start[edge] = filled
     places, extent = np.array([site[:2] for site in pattern.sites]), pattern.block_shape
     inner = np.ones((3, down + 3, across + 3))
     inside = np.flatnonzero(np.pad(inner, ((0, 0), (1, 1), (1, 1))))
     kind = extent, places, _FILTERS, _response(extent, places), inside
-    for first in range(0, len(rows), _PIECE):
+    for first in range(0, len(rows), _ROWS):
         corner = int(rows[first]), int(columns[0])
-        down = min(_PIECE, len(rows) - first)
+        down = min(_ROWS, len(rows) - first)
         blocks = Blocks(corner, (down, len(columns)), pattern.period, *kind)
         fill_blocks(start, blocks, thresholds)
         progress.advance()
@@ -244,20 +244,20 @@ def _response(extent: Pair, holes: IndexArray) -> FloatArray:
     """Return what a sample of 1 in each hole of a block adds to the high-pass coefficients that see
     it; see `Blocks`.
     """
-    chunks = -(-len(holes) // CHUNK)
-    response = np.zeros((3, extent[0] + 3, extent[1] + 3, chunks * CHUNK), np.float32)
+    quads = -(-len(holes) // QUAD)
+    response = np.zeros((3, extent[0] + 3, extent[1] + 3, quads * QUAD), np.float32)
     for hole, (row, column) in enumerate(holes):
         response[:, row : row + 4, column : column + 4, hole] = _FILTERS[:, ::-1, ::-1]
-    return response.reshape(-1, chunks, CHUNK)
+    return response.reshape(-1, quads, QUAD)
 
 
 _ZERO, _ONE = np.float32(0), np.float32(1)
-_STRIP = 64  # rows of a piece of work; chosen for speed
+_STRIP = 64  # rows of a chunk; chosen for speed
 
 
-@parallel_kernel(pieces=lambda plane, *_: -(-len(plane) // _STRIP))
+@parallel_kernel(chunks=lambda plane, *_: -(-len(plane) // _STRIP))
 def shrink_once(
-    pieces: Pieces, plane: Floats2, result: Floats2, holes: Bools2, taps: Floats2, threshold: Single
+    chunks: Chunks, plane: Floats2, result: Floats2, holes: Bools2, taps: Floats2, threshold: Single
 ) -> None:
     """Shrink the coefficients of a plane once, and write the new values of its holes to `result`.
 
@@ -278,22 +278,22 @@ def shrink_once(
     low_pass, high_pass = taps
     full = np.array([line.any() for line in holes])
     low, high, change = zeros(width + 2 * REACH), zeros(width + 2 * REACH), zeros(width)
-    squares, bands, removed = zeros(width + 5), zeros(3, 3, width + 5), zeros(3, 4, width + 3)
-    for strip in range(pieces[0], pieces[1]):
+    squares, subbands, removed = zeros(width + 5), zeros(3, 3, width + 5), zeros(3, 4, width + 3)
+    for strip in range(chunks[0], chunks[1]):
         first, end = strip * _STRIP, min(height, (strip + 1) * _STRIP)
-        # Row r of the bands sees rows r - 4 to r - 1 of the plane. The last three rows are kept,
+        # Row r of the subbands sees rows r - 4 to r - 1 of the plane. The last three rows are kept,
         # and four of what is removed.
         for row in range(first, end + REACH + 1):
             r0, r1 = plane[mirrored(row - 4, height)], plane[mirrored(row - 3, height)]
             r2, r3 = plane[mirrored(row - 2, height)], plane[mirrored(row - 1, height)]
             _combine(low_pass, r0, r1, r2, r3, low)
             _combine(high_pass, r0, r1, r2, r3, high)
-            _combine(high_pass, low, low[1:], low[2:], low[3:], bands[0, row % 3])
-            _combine(low_pass, high, high[1:], high[2:], high[3:], bands[1, row % 3])
-            _combine(high_pass, high, high[1:], high[2:], high[3:], bands[2, row % 3])
-            for band in range(3):
-                out = removed[band, (row - 1) % 4]
-                _shrink(bands[band], (row - 1) % 3, threshold, squares, out)
+            _combine(high_pass, low, low[1:], low[2:], low[3:], subbands[0, row % 3])
+            _combine(low_pass, high, high[1:], high[2:], high[3:], subbands[1, row % 3])
+            _combine(high_pass, high, high[1:], high[2:], high[3:], subbands[2, row % 3])
+            for subband in range(3):
+                out = removed[subband, (row - 1) % 4]
+                _shrink(subbands[subband], (row - 1) % 3, threshold, squares, out)
             target = row - REACH - 1
             line = target % len(holes)
             if target >= first and full[line]:
@@ -325,12 +325,12 @@ def _add(taps: Floats1, a: Floats1, b: Floats1, c: Floats1, d: Floats1, out: Flo
 
 
 @kernel
-def _shrink(band: Floats2, middle: int, threshold: Scalar, squares: Floats1, out: Floats1) -> None:
-    """Compute what Eq. 5 removes from a row of a band, of which `band` has three."""
-    a, b, c = band[0], band[1], band[2]
+def _shrink(three: Floats2, middle: int, threshold: Scalar, squares: Floats1, out: Floats1) -> None:
+    """Compute what Eq. 5 removes from a row of a subband, of which `three` are given."""
+    a, b, c = three[0], three[1], three[2]
     for column in range(len(squares)):
         squares[column] = a[column] * a[column] + b[column] * b[column] + c[column] * c[column]
-    after, last, line = squares[1:], squares[2:], band[middle, 1:]
+    after, last, line = squares[1:], squares[2:], three[middle, 1:]
     for column in range(len(out)):
         size = np.sqrt(squares[column] + after[column] + last[column])
         out[column] = line[column] * min(_ONE, threshold / size)
@@ -340,7 +340,7 @@ def _shrink(band: Floats2, middle: int, threshold: Scalar, squares: Floats1, out
 def _synthesise(
     removed: Floats3, row: int, taps: Floats2, low: Floats1, high: Floats1, out: Floats1
 ) -> None:
-    """Synthesise a row of the plane from rows row + 1 to row + 4 of the bands; the taps are
+    """Synthesise a row of the plane from rows row + 1 to row + 4 of the subbands; the taps are
     reversed.
     """
     low_back, high_back = taps[:, ::-1]
@@ -360,7 +360,7 @@ def _subtract(plane: Floats1, removed: Floats1, holes: Bools1, out: Floats1) -> 
 
 
 _NINE = np.float32(9.001)  # coefficients; more than rounding can hide
-CHUNK = 4
+QUAD = 4
 """Holes that are computed together; their number is rounded up to a multiple of this."""
 
 
@@ -381,12 +381,12 @@ class Blocks(NamedTuple):
     holes : Ints2
         (holes, 2), row and column of each hole in a block.
     filters : Floats3
-        (3, 4, 4), taps down and across of each high-pass band.
+        (3, 4, 4), taps down and across of each high-pass subband.
     response : Floats3
-        (3 (rows + 3) (columns + 3), chunks of holes, CHUNK), what a sample of 1 in each hole adds
+        (3 (rows + 3) (columns + 3), quads of holes, QUAD), what a sample of 1 in each hole adds
         to the coefficients that see any.
     inside : Ints1
-        Where those are among all coefficients of the three bands, one after the other.
+        Where those are among all coefficients of the three subbands, one after the other.
     """
 
     first: Pair
@@ -399,8 +399,8 @@ class Blocks(NamedTuple):
     inside: Ints1
 
 
-@parallel_kernel(pieces=lambda luminance, blocks, thresholds: blocks.grid[0])
-def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: Floats1) -> None:
+@parallel_kernel(chunks=lambda luminance, blocks, thresholds: blocks.grid[0])
+def fill_blocks(chunks: Chunks, luminance: Floats2, blocks: Blocks, thresholds: Floats1) -> None:
     """Fill the holes of isolated blocks in place, sixteen at a time.
 
     Parameters
@@ -412,12 +412,12 @@ def fill_blocks(pieces: Pieces, luminance: Floats2, blocks: Blocks, thresholds: 
     """
     (rows, columns), holes = blocks.extent, blocks.holes
     response, inside = blocks.response, blocks.inside
-    inner, chunks, _ = response.shape
+    inner, quads, _ = response.shape
     tall, wide = rows + 2 * REACH, columns + 2 * REACH
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         window, squares = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
         known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
-        values = zeros(chunks * CHUNK, WIDTH)
+        values = zeros(quads * QUAD, WIDTH)
         outermost, largest = zeros(1, WIDTH), zeros(1, WIDTH)
         flat = squares.reshape(-1, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
@@ -460,19 +460,19 @@ def _decompose_blocks(
     """
     _, rows, columns, _ = squares.shape
     place, most = 0, load(window, (0, 0, 0)) * _ZERO
-    for band in range(3):
+    for subband in range(3):
         for row in range(rows):
             for column in range(columns):
-                coefficient = load(window, (0, 0, 0)) * _ZERO
+                total = load(window, (0, 0, 0)) * _ZERO
                 for i in range(4):
                     for j in range(4):
-                        coefficient += filters[band, i, j] * load(window, (row + i, column + j, 0))
-                store(squares, (band, row, column, 0), coefficient * coefficient)
+                        total += filters[subband, i, j] * load(window, (row + i, column + j, 0))
+                store(squares, (subband, row, column, 0), total * total)
                 if 0 < row < rows - 1 and 0 < column < columns - 1:
-                    store(known, (place, 0), coefficient)
+                    store(known, (place, 0), total)
                     place += 1
                 else:
-                    most = greater(most, coefficient * coefficient)
+                    most = greater(most, total * total)
     store(outermost, (0, 0), most)
 
 
@@ -486,16 +486,16 @@ def _respond(
     inside: Ints1,
     outermost: Floats2,
 ) -> Lanes:
-    """Add the holes' part to the known coefficients. Returns the largest of all squares.
+    """Add the holes' contribution to the known coefficients. Returns the largest of all squares.
 
     squares, inside: (coefficients, WIDTH), and see `Blocks`.
     """
     most = load(outermost, (0, 0))
-    for chunk in range(response.shape[1]):
-        h0, h1, h2, h3 = _chunk(values, chunk)
-        others, most = coefficients if chunk else known, load(outermost, (0, 0))
+    for quad in range(response.shape[1]):
+        h0, h1, h2, h3 = _quad(values, quad)
+        others, most = coefficients if quad else known, load(outermost, (0, 0))
         for place in range(len(known)):
-            c = response[place, chunk]
+            c = response[place, quad]
             total = load(others, (place, 0)) + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3
             square = total * total
             store(coefficients, (place, 0), total)
@@ -509,43 +509,43 @@ def _shrink_blocks(squares: Floats4, threshold: Scalar, removed: Floats2) -> Non
     """Replace coefficients, all but the outermost, by what Eq. 5 removes from them."""
     _, rows, columns, _ = squares.shape
     place = 0
-    for band in range(3):
+    for subband in range(3):
         for row in range(1, rows - 1):
-            left, middle = _energy(squares, band, row, 0), _energy(squares, band, row, 1)
+            left, middle = _energy(squares, subband, row, 0), _energy(squares, subband, row, 1)
             for column in range(1, columns - 1):
-                right = _energy(squares, band, row, column + 1)
-                part = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
-                store(removed, (place, 0), load(removed, (place, 0)) * part)
+                right = _energy(squares, subband, row, column + 1)
+                weight = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
+                store(removed, (place, 0), load(removed, (place, 0)) * weight)
                 left, middle = middle, right
                 place += 1
 
 
 @kernel
-def _energy(squares: Floats4, band: int, row: int, column: int) -> Lanes:
+def _energy(squares: Floats4, subband: int, row: int, column: int) -> Lanes:
     """Sum of three vertically adjacent squares."""
-    above = load(squares, (band, row - 1, column, 0))
-    below = load(squares, (band, row + 1, column, 0))
-    return above + load(squares, (band, row, column, 0)) + below
+    above = load(squares, (subband, row - 1, column, 0))
+    below = load(squares, (subband, row + 1, column, 0))
+    return above + load(squares, (subband, row, column, 0)) + below
 
 
 @kernel
 def _remove(removed: Floats2, response: Floats3, values: Floats2) -> None:
     """Subtract from the holes what is synthesised of the removed coefficients."""
-    for chunk in range(response.shape[1]):
-        h0, h1, h2, h3 = _chunk(values, chunk)
+    for quad in range(response.shape[1]):
+        h0, h1, h2, h3 = _quad(values, quad)
         for place in range(len(removed)):
-            c, gone = response[place, chunk], load(removed, (place, 0))
+            c, gone = response[place, quad], load(removed, (place, 0))
             h0 -= c[0] * gone
             h1 -= c[1] * gone
             h2 -= c[2] * gone
             h3 -= c[3] * gone
         for hole, value in enumerate((h0, h1, h2, h3)):
-            store(values, (CHUNK * chunk + hole, 0), value)
+            store(values, (QUAD * quad + hole, 0), value)
 
 
 @kernel
-def _chunk(values: Floats2, chunk: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
-    i = CHUNK * chunk
+def _quad(values: Floats2, quad: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+    i = QUAD * quad
     a = load(values, (i, 0))
     b = load(values, (i + 1, 0))
     c = load(values, (i + 2, 0))

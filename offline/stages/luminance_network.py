@@ -17,7 +17,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.networks import NETWORKS, load_network
 from ...shared.pattern import CfaPattern
 from ..frame import Sites
-from ..numerics.pieces import in_pieces, in_strips
+from ..numerics.chunks import in_chunks, in_strips
 
 PATHS = {4: NETWORKS / "luminance.onnx", 3: NETWORKS / "luminance-three.onnx"}
 """Sites of a block of 2 x 2 pixels -> the network for it; of three, the pixel that is panchromatic
@@ -32,8 +32,8 @@ _LEAST_PERIOD = 4  # with less, most of what it sees is filled in
 # is asked: with less there is next to nothing to correct. With 3 of the latter a photograph loses
 # 0.04 dB of its median at sigma 0.03.
 _PLAIN, _CLEAR = 0.02, 1.2
-# rows of blocks computed together, whatever the number of threads: larger pieces leave the cache
-_PIECE = 8
+# rows of blocks computed together, whatever the number of threads: larger chunks leave the cache
+_CHUNK = 8
 
 
 def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
@@ -59,9 +59,9 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     first_rows, columns = grid.whole_rows, grid.whole_columns
     off = np.zeros((len(first_rows), len(columns), count), np.float32)
 
-    def work(piece: int) -> None:
-        rows = first_rows[piece * _PIECE : (piece + 1) * _PIECE]
-        # Only what this piece sees, continued beyond the frame's edges: a frame with a border would
+    def work(chunk: int) -> None:
+        rows = first_rows[chunk * _CHUNK : (chunk + 1) * _CHUNK]
+        # Only what this chunk sees, continued beyond the frame's edges: a frame with a border would
         # be one more in memory.
         down = mirrored(np.arange(rows[0] - REACH, rows[-1] + 2 + REACH), mosaic.shape[0])
         across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
@@ -69,15 +69,15 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
             luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps
         )
         (found,) = network.run(None, {"seen": inputs})
-        off[piece * _PIECE :][: len(rows)].reshape(-1, count)[asked] = (found * units)[:, order]
+        off[chunk * _CHUNK :][: len(rows)].reshape(-1, count)[asked] = (found * units)[:, order]
 
-    in_pieces(lambda first, _: work(first), -(-len(first_rows) // _PIECE) if len(columns) else 0)
+    in_chunks(lambda first, _: work(first), -(-len(first_rows) // _CHUNK) if len(columns) else 0)
 
     def add(rows: slice) -> None:
         for site, place in enumerate(sites.at(rows)):
             luminance[place] += off[rows, :, site]
 
-    in_strips(add, len(off), _PIECE)
+    in_strips(add, len(off), _CHUNK)
     return luminance
 
 

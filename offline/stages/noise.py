@@ -1,13 +1,13 @@
-"""The noise of a mosaic: from its calibration, or estimated from its own smooth parts, or from
+"""The noise of a mosaic: from its calibration, or estimated from its own smooth areas, or from
 those of several mosaics.
 
 The model is Poisson-Gaussian: variance = shot x signal + read^2. Rows and columns that are
 panchromatic throughout or, where colour sites are scattered, every second (third, ...) pixel of
-them, go through a high-pass filter, which leaves noise and texture, and are cut into small tiles.
-Of the tiles of one bin of brightness the quietest tenth counts as smooth: its variance, over what
+them, go through a high-pass filter, which leaves noise and texture, and are cut into small windows.
+Of the windows of one bin of brightness the quietest tenth counts as smooth: its variance, over what
 that quantile of a chi-square distribution is, is the noise there. The model is the line through
 (brightness, variance) of the bins, by least squares of relative error; bins far above it have no
-smooth tiles and are left out.
+smooth windows and are left out.
 """
 
 from collections.abc import Iterator
@@ -39,13 +39,13 @@ class NoiseSettings(StageSettings):
 _FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)
 # Chosen; in brackets, by how many decibels half or twice changes crops at sigma 0.02 whose noise is
 # unknown.
-_LINES, _LENGTH = 8, 16  # rows and columns of a tile (0.1, 0.2)
+_LINES, _LENGTH = 8, 16  # rows and columns of a window (0.1, 0.2)
 _MOST_LINES = 2048  # lines of each direction that are looked at, for time
 _CLIPPED = 0.95  # fraction of full scale above which clipping cuts noise off (0.2)
-_BINS, _LEAST_TILES = 16, 20  # bins of brightness, and the least number of tiles in each (0.1, 0.2)
-_SHARE = 0.1  # quantile of the variances in a bin that stands for its smooth tiles (0.2)
+_BINS, _LEAST_WINDOWS = 16, 20  # bins of brightness, least number of windows in each (0.1, 0.2)
+_SHARE = 0.1  # quantile of the variances in a bin that stands for its smooth windows (0.2)
 _NORMAL_QUANTILE = -1.2816  # that quantile of the standard normal distribution
-_TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth tiles (0.3)
+_TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth windows (0.3)
 _ROUNDS = 4  # of leaving out such bins; two do as well
 
 
@@ -71,7 +71,7 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
     ----------
     mosaics : Mosaic
         One or more frames of one scene and sensor, whose exposures may differ. The median of their
-        variances counts, for dark and for bright light: where smooth parts mislead in a few (what
+        variances counts, for dark and for bright light: where smooth areas mislead in a few (what
         one clips, or what is black in one), it is not misled.
     """
     fits = [fit for mosaic in mosaics if (fit := _fitted(mosaic.evenly_shaded()))]
@@ -90,33 +90,33 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
 
 
 def _fitted(mosaic: Mosaic) -> tuple[float, float, float, float] | None:
-    """Light of the darkest and of the brightest tiles of a frame, and slope and intercept of the
+    """Light of the darkest and of the brightest windows of a frame, and slope and intercept of the
     line through all variances.
     """
     clear = mosaic.pattern.panchromatic_mask((mosaic.pattern.period,) * 2)
     limit = _CLIPPED * mosaic.calibration.full_scale
-    tiles = [*_tiles(mosaic.signal, clear, limit), *_tiles(mosaic.signal.T, clear.T, limit)]
-    mean, variance = np.concatenate(tiles, axis=1).astype(np.float64)
-    if mean.size < _LEAST_TILES:
+    windows = [*_windows(mosaic.signal, clear, limit), *_windows(mosaic.signal.T, clear.T, limit)]
+    mean, variance = np.concatenate(windows, axis=1).astype(np.float64)
+    if mean.size < _LEAST_WINDOWS:
         return None
-    bins = np.array_split(np.argsort(mean, kind="stable"), min(_BINS, mean.size // _LEAST_TILES))
-    levels = np.array([mean[tiles].mean() for tiles in bins])
+    bins = np.array_split(np.argsort(mean, kind="stable"), min(_BINS, mean.size // _LEAST_WINDOWS))
+    levels = np.array([mean[windows].mean() for windows in bins])
     # The filter's outputs along a line are not independent: this is the number of independent ones.
     correlation = np.correlate(_FILTER, _FILTER, "full").astype(np.float64)
     freedom = _LINES * _LENGTH / np.square(correlation).sum()
     # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over
     # its mean.
     smooth = (1 - 2 / (9 * freedom) + _NORMAL_QUANTILE * (2 / (9 * freedom)) ** 0.5) ** 3
-    variances = np.array([np.quantile(variance[tiles], _SHARE) for tiles in bins]) / smooth
+    variances = np.array([np.quantile(variance[windows], _SHARE) for windows in bins]) / smooth
     return (float(levels[0]), float(levels[-1]), *_line(levels, variances))
 
 
-def _tiles(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[FloatArray]:
-    """Yield mean, and variance after the high-pass filter, of tiles of panchromatic rows: float32
-    (2, tiles).
+def _windows(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[FloatArray]:
+    """Yield mean, and variance after the high-pass filter, of windows of panchromatic rows: float32
+    (2, windows).
 
     Where no row is panchromatic, it takes every n-th pixel of rows, for the least n with which
-    these are. clear: bool (K, K), which pixels are panchromatic. limit: scene units; tiles that
+    these are. clear: bool (K, K), which pixels are panchromatic. limit: scene units; windows that
     reach it are left out.
     """
     yield np.empty((2, 0), np.float32)
@@ -131,11 +131,11 @@ def _tiles(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Float
         rows = np.flatnonzero(np.resize(clear[:, phase::step].all(axis=1), len(signal)))
         plane, count = signal[:, phase::step], len(rows) // _LINES
         width = (plane.shape[1] - len(_FILTER) + 1) // _LENGTH * _LENGTH
-        for tile in range(0, count * (width > 0), max(1, count * _LINES // _MOST_LINES)):
-            lines = plane[rows[tile * _LINES : (tile + 1) * _LINES]]
+        for window in range(0, count * (width > 0), max(1, count * _LINES // _MOST_LINES)):
+            lines = plane[rows[window * _LINES : (window + 1) * _LINES]]
             high = sum(tap * lines[:, start : start + width] for start, tap in enumerate(_FILTER))
             light, high = (
-                part.reshape(_LINES, -1, _LENGTH) for part in (lines[:, 2 : 2 + width], high)
+                plane.reshape(_LINES, -1, _LENGTH) for plane in (lines[:, 2 : 2 + width], high)
             )
             yield np.stack([light.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))])[
                 :, light.max(axis=(0, 2)) < limit
@@ -143,7 +143,7 @@ def _tiles(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Float
 
 
 def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:
-    """Slope and intercept, neither negative, of the line through the bins of smooth tiles: least
+    """Slope and intercept, neither negative, of the line through the bins of smooth windows: least
     squares of relative error.
     """
     tiny, terms = np.finfo(np.float32).tiny, np.stack([levels, np.ones_like(levels)], axis=1)

@@ -1,11 +1,11 @@
 """Colour of every pixel where colour sites are scattered: each channel is pinned at its own sites
 and spreads from there.
 
-The chromaticity of a tile describes it as a whole, but its sites lie pixels apart: each measures
+The chromaticity of a block describes it as a whole, but its sites lie pixels apart: each measures
 the chromaticity of its own channel at its own place, r[n] = sample over luminance. Between them a
 channel changes little, except across edges of luminance (the prior of section 3.3). Noise makes a
 single site worth little, so sites count as far as they show more than noise: elsewhere the
-chromaticity pooled over similar tiles stays. None of this is in the paper, whose sites form blocks.
+chromaticity pooled over similar blocks stays. None of this is in the paper, whose sites adjoin.
 
 Of each channel, the difference x from a base chromaticity b minimises
 
@@ -30,7 +30,7 @@ from ..frame import mean_of_sites
 from ..measured import BlockSamples, Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolate
-from ..numerics.linked import TILE, Extent, Prior, Samples, fitted
+from ..numerics.linked import SIDE, Extent, Prior, Samples, fitted
 from .correction import signal_power, site_reach
 
 # Chosen; in brackets, by how many decibels half or twice changes Kodak's tile at sigma 0.01.
@@ -38,17 +38,17 @@ from .correction import signal_power, site_reach
 _SMOOTHNESS, _FADING = 0.1, 1e-3
 _EDGE = 0.05  # difference of luminance that is an edge, a share of the mean luminance (0.2)
 _LEAST_EDGE = 1e-6  # scene units: the least difference that is an edge
-# tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are
+# blocks: standard deviation of the neighbourhood whose chromaticity is the base where sites are
 # trusted (0.1)
 _AROUND = 2.0
 # times the noise, that what sites show must exceed to count by half: luminance is uncertain too
 # (0.0)
 _CAUTION = 8.0
-# tiles that interpolation between them looks beyond a pixel: cubic convolution has four taps
+# blocks that interpolation between them looks beyond a pixel: cubic convolution has four taps
 _TAPS = 2
 _LEAST_SUM = 0.5  # of gamma c, which is about 1: below it, the base stays (0.2)
 HALO = 16
-"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond
+"""Pixels around a chunk that are solved with it: colour sites are near everywhere, so fields beyond
 have no influence. Chosen.
 """
 TOLERANCE = 1e-4
@@ -74,7 +74,7 @@ class Pinning(RowStage):
     measured : Measured
         The frame.
     samples : BlockSamples
-        Of all its whole tiles.
+        Of all its whole blocks.
     """
 
     measured: Measured
@@ -84,9 +84,9 @@ class Pinning(RowStage):
 
     @property
     def halo(self) -> Halo:
-        """Dependence of a pixel: its neighbours, and the tiles around those."""
+        """Dependence of a pixel: its neighbours, and the blocks around those."""
         period = self.measured.pattern.period
-        return Halo(HALO + site_reach(period) + _TAPS * period, TILE)
+        return Halo(HALO + site_reach(period) + _TAPS * period, SIDE)
 
     @cached_property
     def _edge(self) -> float:
@@ -105,39 +105,39 @@ class Pinning(RowStage):
             When conjugate gradients do not reach their tolerance.
         """
         samples, gamma = self.samples, self.measured.gamma
-        tiles = samples.within(band)
-        if tiles.start >= tiles.stop:
+        blocks = samples.within(band)
+        if blocks.start >= blocks.stop:
             return band.rows(*rows)
-        variance = samples.scaled_variance(gamma, tiles)
+        variance = samples.scaled_variance(gamma, blocks)
         noise = None if variance is None else mean_of_sites(variance)
-        power = signal_power(samples.residual(band, tiles), noise)
-        confidence = _confidence(power, noise) * samples.unclipped[tiles]
-        places = samples.inside(band, tiles)
+        power = signal_power(samples.residual(band, blocks), noise)
+        confidence = _confidence(power, noise) * samples.unclipped[blocks]
+        places = samples.inside(band, blocks)
         luminance = np.stack([band.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
         mean = np.square(luminance).mean(axis=2, dtype=np.float32, keepdims=True)
         squared = np.square(luminance) / mean.clip(np.float32(DARK**2))
         weight = _confidence(power[..., None] * squared, variance) * np.minimum(squared, 1)
-        weight *= samples.unclipped[tiles, :, None]
+        weight *= samples.unclipped[blocks, :, None]
         if samples.lines is not None:
-            apart = 1 - samples.lines.share[tiles]
+            apart = 1 - samples.lines.share[blocks]
             confidence, weight = confidence * apart, weight * apart[..., None]
         ratios, weights = np.zeros_like(band.luminance), np.zeros_like(band.luminance)
         for site, place in enumerate(places):
             lit = luminance[..., site] > DARK
-            ratio = samples.samples[tiles, :, site] / np.where(lit, luminance[..., site], 1)
+            ratio = samples.samples[blocks, :, site] / np.where(lit, luminance[..., site], 1)
             ratios[place] = np.where(lit, ratio, 0)
             weights[place] = np.where(lit, weight[..., site], 0)
-        return self._pinned(band, rows, self._base(band, confidence, tiles), ratios, weights)
+        return self._pinned(band, rows, self._base(band, confidence, blocks), ratios, weights)
 
-    def _base(self, band: Band, confidence: FloatArray, tiles: slice) -> FloatArray:
+    def _base(self, band: Band, confidence: FloatArray, blocks: slice) -> FloatArray:
         """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a
         wide neighbourhood.
         """
         grid = self.measured.grid
         trusted, plane = np.empty_like(band.luminance), np.empty_like(band.luminance)
         half = (grid.period - 1) / 2
-        down, across = float(grid.whole_rows[tiles.start]), float(grid.whole_columns[0])
+        down, across = float(grid.whole_rows[blocks.start]), float(grid.whole_columns[0])
         interpolate(confidence, (down + half - band.first, across + half), grid.period, trusted)
         base = band.chromaticity.copy()
         first = float(grid.rows[0]) + half - band.first, float(grid.columns[0]) + half

@@ -39,10 +39,10 @@ from ...shared.arrays import FloatArray
 from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Cleaned, curvature
 from ..numerics.arrays import Floats1, Floats3
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.chunks import BLOCK_ROWS, in_strips
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
-from ..numerics.pieces import BLOCK_ROWS, in_strips
 from ..stage import NotNegative, Positive, Range, StageSettings
 
 WIDEST_WINDOW = 64  # blocks: radius of pooling accepted at most, for time and memory
@@ -259,8 +259,8 @@ _ZERO, _ONE = np.float32(0), np.float32(1)
 _TOGETHER = 6
 
 
-@parallel_kernel(pieces=lambda *given: given[-1].shape[1])
-def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled: Floats3) -> None:
+@parallel_kernel(chunks=lambda *given: given[-1].shape[1])
+def pool(chunks: Chunks, sums: Floats3, features: Floats3, near: Floats1, pooled: Floats3) -> None:
     """Sum the statistics of the blocks in a window around each block, weighted by w, see above.
 
     Parameters
@@ -278,7 +278,7 @@ def pool(pieces: Pieces, sums: Floats3, features: Floats3, near: Floats1, pooled
         (S, rows, columns), columns a multiple of `WIDTH`; 0, and then written.
     """
     radius, light = len(near) - 1, len(features) - 2
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         for first in range(0, len(sums), _TOGETHER):
             for column in range(0, pooled.shape[2], WIDTH):
                 down, across = row + radius, column + radius

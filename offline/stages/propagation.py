@@ -18,10 +18,10 @@ from ...shared.arrays import FloatArray
 from ...shared.pattern import CfaPattern
 from ..bands import Band, Halo, RowStage
 from ..measured import Measured
-from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Single
-from ..numerics.compile import Pieces, kernel, parallel_kernel
+from ..numerics.arrays import Floats1, Floats2, Floats3, Single
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import unset
-from ..patches import core_patches, domain_places, patches_of
+from ..patches import PaddedFrame, chunk_patches, pad_frame, patches_of
 from ..stage import NotNegative, StageSettings
 from .affinity import CLASSES, AffinitySettings, solve_affinities
 
@@ -52,10 +52,10 @@ class Propagation(RowStage):
 
     @property
     def halo(self) -> Halo:
-        """No rows around, but whole rows of cores (`patches`)."""
+        """No rows around, but whole rows of chunks (`patches`)."""
         grid = self.measured.grid
         return Halo(
-            alignment=core_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
+            alignment=chunk_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
         )
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
@@ -101,10 +101,10 @@ def propagate(
     (above, _), (left, _) = grid.padding
     fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, (top, bottom))[0]
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
-    light = Light(luminance, *domain_places(grid))
+    padded = pad_frame(luminance, grid)
     corner = top + above - first * grid.period, left
     weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
-    mix(fields, blocks, light, Place(first, *corner), weighting, out)
+    mix(fields, blocks, padded, Place(first, *corner), weighting, out)
     return out
 
 
@@ -112,19 +112,9 @@ _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
 
 
-class Light(NamedTuple):
-    """Luminance of the frame, (H, W), and the frame's row at each row of the domain, and its column
-    at each column.
-    """
-
-    luminance: Floats2
-    rows: Ints1
-    columns: Ints1
-
-
 class Place(NamedTuple):
-    """The first row of patches in the fields, and the row of the fields and column of the domain
-    that belong to out[0, 0].
+    """The first row of patches in the fields, and the row of the fields and column of the padded
+    frame that belong to out[0, 0].
     """
 
     patch: int
@@ -140,13 +130,13 @@ class Weighting(NamedTuple):
 
 
 @parallel_kernel(
-    pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2]
+    chunks=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2]
 )
 def mix(
-    pieces: Pieces,
+    chunks: Chunks,
     fields: Floats3,
     blocks: Floats3,
-    light: Light,
+    frame: PaddedFrame,
     place: Place,
     weighting: Weighting,
     out: Floats3,
@@ -156,7 +146,7 @@ def mix(
     Parameters
     ----------
     fields : Floats3
-        (4, pixel rows, domain columns), the fields of whole rows of patches.
+        (4, pixel rows, padded columns), the fields of whole rows of patches.
     blocks : Floats3
         (block rows, block columns, C), all blocks of the grid.
     out : Floats3
@@ -168,16 +158,16 @@ def mix(
     total = unset(width)
     here = unset(width)
     mixed = unset(channels, width)
-    for patch in range(pieces[0], pieces[1]):
-        # A class is at the same corner in every second patch only, so its light and chromaticity
-        # are stored for every column.
-        lit, colour, mean = _expand(blocks, light, place.patch + patch, period)
+    for patch in range(chunks[0], chunks[1]):
+        # A class is at the same corner in every second patch only, so its luminance and
+        # chromaticity are stored for every column.
+        lit, colour, mean = _expand(blocks, frame, place.patch + patch, period)
         for row in range(
             max(patch * period - place.row, 0), min((patch + 1) * period - place.row, len(out))
         ):
-            source = light.luminance[light.rows[place.patch * period + row + place.row]]
+            source = frame.luminance[frame.rows[place.patch * period + row + place.row]]
             for column in range(width if weighting.likeness > _ZERO else 0):
-                here[column] = max(source[light.columns[column]], _ZERO)
+                here[column] = max(source[frame.columns[column]], _ZERO)
             total[:] = _ZERO
             for kind in range(CLASSES):
                 _weigh(
@@ -195,7 +185,7 @@ def mix(
 
 @kernel
 def _expand(
-    blocks: Floats3, light: Light, patch: int, period: int
+    blocks: Floats3, frame: PaddedFrame, patch: int, period: int
 ) -> tuple[Floats2, Floats3, Floats2]:
     """Repeat luminance and chromaticity of each class's corner over its patch, and the mean
     chromaticity of the four corners.
@@ -206,11 +196,11 @@ def _expand(
     mean = unset(channels, count * period)
     for kind in range(CLASSES):
         down = (kind // 2 - patch) % 2  # the corner of a patch that the class is at
-        source = light.luminance[light.rows[patch * period + down * (period - 1)]]
+        source = frame.luminance[frame.rows[patch * period + down * (period - 1)]]
         for across in range(count):
             over = (kind % 2 - across) % 2
             # l[n_j]
-            sample = max(source[light.columns[across * period + over * (period - 1)]], _ZERO)
+            sample = max(source[frame.columns[across * period + over * (period - 1)]], _ZERO)
             for column in range(across * period, (across + 1) * period):
                 lit[kind, column] = sample
             for channel in range(channels):
@@ -256,7 +246,7 @@ def _weigh(
 
 @kernel
 def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: Floats1) -> None:
-    """Average a channel of the four blocks (Eq. 10). Where no corner has light, all count the
+    """Average a channel of the four blocks (Eq. 10). Where all corners are dark, they count the
     same.
     """
     a, b, c, d = kappa[0], kappa[1], kappa[2], kappa[3]
@@ -273,10 +263,10 @@ def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: 
 
 @parallel_kernel()
 def apply_luminance(
-    pieces: Pieces, chromaticity: Floats3, luminance: Floats2, out: Floats3
+    chunks: Chunks, chromaticity: Floats3, luminance: Floats2, out: Floats3
 ) -> None:
     """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
-    for row in range(pieces[0], pieces[1]):
+    for row in range(chunks[0], chunks[1]):
         for column in range(out.shape[1]):
             for channel in range(out.shape[2]):
                 out[row, column, channel] = (

@@ -8,7 +8,7 @@
 G is a Gaussian, and negative luminance counts as none. tests/reference/refinement.py transcribes
 this literally.
 
-The kernel works in tiles that stay in the cache. Weights without l[n'] are computed once for all
+The kernel works in chunks that stay in the cache. Weights without l[n'] are computed once for all
 repetitions, and for half the offsets: the distance from n' to n equals that from n to n'. The
 offset (down, across) has the number down * side + across; the opposite one has its negative.
 """
@@ -24,11 +24,11 @@ from ...shared.calibration import NoiseModel
 from ..bands import Band, Halo, RowStage
 from ..measured import Measured
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
-from ..numerics.compile import Pieces, kernel, parallel_kernel
-from ..numerics.functions import LEAST_EXPONENT, exponential, tile_at, unset, zeros
+from ..numerics.chunks import chunk_count
+from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.functions import LEAST_EXPONENT, chunk_at, exponential, unset, zeros
 from ..numerics.gaussian import gaussian
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
-from ..numerics.pieces import tiles
 from ..stage import NotNegative, Positive, Range, StageSettings
 
 
@@ -130,7 +130,7 @@ def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
     return noise.sigma(float(luminance.mean(dtype=np.float64))) if noise else 0.0
 
 
-_ROWS, _COLUMNS = 64, 240  # of a tile; chosen for speed: no bit depends on it
+_ROWS, _COLUMNS = 64, 240  # of a chunk; chosen for speed: no bit depends on it
 _TOGETHER = 4  # planes summed at a time
 _ZERO, _ONE = np.float32(0), np.float32(1)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
@@ -177,9 +177,9 @@ class Window(NamedTuple):
     repetitions: int
 
 
-@parallel_kernel(pieces=lambda *arguments: tiles(arguments[-1].shape[:2], (_ROWS, _COLUMNS)))
+@parallel_kernel(chunks=lambda *arguments: chunk_count(arguments[-1].shape[:2], (_ROWS, _COLUMNS)))
 def average(
-    pieces: Pieces,
+    chunks: Chunks,
     initial: Floats3,
     luminance: Floats2,
     places: Places,
@@ -207,8 +207,8 @@ def average(
     planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
     weights = unset(radius * (2 * radius + 2) + 1, tall, wide)
     colour, mean, light = zeros(planes, tall, wide), zeros(planes, tall, wide), zeros(tall, wide)
-    for tile in range(pieces[0], pieces[1]):
-        top, bottom, left, right = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
+    for chunk in range(chunks[0], chunks[1]):
+        top, bottom, left, right = chunk_at(chunk, (height, width), (_ROWS, _COLUMNS))
         below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
             source = luminance[places.rows[top + row]]

@@ -192,11 +192,11 @@ def compare_with_the_whole_frame(light: FloatArray, pattern: CfaPattern) -> None
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(6, 150, seed=3))
-def test_small_regions_equal_the_whole_frame(
+def test_small_chunks_equal_the_whole_frame(
     pattern: CfaPattern, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cores of three patches: nine times as many borders as there will ever be."""
-    monkeypatch.setattr(stage, "core_patches", lambda _: (3, 3))
+    """Chunks of three patches: nine times as many borders as there will ever be."""
+    monkeypatch.setattr(stage, "chunk_patches", lambda _: (3, 3))
     compare_with_the_whole_frame(shaded_steps(shape), pattern)
 
 
@@ -210,5 +210,5 @@ def test_rows_of_patches_and_threads_leave_no_trace(
     steps = band_rows(pattern.grid(shape))
     assert len(steps) > 1
     for _ in each_thread_count:
-        parts = [solve_affinities(light, pattern, PAPER, rows) for rows in steps]
-        assert np.array_equal(np.concatenate(parts, axis=2), entire)
+        bands = [solve_affinities(light, pattern, PAPER, rows) for rows in steps]
+        assert np.array_equal(np.concatenate(bands, axis=2), entire)

@@ -10,7 +10,7 @@ import pytest
 from panchroma.offline import BEST, PAPER, render, render_bands
 from panchroma.offline import patches as product
 from panchroma.offline.bands import Band, Halo, regroup
-from panchroma.offline.patches import band_rows, domain_places, patches_of
+from panchroma.offline.patches import band_rows, pad_frame, patches_of
 from panchroma.offline.settings import RenderSettings
 from panchroma.offline.stages.refinement import RefinementSettings
 from panchroma.shared import CfaPattern, Mosaic
@@ -84,13 +84,13 @@ def test_threads_leave_no_trace(
         assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
 
 
-@pytest.mark.parametrize("core", [8, 20, 44])
+@pytest.mark.parametrize("chunk", [8, 20, 44])
 @pytest.mark.parametrize(("pattern", "shape"), frames(12, 900, seed=6))
 def test_bands_cover_every_row_and_patch_once(
-    pattern: CfaPattern, shape: tuple[int, int], core: int, monkeypatch: pytest.MonkeyPatch
+    pattern: CfaPattern, shape: tuple[int, int], chunk: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     grid = pattern.grid(shape)
-    monkeypatch.setattr(product, "core_patches", lambda _: (core, core))
+    monkeypatch.setattr(product, "chunk_patches", lambda _: (chunk, chunk))
     found = band_rows(grid)
     patches = [patches_of(grid, rows) for rows in found]
     assert (patches[0][0], patches[-1][1]) == (0, grid.patches[0])
@@ -99,17 +99,17 @@ def test_bands_cover_every_row_and_patch_once(
         assert end == first
     for (first, end), (following, _) in pairwise(patches):
         assert end == following
-        assert end % core == 0
+        assert end % chunk == 0
         assert (end - first) * grid.period >= product._BAND
 
 
-def test_the_domain_is_the_frame_mirrored_twice() -> None:
+def test_the_padded_frame_is_the_frame_mirrored_twice() -> None:
     grid = CfaPattern.bayer(6, origin=(2, 5)).grid((9, 13))
-    rows, columns = domain_places(grid)
+    _, rows, columns = pad_frame(np.ones((9, 13), np.float32), grid)
     top, left = geometry.first_patch(CfaPattern.bayer(6, origin=(2, 5)))
     assert rows.tolist() == [geometry.mirrored(top + place, 9) for place in range(12)]
     assert columns.tolist() == [geometry.mirrored(left + place, 13) for place in range(18)]
-    wider = domain_places(grid, 4)[0]
+    wider = pad_frame(np.ones((9, 13), np.float32), grid, 4).rows
     assert wider.tolist() == [rows[geometry.mirrored(place, 12)] for place in range(-4, 16)]
 
 

@@ -1,4 +1,4 @@
-"""Denoised luminance: the same in pieces and in frames of other sizes, and worth it."""
+"""Denoised luminance: the same in steps and in frames of other sizes, and worth it."""
 
 from dataclasses import replace
 
@@ -46,13 +46,13 @@ def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArra
 
 @pytest.mark.parametrize("shape", [(45, 38), (7, 9), (9, 37), (140, 9), (8, 270)])
 @pytest.mark.parametrize("sizes", [(4, 8, 12), (16,)])
-def test_pieces_equal_the_whole(
+def test_steps_equal_the_whole(
     shape: tuple[int, int], sizes: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mosaic, plane = noisy(shape, MODELS[1])
     settings, luminance = replace(SETTINGS, sizes=sizes), plane.astype(np.float32)
     whole = denoise_luminance(luminance, mosaic, settings)
-    monkeypatch.setattr(product, "_PIECE", 1)
+    monkeypatch.setattr(product, "_PIXELS", 1)
     for rows in (16, 7):
         monkeypatch.setattr(product, "_LEAST_ROWS", rows)
         assert_close(denoise_luminance(luminance, mosaic, settings), whole, FLOAT32)
@@ -108,9 +108,9 @@ def test_windows_leave_no_trace() -> None:
     have none.
     """
     mosaic, plane = noisy((300, 530), MODELS[0])
-    part = Mosaic(mosaic.signal[:, :200].copy(), mosaic.pattern, mosaic.calibration)
+    cut = Mosaic(mosaic.signal[:, :200].copy(), mosaic.pattern, mosaic.calibration)
     whole = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)
-    found = denoise_luminance(plane[:, :200].astype(np.float32), part, SETTINGS)
+    found = denoise_luminance(plane[:, :200].astype(np.float32), cut, SETTINGS)
     assert np.array_equal(found[:, :170], whole[:, :170])
 
 

@@ -1,5 +1,5 @@
-"""The network's surroundings: cells, mirror images, tiles, bounds. How good its corrections are is
-told by the evaluation.
+"""The network's surroundings: superpixels, mirror images, chunks, bounds. How good its corrections
+are is told by the evaluation.
 """
 
 from dataclasses import replace
@@ -12,7 +12,13 @@ from panchroma.offline import BEST, memory, network_name, render, rendering_memo
 from panchroma.offline.bands import Band
 from panchroma.offline.measured import BlockSamples, ColourLines
 from panchroma.offline.stages import colour_network as module
-from panchroma.offline.stages.colour_network import REACH, UNKNOWN, Cells, ColourNetwork, Residuals
+from panchroma.offline.stages.colour_network import (
+    REACH,
+    UNKNOWN,
+    ColourNetwork,
+    Residuals,
+    Superpixels,
+)
 from panchroma.offline.stages.correction import SiteResidual
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
@@ -128,7 +134,7 @@ def test_the_other_orders_are_mirror_images(pattern: CfaPattern, axes: tuple[int
     [
         (tile, places)
         for places, tiles in {
-            # Channel, row and column in the cell.
+            # Channel, row and column in the superpixel.
             ((0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)): [
                 CfaPattern.bayer(6, order) for order in ("RGGB", "GRBG", "BGGR")
             ],
@@ -156,11 +162,11 @@ def test_the_other_orders_are_mirror_images(pattern: CfaPattern, axes: tuple[int
         for tile in tiles
     ],
 )
-def test_every_cell_holds_its_own_block(
+def test_every_superpixel_holds_its_own_block(
     origin: tuple[int, int], tile: CfaPattern, places: tuple[tuple[int, ...], ...]
 ) -> None:
     """The samples of a block, put into the picture at their sites, are found in the middle of the
-    cell, in one order.
+    superpixel, in one order.
     """
     pattern, shape, period = replace(tile, origin=origin), (40, 53), tile.period
     rgb = np.random.default_rng(1).uniform(0.1, 1, (*shape, 3)).astype(np.float32)
@@ -169,12 +175,12 @@ def test_every_cell_holds_its_own_block(
     sites = sampled(simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0)), light)
     black = Band(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
     band = replace(band, residual=SiteResidual(sites, ONES)(black, (0, shape[0])).residual)
-    cells = Cells.of(sites.sites)
-    whole = (0, cells.shape[0]), (0, cells.shape[1])
-    picture = cells.cut(band, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
-        3, period, period, *cells.shape
+    grid = Superpixels.of(sites.sites)
+    whole = (0, grid.shape[0]), (0, grid.shape[1])
+    picture = grid.cut(band, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
+        3, period, period, *grid.shape
     )
-    error, variance, _ = Residuals(cells, band, sites, ONES).of(*whole)
+    error, variance, _ = Residuals(grid, band, sites, ONES).of(*whole)
     assert len(error) == len(places)
     for number, (channel, row, column) in enumerate(places):
         known = variance < UNKNOWN
@@ -215,7 +221,9 @@ def test_what_colour_lines_explain_is_left_alone() -> None:
     for share in (0.0, 1.0):
         lines = ColourLines(line, line, np.full_like(line[0], share))
         found = learned(pattern, replace(sites, lines=lines))(band, (0, 120)).chromaticity
-        inner = slice(pattern.period, -pattern.period)  # cells without a whole block have no line
+        inner = slice(
+            pattern.period, -pattern.period
+        )  # superpixels without a whole block have no line
         assert np.array_equal(found[inner, inner], band.chromaticity[inner, inner]) == (share == 1)
 
 
@@ -336,7 +344,7 @@ def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
     )
 
 
-def test_tiles_with_little_noise_are_looked_at_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chunks_with_little_noise_are_looked_at_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     """A photograph's colours with less noise than the limit, and with more."""
     asked = set[bool]()
     pattern, rgb = CfaPattern.bayer(6), scene(120, 120)

@@ -113,7 +113,7 @@ def test_isolated_blocks_are_filled_as_the_whole_plane_would_be(
 
 
 @pytest.mark.parametrize("period", [4, 6, 8])
-def test_threads_and_pieces_leave_no_trace(
+def test_threads_and_chunks_leave_no_trace(
     monkeypatch: pytest.MonkeyPatch, period: int, each_thread_count: Iterator[int]
 ) -> None:
     mosaic = panchromatic(
@@ -121,7 +121,7 @@ def test_threads_and_pieces_leave_no_trace(
         CfaPattern.bayer(period, origin=(2, 1)),
     )
     whole = recover_luminance(mosaic, PAPER)
-    monkeypatch.setattr(product, "_PIECE", 3)
+    monkeypatch.setattr(product, "_ROWS", 3)
     for _ in each_thread_count:
         assert np.array_equal(recover_luminance(mosaic, PAPER), whole)
 

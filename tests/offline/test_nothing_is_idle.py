@@ -21,8 +21,8 @@ SEEN = 1e-4
 
 Change = tuple[Any, float | None]
 PRESETS = {"paper": PAPER, "best": BEST}
-SWITCHES = [part.name for part in fields(PAPER) if isinstance(getattr(PAPER, part.name), Switch)]
-# Every field of every part of the settings -> another value, and the noise of the shot: what its
+SWITCHES = [stage.name for stage in fields(PAPER) if isinstance(getattr(PAPER, stage.name), Switch)]
+# Every field of every stage of the settings -> another value, and the noise of the shot: what its
 # calibration admits (None: that it has none and knows nothing of it), or with BLIND, what it does
 # not know.
 BLIND, SCATTERED = -0.05, 0.0  # the latter without noise, and with colour sites that are scattered
@@ -65,7 +65,7 @@ MOVED: dict[str, dict[str, Change]] = {
     "confidence": {"used": (False, None), "tolerance": (0.05, None)},
     "pinning": {"used": (False, SCATTERED)},
 }
-# Parts that a damaged shot has need of, whose colours are on a line.
+# Stages that a damaged shot has need of, whose colours are on a line.
 BEYOND = ("defects", "highlights", "lines")
 OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling", *SWITCHES}, "best": {"refinement"}}
 
@@ -106,29 +106,29 @@ SHOTS = dict.fromkeys(BEYOND, damaged_shot)
 
 def test_every_setting_is_moved() -> None:
     assert {
-        part.name: {knob.name for knob in fields(getattr(PAPER, part.name))}
-        for part in fields(PAPER)
-    } == {part: set(knobs) for part, knobs in MOVED.items()}
+        stage.name: {knob.name for knob in fields(getattr(PAPER, stage.name))}
+        for stage in fields(PAPER)
+    } == {stage: set(knobs) for stage, knobs in MOVED.items()}
 
 
 @pytest.mark.parametrize(
-    ("preset", "part", "knob"),
+    ("preset", "stage", "knob"),
     [
-        (name, part, knob)
+        (name, stage, knob)
         for name, off in OFF.items()
-        for part, knobs in MOVED.items()
-        if part not in off
+        for stage, knobs in MOVED.items()
+        if stage not in off
         for knob in knobs
     ],
 )
-def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
-    value, sigma = MOVED[part][knob]
+def test_every_setting_matters(preset: str, stage: str, knob: str) -> None:
+    value, sigma = MOVED[stage][knob]
     settings = PRESETS[preset]
     value = not getattr(settings.luminance, knob) if knob in {"relative", "learned"} else value
-    mosaic = SHOTS.get(part, busy_shot)(sigma)
-    moved = replace(settings, **{part: replace(getattr(settings, part), **{knob: value})})
+    mosaic = SHOTS.get(stage, busy_shot)(sigma)
+    moved = replace(settings, **{stage: replace(getattr(settings, stage), **{knob: value})})
     assert moved != settings
-    if (part, knob) == ("affinity", "iterations"):  # it bounds the work, never the result
+    if (stage, knob) == ("affinity", "iterations"):  # it bounds the work, never the result
         with pytest.raises(ConvergenceError):
             render(mosaic, moved)
         return

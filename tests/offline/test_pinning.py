@@ -54,10 +54,9 @@ def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height:
     band, measured = pictured(shot(KODAK, (333, 37), sigma))
     whole = pinned(band, measured, measured.samples)
     missed = SiteResidual(measured.samples, measured.gamma)(band, (0, 333))
-    pieces = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
+    bands = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
     found = [
-        piece.chromaticity
-        for piece in apply_stage(pieces, Pinning(measured, measured.samples), 333)
+        band.chromaticity for band in apply_stage(bands, Pinning(measured, measured.samples), 333)
     ]
     assert np.array_equal(np.concatenate(found), whole)
     assert np.abs(whole - band.chromaticity).max() > 0.1
@@ -74,8 +73,8 @@ def test_one_colour_stays_one_colour(letters: str) -> None:
     assert np.abs(found.chromaticity - colour)[4:-4, 4:-4].max() < HOLES
 
 
-def test_colour_that_changes_within_a_tile_is_seen() -> None:
-    """Stripes of colour, six pixels wide, under a texture: the tile's one chromaticity blurs them,
+def test_colour_that_changes_within_a_block_is_seen() -> None:
+    """Stripes of colour, six pixels wide, under a texture: the block's one chromaticity blurs them,
     its sites do not.
     """
     row, column = np.indices((120, 120))
@@ -111,7 +110,7 @@ def test_noise_alone_moves_nothing() -> None:
     assert np.abs(pinned(band, measured, noisy) - band.chromaticity).max() < 1e-6
 
 
-def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
+def test_blocks_beside_clipped_samples_keep_their_colour() -> None:
     """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say
     more than they did.
     """

@@ -207,7 +207,7 @@ def test_half_the_light_gives_half_the_picture(
 
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8)])
 def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
-    """The network's cells there see nothing at all."""
+    """The network's superpixels there see nothing at all."""
     scene = np.random.default_rng(0).uniform(0.1, 1, (96, 104, 3)).astype(np.float32)
     scene[:80] = 0
     found = render(
@@ -263,7 +263,7 @@ def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(preset: str) -> 
 
 
 @pytest.mark.parametrize("shape", [(4, 18), (18, 4), (4, 4)])
-def test_a_frame_of_one_row_of_tiles_is_rendered_without_the_samples_at_its_sites(
+def test_a_frame_of_one_row_of_blocks_is_rendered_without_the_samples_at_its_sites(
     shape: tuple[int, int],
 ) -> None:
     assert render(

@@ -40,34 +40,34 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
 
 
 @pytest.mark.parametrize(
-    ("part", "knob", "value"),
+    ("stage", "knob", "value"),
     [
-        (part, knob, value)
-        for part, knobs in IMPOSSIBLE.items()
+        (stage, knob, value)
+        for stage, knobs in IMPOSSIBLE.items()
         for knob, values in knobs.items()
         for value in values
     ],
 )
-def test_impossible_settings_are_refused_by_name(part: str, knob: str, value: Any) -> None:
-    with pytest.raises(InputError, match=rf"settings: {part}\.{knob} is .*, expected"):
-        replace(getattr(PAPER, part), **{knob: value})
+def test_impossible_settings_are_refused_by_name(stage: str, knob: str, value: Any) -> None:
+    with pytest.raises(InputError, match=rf"settings: {stage}\.{knob} is .*, expected"):
+        replace(getattr(PAPER, stage), **{knob: value})
 
 
 WRONG: list[Any] = [None, "1", True, inf, nan, -inf, [0.5], 1j, (0.5,), Switch]
 NUMBERS = [
-    (part.name, knob.name)
-    for part in fields(PAPER)
-    for knob in fields(getattr(PAPER, part.name))
-    if type(getattr(getattr(BEST, part.name), knob.name)) in (int, float)
+    (stage.name, knob.name)
+    for stage in fields(PAPER)
+    for knob in fields(getattr(PAPER, stage.name))
+    if type(getattr(getattr(BEST, stage.name), knob.name)) in (int, float)
 ]
 
 
-@pytest.mark.parametrize(("part", "knob"), NUMBERS)
-def test_what_is_no_number_is_refused_where_one_belongs(part: str, knob: str) -> None:
-    settings = getattr(BEST, part)
+@pytest.mark.parametrize(("stage", "knob"), NUMBERS)
+def test_what_is_no_number_is_refused_where_one_belongs(stage: str, knob: str) -> None:
+    settings = getattr(BEST, stage)
     is_whole = type(getattr(settings, knob)) is int
     for value in [*WRONG, *([2.5, 3.0, np.float32(3)] if is_whole else [])]:
-        with pytest.raises(InputError, match=rf"settings: {part}\.{knob} is .*, expected a "):
+        with pytest.raises(InputError, match=rf"settings: {stage}\.{knob} is .*, expected a "):
             replace(settings, **{knob: value})
     value = getattr(settings, knob)
     kind = np.int64 if is_whole else np.float64
@@ -75,9 +75,9 @@ def test_what_is_no_number_is_refused_where_one_belongs(part: str, knob: str) ->
 
 
 @pytest.mark.parametrize(
-    ("part", "knob", "value"),
+    ("stage", "knob", "value"),
     [
-        *[(part.name, "used", value) for part in fields(PAPER) for value in (1, None, "yes")],
+        *[(stage.name, "used", value) for stage in fields(PAPER) for value in (1, None, "yes")],
         ("luminance", "relative", 1),
         ("denoising", "sizes", [4, 12]),
         ("denoising", "sizes", (4.0, 12)),
@@ -94,20 +94,24 @@ def test_what_is_no_number_is_refused_where_one_belongs(part: str, knob: str) ->
         ("refinement", "repetitions", 10**9),
     ],
 )
-def test_other_types_and_what_no_memory_holds_are_refused(part: str, knob: str, value: Any) -> None:
-    if knob not in {field.name for field in fields(getattr(PAPER, part))}:
+def test_other_types_and_what_no_memory_holds_are_refused(
+    stage: str, knob: str, value: Any
+) -> None:
+    if knob not in {field.name for field in fields(getattr(PAPER, stage))}:
         return
-    name = "switch" if type(getattr(PAPER, part)) is Switch else part
+    name = "switch" if type(getattr(PAPER, stage)) is Switch else stage
     with pytest.raises(InputError, match=rf"settings: {name}\.{knob} is .*, expected "):
-        replace(getattr(BEST, part), **{knob: value})
+        replace(getattr(BEST, stage), **{knob: value})
 
 
-@pytest.mark.parametrize("part", [field.name for field in fields(PAPER)])
-def test_a_part_of_another_stage_is_refused(part: str) -> None:
-    other = PAPER.noise if part != "noise" else PAPER.defects
+@pytest.mark.parametrize("stage", [field.name for field in fields(PAPER)])
+def test_settings_of_another_stage_are_refused(stage: str) -> None:
+    other = PAPER.noise if stage != "noise" else PAPER.defects
     for value in (None, True, other):
-        with pytest.raises(InputError, match=rf"settings: {part} is .*, expected \w*(Settings|Sw)"):
-            replace(PAPER, **{part: value})  # type: ignore[arg-type]
+        with pytest.raises(
+            InputError, match=rf"settings: {stage} is .*, expected \w*(Settings|Sw)"
+        ):
+            replace(PAPER, **{stage: value})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("settings", [None, "paper", PAPER.luminance])
@@ -125,7 +129,7 @@ def test_settings_are_frozen_values() -> None:
 
 
 def test_a_refusal_names_the_part_as_the_settings_do() -> None:
-    """The name of a part in a refusal comes from its class."""
+    """The name of a stage in a refusal comes from its class."""
     parts = {field.name: type(getattr(PAPER, field.name)) for field in fields(PAPER)}
     assert all(
         kind is Switch or kind.__name__ == f"{name.capitalize()}Settings"

@@ -12,8 +12,8 @@ from tests.reference.gaussian import derivative
 from tests.reference.geometry import block_sites, first_patch, mirrored, patch_counts
 
 
-def domain(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
-    """Luminance of the domain: the frame, mirrored out to whole patches."""
+def padded(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
+    """Luminance of the padded frame: the frame, mirrored out to whole patches."""
     (top, left), (down, across) = (
         first_patch(pattern),
         patch_counts(pattern, (luminance.shape[0], luminance.shape[1])),
@@ -38,7 +38,7 @@ def edges(area: DoubleArray, period: int, scales: tuple[float, ...], axis: int) 
 
 
 def weights(area: DoubleArray, period: int, scales: tuple[float, ...]) -> csr_array:
-    """c[n, n'] of Eq. 12 for all neighbours n, n' of the domain, symmetric."""
+    """c[n, n'] of Eq. 12 for all neighbours n, n' of the padded frame, symmetric."""
     height, width = area.shape
     e_h, e_v = (edges(area, period, scales, axis) for axis in (1, 0))
     e_d = np.maximum(e_h, e_v)
@@ -55,7 +55,7 @@ def weights(area: DoubleArray, period: int, scales: tuple[float, ...]) -> csr_ar
 
 
 def pins(pattern: CfaPattern, shape: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
-    """Domain pixel -> index of its block, for the colour sites of all blocks."""
+    """Pixel of the padded frame -> index of its block, for the colour sites of all blocks."""
     (top, left), (down, across) = first_patch(pattern), patch_counts(pattern, shape)
     found = {}
     for i in range(down + 1):
@@ -94,7 +94,7 @@ def harmonic(neighbours: csr_array, known: IndexArray, values: DoubleArray) -> D
 
 def fields(luminance: DoubleArray, pattern: CfaPattern, scales: tuple[float, ...]) -> DoubleArray:
     """All four parity fields (2, 2, rows, columns)."""
-    area = domain(luminance, pattern)
+    area = padded(luminance, pattern)
     blocks = sorted(pins(pattern, (luminance.shape[0], luminance.shape[1])).items())
     known = np.array([y * area.shape[1] + x for (y, x), _ in blocks])
     own = np.array(

@@ -67,25 +67,25 @@ def analyse(picture: DoubleArray) -> list[DoubleArray]:
     return [convolved(wide, *taps) for taps in filters()]
 
 
-def neighbourhood(band: DoubleArray) -> DoubleArray:
+def neighbourhood(subband: DoubleArray) -> DoubleArray:
     """[(k * omega^2)[n]]^(1/2) of Eq. 2; k is a 3 x 3 box of ones."""
-    return np.sqrt(convolved(band**2, np.ones(3), np.ones(3)))
+    return np.sqrt(convolved(subband**2, np.ones(3), np.ones(3)))
 
 
-def shrink(band: DoubleArray, threshold: float) -> DoubleArray:
-    """Shrink a band by Eq. 5; a coefficient without any energy around it is zero and stays zero."""
-    size = neighbourhood(band)
+def shrink(subband: DoubleArray, threshold: float) -> DoubleArray:
+    """Shrink a subband by Eq. 5; a coefficient without energy around it is zero and stays zero."""
+    size = neighbourhood(subband)
     factor = np.divide(
         np.maximum(size - threshold, 0), size, out=np.zeros_like(size), where=size > 0
     )
-    return factor * band[1:-1, 1:-1]
+    return factor * subband[1:-1, 1:-1]
 
 
-def synthesise(bands: list[DoubleArray]) -> DoubleArray:
+def synthesise(subbands: list[DoubleArray]) -> DoubleArray:
     """The transpose of the analysis, which inverts it because the frame is tight."""
     parts = [
-        convolved(band, down[::-1], across[::-1])
-        for band, (down, across) in zip(bands, filters(), strict=True)
+        convolved(subband, down[::-1], across[::-1])
+        for subband, (down, across) in zip(subbands, filters(), strict=True)
     ]
     return np.sum(parts, axis=0)
 
@@ -94,7 +94,7 @@ def objective(picture: DoubleArray) -> float:
     """Eq. 1 with Eq. 2, summed over the frame and the one ring around it that the coefficients of
     its pixels reach.
     """
-    return float(sum(neighbourhood(band).sum() for band in analyse(picture)[1:]))
+    return float(sum(neighbourhood(subband).sum() for subband in analyse(picture)[1:]))
 
 
 def recover(
@@ -106,7 +106,7 @@ def recover(
         low, *high = analyse(estimate)
         # Eq. 4
         denoised = synthesise(
-            [low[1:-1, 1:-1], *(shrink(band, threshold * decay**t) for band in high)]
+            [low[1:-1, 1:-1], *(shrink(subband, threshold * decay**t) for subband in high)]
         )
         estimate = np.where(measured, samples, denoised)  # Eq. 3
     return estimate

@@ -6,7 +6,7 @@ import numpy as np
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import DoubleArray
-from tests.reference.affinity import domain
+from tests.reference.affinity import padded
 from tests.reference.geometry import first_patch
 
 
@@ -20,7 +20,7 @@ def propagate(
 
     affinity: the fields that `affinity.fields` returns.
     """
-    period, area, (top, left) = pattern.period, domain(luminance, pattern), first_patch(pattern)
+    period, area, (top, left) = pattern.period, padded(luminance, pattern), first_patch(pattern)
     result = np.empty((*luminance.shape, blocks.shape[-1]))
     for row in range(luminance.shape[0]):
         for column in range(luminance.shape[1]):

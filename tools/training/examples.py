@@ -15,7 +15,7 @@ import numpy as np
 from ...offline.bands import Band
 from ...offline.render import measure, run_row_stages
 from ...offline.settings import BEST
-from ...offline.stages.colour_network import Cells, Residuals, Span
+from ...offline.stages.colour_network import Residuals, Span, Superpixels
 from ...shared import CfaPattern, Mosaic, SensorCalibration
 from ...shared.arrays import DoubleArray, FloatArray
 from ..simulation.load import load_scene
@@ -72,8 +72,8 @@ def photographed(
 
 
 def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> list[FloatArray]:
-    """Inputs and target of the network for h x w cells of K x K pixels, from a picture file or a
-    drawing (`DRAWN`). The same arguments give the same bytes.
+    """Inputs and target of the network for h x w superpixels of K x K pixels, from a picture file
+    or a drawing (`DRAWN`). The same arguments give the same bytes.
 
     Parameters
     ----------
@@ -98,26 +98,26 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     measured = measure(mosaic, settings)
     corrected = Band.joined(list(run_row_stages(measured, settings)))
     assert measured.samples is not None  # BEST uses them
-    cells = Cells.of(measured.samples.sites)
-    # cells that lie wholly inside the frame
-    rows, columns = ((1, count - 1) for count in cells.shape)
-    error, variance, _ = Residuals(cells, corrected, measured.samples, gamma).of(rows, columns)
+    grid = Superpixels.of(measured.samples.sites)
+    # superpixels that lie wholly inside the frame
+    rows, columns = ((1, count - 1) for count in grid.shape)
+    error, variance, _ = Residuals(grid, corrected, measured.samples, gamma).of(rows, columns)
     truth = Band(0, np.ones(mosaic.shape, np.float32), scene)
     return [
-        _picture(cells, corrected, rows, columns).astype(_KIND),
-        _picture(cells, truth, rows, columns).astype(_KIND),
+        _picture(grid, corrected, rows, columns).astype(_KIND),
+        _picture(grid, truth, rows, columns).astype(_KIND),
         error.astype(_KIND),
         variance[None],
     ]
 
 
-def _picture(cells: Cells, band: Band, rows: Span, columns: Span) -> FloatArray:
-    """Return R, G and B of the pixels of some cells, (3, h K, w K)."""
+def _picture(grid: Superpixels, band: Band, rows: Span, columns: Span) -> FloatArray:
+    """Return R, G and B of the pixels of some superpixels, (3, h K, w K)."""
     weights = np.eye(3, dtype=np.float32)
-    pixels = cells.cut(band, np.ones(3, np.float32), rows, columns, weights=weights)
+    pixels = grid.cut(band, np.ones(3, np.float32), rows, columns, weights=weights)
     down, across = pixels.shape[2:]
-    parted = pixels.reshape(3, cells.period, cells.period, down, across)
-    return parted.transpose(0, 3, 1, 4, 2).reshape(3, down * cells.period, -1)
+    parted = pixels.reshape(3, grid.period, grid.period, down, across)
+    return parted.transpose(0, 3, 1, 4, 2).reshape(3, down * grid.period, -1)
 
 
 def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:

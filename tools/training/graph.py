@@ -1,10 +1,11 @@
-"""From a trained network to a file for onnxruntime: convolutions alone, for any number of cells.
+"""From a trained network to a file for onnxruntime: convolutions alone, for any number of
+superpixels.
 
 Convolutions compute with integers of 8 bits, which takes a third of the time. Their weights keep 16
 bits in the file, so that a training can begin with them: onnxruntime rounds them as it reads the
-file. Where a cell is the same in another orientation, the file can look twice: it then answers by
-the mean of what the network finds in a picture and in the turned one. There is one set of weights
-for both, for it is the turned weights that see a picture turned.
+file. Where a superpixel is the same in another orientation, the file can look twice: it then
+answers by the mean of what the network finds in a picture and in the turned one. There is one set
+of weights for both, for it is the turned weights that see a picture turned.
 
 What goes in, and what becomes of the result, is computed by `offline.stages.colour_network`;
 `tests/tools/training` compares both.
@@ -78,7 +79,7 @@ class Graph:
 
 
 class Turn(NamedTuple):
-    """Another orientation of a picture, in which its cells are the same.
+    """Another orientation of a picture, in which its superpixels are the same.
 
     Attributes
     ----------

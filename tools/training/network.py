@@ -1,10 +1,10 @@
-"""The network, in PyTorch: residual convolutions on the grid of cells, with inputs and output in
-units of local activity.
+"""The network, in PyTorch: residual convolutions on the grid of superpixels, with inputs and output
+in units of local activity.
 
-Activity is the contrast of luminance and colour around a cell, with what the render misses at the
-sites. A network that works in units of brightness instead learns nothing, or harms flat places. The
-correction is bounded by the contrast of colour alone, less a part of what noise explains: where a
-place has one colour, grey or another, nothing is corrected.
+Activity is the contrast of luminance and colour around a superpixel, with what the render misses at
+the sites. A network that works in units of brightness instead learns nothing, or harms flat places.
+The correction is bounded by the contrast of colour alone, less a fraction of what noise explains:
+where a place has one colour, grey or another, nothing is corrected.
 """
 
 from collections import defaultdict
@@ -32,7 +32,7 @@ from ...shared.arrays import FloatArray
 CHANNELS, BLOCKS = 128, REACH - 1
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
 HALO = REACH + MARGIN
-"""Cells around a result that it depends on: two for activity, and one for each 3 x 3
+"""Superpixels around a result that it depends on: two for activity, and one for each 3 x 3
 convolution.
 """
 LEAST = 1e-30
@@ -51,7 +51,7 @@ _SAMPLED = 7
 
 
 class Network(nn.Module):  # type: ignore[misc]
-    """Correction of two components of colour (`BASIS`) for every pixel of a cell.
+    """Correction of two components of colour (`BASIS`) for every pixel of a superpixel.
 
     Parameters
     ----------
@@ -91,12 +91,12 @@ class Network(nn.Module):  # type: ignore[misc]
 
 
 def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, Any]:
-    """(inputs of the network, bounded activity), two cells less on each side.
+    """(inputs of the network, bounded activity), two superpixels less on each side.
 
     Parameters
     ----------
     light, colour : Any
-        From `cells_of`.
+        From `pixels_of`.
     error : Any
         (N, S, h, w), variance: (N, 1, h, w), from `offline.stages.colour_network.Residuals`.
     """
@@ -138,7 +138,7 @@ def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float
     samples: dict[str, list[FloatArray]] = defaultdict(list)
     with torch.no_grad():
         for picture, _, error, variance in batches:
-            values = {"features": features(*cells_of(picture, network.period), error, variance)[0]}
+            values = {"features": features(*pixels_of(picture, network.period), error, variance)[0]}
             output = values["found"] = network.enter(values["features"])
             for block in range(BLOCKS):
                 names = (f"wide.{block}", f"deep.{block}", f"added.{block}")
@@ -185,7 +185,7 @@ def descent(optimiser: Any, done: int, steps: int, part: float = 1.0) -> Iterato
         yield step
 
 
-def cells_of(picture: Any, period: int) -> tuple[Any, Any]:
+def pixels_of(picture: Any, period: int) -> tuple[Any, Any]:
     """Light (N, K^2, h, w), the mean of the channels, and the components of colour in `BASIS` (N, 2
     K^2, h, w), pixel by pixel.
 
@@ -200,12 +200,12 @@ def cells_of(picture: Any, period: int) -> tuple[Any, Any]:
 
 
 def around(plane: Any) -> Any:
-    """Mean over 3 x 3 cells, one cell less on each side."""
+    """Mean over 3 x 3 superpixels, one less on each side."""
     return functional.avg_pool2d(plane, 3, 1)
 
 
 def inner(planes: Any, width: int = 1) -> Any:
-    """All but the outermost cells."""
+    """All but the outermost superpixels."""
     return planes[..., width:-width, width:-width]
 
 
@@ -224,9 +224,9 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
     picture, truth, error, variance = batch
     # differences: 16 bits are too few
     with torch.no_grad(), torch.autocast(picture.device.type, enabled=False):
-        light, colour = cells_of(picture, network.period)
+        light, colour = pixels_of(picture, network.period)
         inputs, bound = features(light, colour, error, variance)
-        true_light, right = cells_of(truth, network.period)
+        true_light, right = pixels_of(truth, network.period)
         missing = inner(right - colour, HALO)
         scale, known = inner(bound, BLOCKS + 1), inner(variance, HALO)
         unit = torch.sqrt(scale**2 + 0.25 * known + 1e-5)

@@ -58,7 +58,7 @@ class Plan:
     variants : int
         Examples made of each source; a drawing is added for every four photographs.
     patch : int
-        Cells per side of what is learned from at a time, without surroundings.
+        Superpixels per side of what is learned from at a time, without surroundings.
     seed : int
         Of everything random.
     start : CfaPattern | None
@@ -88,8 +88,8 @@ class Plan:
 
     @property
     def exchanged(self) -> bool:
-        """True if a cell is the same after half a turn and with red and blue in exchange; its sites
-        are then in reverse order.
+        """True if a superpixel is the same after half a turn and with red and blue in exchange; its
+        sites are then in reverse order.
         """
         letters, period = Block.of(self.pattern).letters, self.pattern.period
         turned = tuple(row[::-1].translate(str.maketrans("RB", "BR")) for row in letters[::-1])
@@ -140,8 +140,8 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
 
 
 def turn_of(plan: Plan) -> Turn | None:
-    """The orientation of the second look of a network for this pattern: of those in which its cells
-    are the same, the farthest.
+    """The orientation of the second look of a network for this pattern: of those in which its
+    superpixels are the same, the farthest.
     """
     if not (plan.transposed or plan.exchanged):
         return None
@@ -251,7 +251,7 @@ def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]
         wanted = f"whose block has the size of that of {'/'.join(pattern.tile)}"
         raise InputError(f"no network for {'/'.join(known.tile)} {wanted}")
     weights, side = load_weights(path), len(Block.of(known).letters)
-    margin, before = ((cell.period - side) // 2 for cell in (pattern, known))
+    margin, before = ((each.period - side) // 2 for each in (pattern, known))
     along = (np.arange(pattern.period) - margin + before).clip(0, known.period - 1)
     pixels = (along[:, None] * known.period + along).ravel()
     planes = known.period**2 * np.arange(3)[:, None]
@@ -289,7 +289,7 @@ def _judge(network: Network, batches: Sequence[Example]) -> list[float]:
 
 
 def _batch(examples: Sequence[Example], plan: Plan, seed: tuple[int, ...]) -> Example:
-    """Pieces of random examples: picture, truth, error and variance, each a tensor (batch, ...)."""
+    """Crops of random examples: picture, truth, error and variance, each a tensor (batch, ...)."""
     random, side, period = np.random.default_rng(seed), plan.patch + 2 * HALO, plan.pattern.period
     transposed, exchanged = plan.transposed, plan.exchanged
     large = [example for example in examples if min(example[-1].shape[1:]) >= side]
@@ -300,9 +300,9 @@ def _batch(examples: Sequence[Example], plan: Plan, seed: tuple[int, ...]) -> Ex
     for _ in range(plan.batch):
         picture, truth, error, variance = large[random.integers(len(large))]
         first = [int(random.integers(size - side + 1)) for size in variance.shape[1:]]
-        cells = tuple(slice(start, start + side) for start in first)
+        blocks = tuple(slice(start, start + side) for start in first)
         pixels = tuple(slice(start * period, (start + side) * period) for start in first)
-        window = [picture[:, *pixels], truth[:, *pixels], error[:, *cells], variance[:, *cells]]
+        window = [picture[:, *pixels], truth[:, *pixels], error[:, *blocks], variance[:, *blocks]]
         if random.random() < 0.5 and transposed:
             window = [plane.transpose(1, 2) for plane in window]
             window[2] = window[2][transposed]

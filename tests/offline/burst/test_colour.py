@@ -8,7 +8,7 @@ import pytest
 from panchroma.offline import Band, Measured
 from panchroma.offline.bands import apply_stage
 from panchroma.offline.burst.colour import ColourSamples, Spreading
-from panchroma.offline.numerics.linked import TILE
+from panchroma.offline.numerics.linked import SIDE
 from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 
@@ -94,16 +94,16 @@ def test_a_picture_that_its_samples_confirm_stays(count: int) -> None:
 
 
 def test_bands_leave_no_trace() -> None:
-    shape = (2 * TILE + 40, TILE + 30)
+    shape = (2 * SIDE + 40, SIDE + 30)
     luminance, before = edge(shape), tinted(shape, 0, 0)
     samples = samples_of(tinted(shape, 0.06, -0.04), luminance, 6000)
     whole = spread(samples, luminance, before)
-    for rows in (1, 50, TILE):
+    for rows in (1, 50, SIDE):
         assert np.array_equal(spread(samples, luminance, before, rows), whole)
 
 
 @pytest.mark.parametrize("sigma", [0.03, 0.1])
-@pytest.mark.parametrize("shape", [(40, 44), (2 * TILE, 2 * TILE)])
+@pytest.mark.parametrize("shape", [(40, 44), (2 * SIDE, 2 * SIDE)])
 def test_samples_in_noise_spread_far(sigma: float, shape: tuple[int, int]) -> None:
     before, truth = tinted(shape, 0, 0), tinted(shape, 0.08, 0.08)
     luminance = edge(shape)

@@ -82,7 +82,7 @@ def test_the_noise_of_frames_that_agree_is_averaged() -> None:
 
 
 def test_shows_more_than_one_frame_can() -> None:
-    shape = 130, 180  # several tiles
+    shape = 130, 180  # several chunks
     random = np.random.default_rng(2)
     shifts = [(0.0, 0.0), *random.uniform(-2, 2, (7, 2))]
     motions = [Motion((down, across)) for down, across in shifts]
@@ -107,7 +107,7 @@ def scaled(shape: tuple[int, int], share: float) -> FloatArray:
 
 @pytest.mark.parametrize("share", [0.2, -0.2])
 def test_the_order_of_frames_leaves_no_trace(share: float) -> None:
-    """The tiles of the merge look for samples where they may be: were one left out, it would be
+    """The chunks of the merge look for samples where they may be: were one left out, it would be
     that of a later frame.
     """
     shape, nodes = (150, 230), scaled((150, 230), share)

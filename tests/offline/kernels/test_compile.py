@@ -24,12 +24,12 @@ from tests.python import run_python
 
 KERNEL = """
 from .arrays import Ints1
-from .compile import Pieces, parallel_kernel
+from .compile import Chunks, parallel_kernel
 from .functions import mirrored
 
-@parallel_kernel(pieces=lambda places, size: len(places))
-def mirror(pieces: Pieces, places: Ints1, size: int):
-    for i in range(*pieces):
+@parallel_kernel(chunks=lambda places, size: len(places))
+def mirror(chunks: Chunks, places: Ints1, size: int):
+    for i in range(*chunks):
         places[i] = mirrored(places[i], size)
 """
 SCRIPT = """
@@ -207,8 +207,8 @@ def test_a_folder_that_can_be_read_alone_serves_its_kernels(
         folder.chmod(0o755)
 
 
-def more(pieces: product.Pieces, numbers: Ints1, /) -> None:
-    for place in range(pieces[0], pieces[1]):
+def more(chunks: product.Chunks, numbers: Ints1, /) -> None:
+    for place in range(chunks[0], chunks[1]):
         numbers[place] += 1
 
 
@@ -281,8 +281,8 @@ def test_little_work_is_done_by_the_thread_that_asks_for_it(
     made(np.arange(3))
     seen: list[tuple[int, bool]] = []
 
-    def work(part: product.Pieces, _: IndexArray) -> None:
-        seen.append((part[1] - part[0], threading.get_ident() == asking))
+    def work(chunks: product.Chunks, _: IndexArray) -> None:
+        seen.append((chunks[1] - chunks[0], threading.get_ident() == asking))
 
     monkeypatch.setattr(made, "_compiled", work)
     made(np.arange(product.LITTLE))

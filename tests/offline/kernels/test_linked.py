@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from panchroma.offline.numerics.linked import TILE, Extent, Prior, Samples, fitted
+from panchroma.offline.numerics.linked import SIDE, Extent, Prior, Samples, fitted
 from panchroma.shared.arrays import DoubleArray
 
 PRIOR = Prior(0.1, 1e-3, 0.3)
@@ -30,7 +30,7 @@ def laplacian(luminance: DoubleArray) -> sparse.csr_array:
 
 
 @pytest.mark.parametrize("fields", [2, 3, 5])
-@pytest.mark.parametrize("shape", [(HALO + 5, 30), (TILE + 8, 20), (20, TILE + 8)])
+@pytest.mark.parametrize("shape", [(HALO + 5, 30), (SIDE + 8, 20), (20, SIDE + 8)])
 def test_fields_are_the_minimum_of_the_sum_of_squares(fields: int, shape: tuple[int, int]) -> None:
     random = np.random.default_rng(0)
     luminance, weights = random.uniform(0.1, 1, shape), random.uniform(0, 1, (fields, *shape))
@@ -41,5 +41,5 @@ def test_fields_are_the_minimum_of_the_sum_of_squares(fields: int, shape: tuple[
     for weight, product, field in zip(weights, products, found, strict=True):
         matrix = laplacian(luminance) + sparse.diags_array(weight.ravel() + PRIOR.fading)
         exact = spsolve(matrix.tocsc(), product.ravel()).reshape(shape)
-        assert np.abs(field - exact).max() < 1e-2 * np.abs(exact).max()  # tiles end at their halo
+        assert np.abs(field - exact).max() < 1e-2 * np.abs(exact).max()  # chunks end at their halo
         assert np.abs(field - exact)[:8, :8].max() < 1e-3 * np.abs(exact).max()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.offline.stages.colour_network import BASIS, WEIGHTS, Contrast, cut_cells
+from panchroma.offline.stages.colour_network import BASIS, WEIGHTS, Contrast, cut_superpixels
 from panchroma.offline.stages.luminance_network import SIDE
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
@@ -32,7 +32,7 @@ from panchroma.tools.training.__main__ import main  # noqa: E402
 from panchroma.tools.training.examples import DRAWN  # noqa: E402
 from panchroma.tools.training.graph import load_weights, save_graph  # noqa: E402
 from panchroma.tools.training.luminance import examples, learn, save  # noqa: E402
-from panchroma.tools.training.network import Network, cells_of, features, units  # noqa: E402
+from panchroma.tools.training.network import Network, features, pixels_of, units  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning"
@@ -159,7 +159,7 @@ def test_what_is_learned_from_is_turned_as_a_whole(
 
 
 def test_training_begins_with_the_weights_for_the_same_places() -> None:
-    """Beside a block of two, a cell of five has one pixel before it, a cell of six has two."""
+    """Beside a block of two, a superpixel of five has one pixel before it, one of six has two."""
     six, five = CfaPattern.bayer(6), CfaPattern.bayer(5)
     whole, part = run.weights_for(six, six), run.weights_for(five, six)
     assert part["enter.weight"].shape[1] == 3 * 25 + 9
@@ -187,7 +187,7 @@ def random_network(period: int, sites: int) -> Network:
 
 
 def rendered(period: int = 4, sites: int = 4) -> list[FloatArray]:
-    """Luminance (h, w), chromaticity, and error and variance at the sites, by cells; contrast
+    """Luminance (h, w), chromaticity, and error and variance at the sites, by superpixels; contrast
     drowns in the noise on the right.
     """
     random, (down, across) = np.random.default_rng(0), (24, 21)
@@ -211,7 +211,7 @@ def batch(period: int = 4, sites: int = 4) -> list[Any]:
 def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> None:
     """Rounded to 8 bits, it is off by 1 to 2 %.
 
-    Where a cell is the same in another orientation, the file answers by the mean of what the
+    Where a superpixel is the same in another orientation, the file answers by the mean of what the
     network finds in both: transposed, or after half a turn with red and blue in exchange, or after
     both.
     """
@@ -220,7 +220,7 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     network, path = random_network(period, sites), tmp_path / "one.onnx"
     picture, _, error, variance = batch(period, sites)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    inputs, _ = features(*cells_of(picture, period), error, variance)
+    inputs, _ = features(*pixels_of(picture, period), error, variance)
     exchange = torch.tensor(BASIS[:, ::-1] @ BASIS.T)
     if plan.transposed:
         picture, error, variance = picture.mT, error.mT[:, plan.transposed], variance.mT
@@ -228,7 +228,7 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
         picture, error, variance = (plane.flip(1, 2, 3) for plane in (picture, error, variance))
     with torch.no_grad():
         alone = network(inputs)
-        turned = network(features(*cells_of(picture, period), error, variance)[0])
+        turned = network(features(*pixels_of(picture, period), error, variance)[0])
     planes = torch.nn.functional.pixel_shuffle(turned, period)
     if plan.exchanged:
         planes = torch.einsum("nchw,ck->nkhw", planes.flip(2, 3), exchange)
@@ -252,10 +252,10 @@ def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
     light, colour, error, variance = rendered()
     rows, columns = map(np.arange, light.shape)
     pixels = np.empty((3, 16, len(rows) // 4, len(columns) // 4), np.float32)
-    cut_cells(light, colour, WEIGHTS, rows, columns, pixels)
+    cut_superpixels(light, colour, WEIGHTS, rows, columns, pixels)
     contrast = Contrast.of(pixels, error, variance)
     picture, _, *residuals = batch()
-    expected, bound = features(*cells_of(picture, 4), *residuals)
+    expected, bound = features(*pixels_of(picture, 4), *residuals)
     assert np.abs(contrast.inputs() - expected[0].numpy()).max() < 1e-4
     assert np.abs(contrast.bound - bound[0, 0].numpy()).max() < 1e-5
     assert 0 < (bound == 0).float().mean() < 1

@@ -1,4 +1,4 @@
-"""How work is cut into pieces and shared among threads."""
+"""How work is cut into chunks and shared among threads."""
 
 import os
 import threading
@@ -8,24 +8,24 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from panchroma.offline.numerics import pieces as product
+from panchroma.offline.numerics import chunks as product
 from panchroma.shared.processors import threads
 from tests.python import run_python
 
 
 @pytest.mark.parametrize(("count", "together"), [(0, 1), (1, 1), (7, 1), (7, 3), (7, 9)])
-def test_every_piece_is_worked_on_once(
+def test_every_chunk_is_worked_on_once(
     each_thread_count: Iterator[int], count: int, together: int
 ) -> None:
     for _ in each_thread_count:
         seen: list[range] = []
-        product.in_pieces(
+        product.in_chunks(
             lambda first, end, seen=seen: seen.append(range(first, end)),  # type: ignore[misc]
             count,
             together,
         )
-        assert sorted(piece for part in seen for piece in part) == list(range(count))
-        assert all(len(part) <= together for part in seen)
+        assert sorted(chunk for share in seen for chunk in share) == list(range(count))
+        assert all(len(share) <= together for share in seen)
 
 
 @pytest.mark.parametrize("rows", [0, 1, 5, 130])
@@ -35,7 +35,7 @@ def test_strips_cover_every_row_once_and_copies_are_whole(
     plane = np.arange(6.0 * rows).reshape(-1, 3).T[:, ::-2].T  # not contiguous
     for _ in each_thread_count:
         seen = np.zeros(rows, int)
-        product.in_strips(lambda part, seen=seen: np.add.at(seen, part, 1), rows, 3)  # type: ignore[misc]
+        product.in_strips(lambda share, seen=seen: np.add.at(seen, share, 1), rows, 3)  # type: ignore[misc]
         assert (seen == 1).all()
         assert np.array_equal(product.copy_array(plane), plane)
 
@@ -44,15 +44,15 @@ def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:
     for count in each_thread_count:
         together = threading.Barrier(count)
         # an error if one does not come
-        product.in_pieces(lambda *_, wait=together.wait: wait(10), count)
+        product.in_chunks(lambda *_, wait=together.wait: wait(10), count)
 
 
-def test_pieces_of_pieces_start_no_more_threads(each_thread_count: Iterator[int]) -> None:
+def test_chunks_of_chunks_start_no_more_threads(each_thread_count: Iterator[int]) -> None:
     for count in each_thread_count:
         inside: list[int] = []
-        product.in_pieces(lambda *_, inside=inside: inside.append(threads()), 9)
+        product.in_chunks(lambda *_, inside=inside: inside.append(threads()), 9)
         assert inside == [1] * 9
-        product.in_pieces(lambda *_, inside=inside: inside.append(threads()), 1)
+        product.in_chunks(lambda *_, inside=inside: inside.append(threads()), 1)
         assert inside[-1] == threads() == count
 
 
@@ -74,7 +74,7 @@ def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finish
             finished.append(first)
 
         with pytest.raises(error):
-            product.in_pieces(work, 1000)
+            product.in_chunks(work, 1000)
         assert len(finished) == len(begun) - 1
         assert len(begun) < 500, f"{count} threads went on"
 

@@ -1,4 +1,4 @@
-"""Distribution of work among threads, in pieces that do not depend on each other.
+"""Distribution of work among threads, in chunks that do not depend on each other.
 
 The calling thread works, too. Others are started for each call, which takes 0.1 to 0.5 ms, and end
 with it: those that stay would be lost in a child made by fork. Several threads may call at a time.
@@ -21,27 +21,27 @@ BLOCK_ROWS = 32
 """Rows of blocks that are computed together, about as many rows of a picture as in `STRIP`."""
 
 
-def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1) -> None:
-    """Call `work(first, end)` for ranges that together are 0 to `pieces`, in `threads()` threads.
+def in_chunks(work: Callable[[int, int], object], chunks: int, together: int = 1) -> None:
+    """Call `work(first, end)` for ranges that together are 0 to `chunks`, in `threads()` threads.
 
     Raises what `work` raises.
 
     Parameters
     ----------
     together : int, optional
-        The most pieces in a range. When an interrupt or an error comes, only ranges that have begun
+        The most chunks in a range. When an interrupt or an error comes, only ranges that have begun
         are finished.
     """
     # shared by all threads
-    ranges = iter([(start, min(start + together, pieces)) for start in range(0, pieces, together)])
-    others = min(threads(), -(-pieces // together)) - 1
+    ranges = iter([(start, min(start + together, chunks)) for start in range(0, chunks, together)])
+    others = min(threads(), -(-chunks // together)) - 1
     if others < 1:
         for first, end in ranges:
             work(first, end)
         return
 
     def drain() -> None:
-        before, chosen.count = chosen.count, 1  # what a piece calls shares nothing once more
+        before, chosen.count = chosen.count, 1  # what a chunk calls shares nothing once more
         try:
             for first, end in ranges:
                 work(first, end)
@@ -60,15 +60,13 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
 
 
 def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -> None:
-    """Call `work` for the slices of `strips(rows, height)`, as `in_pieces` does."""
+    """Call `work` for the slices of `strips(rows, height)`, as `in_chunks` does."""
     every = list(strips(rows, height))
-    in_pieces(lambda first, _: work(every[first]), len(every))
+    in_chunks(lambda first, _: work(every[first]), len(every))
 
 
 def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
-    """A copy of an array: new memory takes as long to get as to write, and every thread gets its
-    part.
-    """
+    """A copy of an array: new memory takes as long to get as to write, and threads share that."""
     made = np.empty(plane.shape, plane.dtype)
     copy_together([(made, plane)])
     return made
@@ -81,15 +79,15 @@ def copy_together(copies: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> None:
         for target, source in copies
         for rows in strips(len(target), STRIP // 4)
     ]
-    in_pieces(lambda index, _: np.copyto(*cut[index]), len(cut))
+    in_chunks(lambda index, _: np.copyto(*cut[index]), len(cut))
 
 
-def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:
-    """Number of tiles that cover a shape, the last of a row and of a column in part.
+def chunk_count(shape: tuple[int, int], size: tuple[int, int]) -> int:
+    """Number of chunks that cover a shape; the last of a row and of a column may be smaller.
 
     Parameters
     ----------
-    tile : tuple[int, int]
-        Its height and width.
+    size : tuple[int, int]
+        Height and width of a chunk.
     """
-    return -(-shape[0] // tile[0]) * -(-shape[1] // tile[1])
+    return -(-shape[0] // size[0]) * -(-shape[1] // size[1])
