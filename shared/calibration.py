@@ -232,10 +232,10 @@ class SensorCalibration:
             )
         shot = self.noise.shot if self.noise else None
         gain = self.shading.gain if self.shading else None
-        for part, values in (("noise", shot), ("shading", gain)):
+        for name, values in (("noise", shot), ("shading", gain)):
             if values is not None and len(values) != planes:
                 expected = f"expected {planes} ({letters}W)"
-                raise InputError(f"calibration: {part} has {len(values)} planes, {expected}")
+                raise InputError(f"calibration: {name} has {len(values)} planes, {expected}")
         for name in ("shot", "read") if self.noise else ():
             _check_range(
                 f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or "

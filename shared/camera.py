@@ -1,4 +1,4 @@
-"""camera.json: the calibration of one camera, its filter pattern, and how each part was measured.
+"""camera.json: the calibration of one camera, its filter pattern, and how each entry was measured.
 
 The file is the JSON object of a calibration with three more fields, "pattern", "size" and
 "measured". All are optional, so a bare calibration is a valid camera file; channels that either
@@ -22,7 +22,7 @@ from .reading import MAX_DOCUMENT, read_text
 from .white_balance import balanced, estimate_neutral
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading")
-"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral,
+"""The entries of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral,
 or lights.
 """
 
@@ -38,15 +38,15 @@ class Camera:
     pattern : CfaPattern | None
         The filter pattern that the camera was measured with; None = unknown.
     measured : Mapping[str, Mapping[str, Any]]
-        Part (one of MEASURABLE) -> how it was measured, a JSON object for people and reports.
+        Entry (one of MEASURABLE) -> how it was measured, a JSON object for people and reports.
     size : tuple[int, int] | None
         (rows, columns) of the frames that it was measured on; None = unknown.
 
     Raises
     ------
     InputError
-        When pattern and calibration have different channels, when `measured` names an unknown part,
-        and for a `size` that no frame has.
+        When pattern and calibration have different channels, when `measured` names an unknown
+        entry, and for a `size` that no frame has.
 
     Examples
     --------
@@ -72,12 +72,12 @@ class Camera:
         )
         if self.pattern is not None:
             self.calibration.check_pattern(self.pattern)
-        for part, how in self.measured.items():
-            if part not in MEASURABLE:
+        for entry, how in self.measured.items():
+            if entry not in MEASURABLE:
                 known = f"one of {', '.join(MEASURABLE)}"
-                raise InputError(f"camera: measured has an unknown part {part!r}; {known}")
+                raise InputError(f"camera: measured has an unknown entry {entry!r}; {known}")
             if not isinstance(how, Mapping):
-                raise InputError(f"camera: measured.{part} is {shown(how)}, expected an object")
+                raise InputError(f"camera: measured.{entry} is {shown(how)}, expected an object")
         if self.size is not None:
             object.__setattr__(self, "size", size("camera: size", self.size))
 
@@ -163,7 +163,7 @@ class Camera:
             document["size"] = list(self.size)
         if self.measured:
             document["measured"] = {
-                part: dict(self.measured[part]) for part in MEASURABLE if part in self.measured
+                entry: dict(self.measured[entry]) for entry in MEASURABLE if entry in self.measured
             }
         return document
 

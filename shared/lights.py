@@ -51,7 +51,7 @@ def illuminant_xy(name: str) -> Chromaticity:
     Examples
     --------
     >>> from panchroma.shared.lights import illuminant_xy
-    >>> [round(part, 3) for part in illuminant_xy("4000")]
+    >>> [round(value, 3) for value in illuminant_xy("4000")]
     [0.38, 0.377]
     """
     if isinstance(name, str) and name in ILLUMINANTS:

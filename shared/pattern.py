@@ -368,12 +368,12 @@ class CfaPattern:
 
     def _check_sites(self) -> None:
         period, tile = self.period, self._tile_planes
-        for part in range(PERIODS[0], period):
-            repeats = all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1))
-            if period % part == 0 and repeats:
-                smallest = "/".join(row[:part] for row in self.tile[:part])
+        for divisor in range(PERIODS[0], period):
+            repeats = all((tile == np.roll(tile, divisor, axis)).all() for axis in (0, 1))
+            if period % divisor == 0 and repeats:
+                smallest = "/".join(row[:divisor] for row in self.tile[:divisor])
                 remedy = f"give the smallest tile that repeats: {smallest}"
-                raise InputError(f"pattern: the tile repeats every {part} pixels; {remedy}")
+                raise InputError(f"pattern: the tile repeats every {divisor} pixels; {remedy}")
         far = self._colour & ~_spread(~self._colour, _FARTHEST)
         if self.is_scattered and far.any():
             row, column = np.argwhere(far)[0].tolist()

@@ -24,7 +24,7 @@ _GAINS = (0.05, 64.0)
 # Control points beyond the edges, of which little is seen, may be far from the gain.
 _LARGEST = 1e4
 _SKETCH = 129
-_POINTS = range(4, 33)  # control points along an axis: a cubic piece takes four
+_POINTS = range(4, 33)  # control points along an axis: a cubic interval takes four
 _MIDDLE = 0.01  # how far the gain in the middle may be from 1
 
 
@@ -98,14 +98,14 @@ class Shading:
     def check(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
         # One frame can be the other made smaller if one scale gives both of its sides, but for a
-        # part of a pixel.
+        # fraction of a pixel.
         small, large = sorted((shape, self.size))
         if small != large and max((small[i] - 1) / large[i] for i in (0, 1)) >= min(
             (small[i] + 1) / large[i] for i in (0, 1)
         ):
             raise InputError(
                 f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, "
-                f"and the frame has {shape[1]} x {shape[0]}: another part of the sensor; measure "
+                f"and the frame has {shape[1]} x {shape[0]}: another area of the sensor; measure "
                 "it on such frames, into a camera file of its own"
             )
 
@@ -131,7 +131,7 @@ class Shading:
     def of_plane(
         self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE
     ) -> FloatArray:
-        """The gain of a plane in a part of a frame, float32 (rows, columns).
+        """The gain of a plane in a window of a frame, float32 (rows, columns).
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class Shading:
         plane : int, optional
             Index of the channel; -1 = panchromatic.
         rows, columns : slice, optional
-            The part, also with a step. What a pixel gets does not depend on the part.
+            The window, also with a step. What a pixel gets does not depend on it.
         """
         points = np.array(self.gain[plane], np.float32)
         # Along the rows first: that is little work. Sums are spelt out, because a product of
@@ -224,22 +224,22 @@ def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:
     >>> basis(100, 5, np.array([0.0, 49.5, 99.0])).sum(axis=1).round(12).tolist()
     [1.0, 1.0, 1.0]
     """
-    first, weights = _pieces((place + 0.5) / length, points)
+    first, weights = _control_points((place + 0.5) / length, points)
     full = np.zeros((len(place), points))
     for tap in range(4):
         full[np.arange(len(place)), first + tap] = weights[tap]
     return full
 
 
-def _weights(length: int, points: int, part: slice) -> tuple[IndexArray, FloatArray]:
-    """For each pixel of a part of an axis the first of its four control points, and their weights,
+def _weights(length: int, points: int, span: slice) -> tuple[IndexArray, FloatArray]:
+    """For each pixel of a span of an axis the first of its four control points, and their weights,
     float32 (4, pixels).
     """
-    first, weights = _pieces((np.arange(length)[part] + 0.5) / length, points)
+    first, weights = _control_points((np.arange(length)[span] + 0.5) / length, points)
     return first, weights.astype(np.float32)
 
 
-def _pieces(place: DoubleArray, points: int) -> tuple[IndexArray, DoubleArray]:
+def _control_points(place: DoubleArray, points: int) -> tuple[IndexArray, DoubleArray]:
     """For each place, from 0 to 1 across the frame, the first of its four control points, and their
     weights, (4, places).
     """

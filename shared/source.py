@@ -30,7 +30,7 @@ def code_digest(root: Path, *patterns: str) -> str:
         name = path.relative_to(root)
         importable = name.stem.isidentifier() or (name.suffix == ".onnx" and name.stem[0] != ".")
         if importable and all(
-            part.isidentifier() and part != "notebook" for part in name.parts[:-1]
+            folder.isidentifier() and folder != "notebook" for folder in name.parts[:-1]
         ):
             with suppress(OSError):
                 total.update(name.as_posix().encode() + b"\0")

@@ -115,7 +115,7 @@ def _append(data: bytes | memoryview, file: BinaryIO) -> int:
     file.write(bytes(file.tell() % 2))
     offset = file.tell()
     if offset + len(data) >= LARGEST:
-        remedy = "use fewer bits, another format, or a part of the picture"
+        remedy = "use fewer bits, another format, or a crop of the picture"
         raise InputError(f"the file would pass the 4 GiB of a TIFF; {remedy}")
     file.write(data)
     return offset

@@ -28,7 +28,7 @@ EXPECTED = (
 """Texts that may stand for a tile, for messages."""
 _PERIOD = re.compile(r"k=([0-9]{1,2})")
 # "Sparse Color Filter #1" of GenICam is Kodak's tile, which begins at this place; the letters are
-# the first row from there on. PFNC 2.4, section 3.1.9, numbers the cells of each (those of WGWR
+# the first row from there on. PFNC 2.4, section 3.1.9, numbers the letters of each (those of WGWR
 # overlap there: its green ones are another's, by mistake).
 _SPARSE = {"scf1wbwg": (0, 0), "scf1wgwb": (0, 2), "scf1wgwr": (2, 0), "scf1wrwg": (2, 2)}
 

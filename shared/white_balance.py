@@ -69,7 +69,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     """Estimate what white reads in a mosaic, largest channel 1, from its colour blocks; None if it
     is too dark or too bright.
 
-    The same for every number of threads and every way of cutting the work into pieces: it sees the
+    The same for every number of threads and every way of cutting the work into chunks: it sees the
     whole frame.
     """
     calibration, grid = mosaic.calibration, mosaic.pattern.grid(mosaic.shape)
@@ -105,8 +105,8 @@ def _blocks(mosaic: Mosaic, tops: IndexArray, lefts: IndexArray) -> FloatArray:
     pattern, calibration = mosaic.pattern, mosaic.calibration
     places, derived = list(pattern.sites), pattern.derived
     if derived is not None:  # Eq. 7 needs luminance, too
-        tile = pattern.filter_map(pattern.block_shape, pattern.block_origin)
-        clear = np.argwhere(tile == len(pattern.channels)).tolist() or [[0, -1]]
+        filters = pattern.filter_map(pattern.block_shape, pattern.block_origin)
+        clear = np.argwhere(filters == len(pattern.channels)).tolist() or [[0, -1]]
         places += [(row, column, len(pattern.channels)) for row, column in clear]
         lefts = lefts[lefts > 0] if clear[0][1] < 0 else lefts
     if not (len(tops) and len(lefts)):

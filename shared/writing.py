@@ -31,9 +31,9 @@ OnComplete = Callable[[Path], Callable[[], object]]
 the disk, before the rename.
 """
 
-_PART = re.compile(r"\..*\.[0-9a-f]{8}\.panchroma\.(part|lock)", re.DOTALL)
+_PARTIAL = re.compile(r"\..*\.[0-9a-f]{8}\.panchroma\.(part|lock)", re.DOTALL)
 _LINK_SECONDS = 60.0
-_LONGEST_PART = 100  # bytes; with the suffix a name that every file system accepts
+_LONGEST_NAME = 100  # bytes; with the suffix a name that every file system accepts
 # What fsync of a folder says on file systems that cannot do it: shares of virtual machines, 9p, old
 # CIFS, some of FUSE.
 _CANNOT_SYNC = {
@@ -55,8 +55,8 @@ def durable_file(
     """Open a temporary file for the new content of `path`, in a `with` block; it becomes `path`
     when that ends without an error.
 
-    The temporary file (see `part_path`) is written beside `path`, fsynced and renamed, then the
-    folder is fsynced: at any moment `path` is absent, old or new, never a part. An error in the
+    The temporary file (see `partial_path`) is written beside `path`, fsynced and renamed, then the
+    folder is fsynced: at any moment `path` is absent, old or new, never half of it. An error in the
     block removes the temporary file; `sweep` removes those of killed processes. A replaced file
     keeps its permissions and its owner (see `_keep_permissions`). A link in the place of `path` is
     replaced itself: what it leads to is neither opened nor changed.
@@ -80,13 +80,13 @@ def durable_file(
         when the disk is full.
     """
     path = Path(path)
-    part = part_path(path)
+    partial = partial_path(path)
     with _named(path):
         if not overwrite and os.path.lexists(path):
             raise FileExistsError
         # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a
         # leftover.
-        file = io.BufferedWriter(_locked(part, path))
+        file = io.BufferedWriter(_locked(partial, path))
     try:
         try:
             yield file
@@ -94,18 +94,18 @@ def durable_file(
             if overwrite:
                 with _named(path):
                     _keep_permissions(path, file.fileno())
-            settled = on_complete(part) if on_complete is not None else None
+            settled = on_complete(partial) if on_complete is not None else None
             with _named(path):
                 os.fsync(file.fileno())
             if settled is not None:
                 settled()
             with _named(path):
-                _move(part, path, overwrite)
+                _move(partial, path, overwrite)
         finally:
             with _named(path):
                 file.close()
     except BaseException:
-        part.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
         raise
     with _named(path):
         sync_folder(path.parent)
@@ -150,7 +150,7 @@ def sync_folder(folder: Path) -> None:
             )
 
 
-def part_path(path: Path) -> Path:
+def partial_path(path: Path) -> Path:
     """A unique temporary name beside `path`: `.NAME.XXXXXXXX.panchroma.part`; a long NAME is
     shortened.
     """
@@ -158,10 +158,10 @@ def part_path(path: Path) -> Path:
 
 
 def short_name(path: Path) -> str:
-    """The beginning of a file's name: short enough to be a part of another name, and no character
+    """The beginning of a file's name: short enough to stand in another name, and no character
     of UTF-8 is cut in two.
     """
-    return os.fsdecode(os.fsencode(path.name)[:_LONGEST_PART].decode(errors="ignore").encode())
+    return os.fsdecode(os.fsencode(path.name)[:_LONGEST_NAME].decode(errors="ignore").encode())
 
 
 def own_file(path: Path, mode: str, *, buffering: int = -1) -> IO[bytes]:
@@ -213,27 +213,27 @@ def sweep(folder: Path | str) -> int:
     """
     removed = 0
     with suppress(OSError):
-        for part in [path for path in Path(folder).iterdir() if _PART.fullmatch(path.name)]:
+        for partial in [path for path in Path(folder).iterdir() if _PARTIAL.fullmatch(path.name)]:
             with suppress(OSError):
-                status = part.lstat()
+                status = partial.lstat()
                 if status.st_uid != os.geteuid():
                     continue
                 if stat.S_ISLNK(status.st_mode) and time.time() - status.st_mtime > _LINK_SECONDS:
-                    part.unlink()
+                    partial.unlink()
                     removed += 1
                 elif stat.S_ISREG(status.st_mode):
-                    with own_file(part, "rb") as file:
+                    with own_file(partial, "rb") as file:
                         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                        part.unlink()
+                        partial.unlink()
                         removed += 1
     return removed
 
 
-class _Part(io.FileIO):
+class _PartialFile(io.FileIO):
     """The temporary file for `path`, which errors name."""
 
-    def __init__(self, part: Path, path: Path) -> None:
-        super().__init__(part, "x")
+    def __init__(self, partial: Path, path: Path) -> None:
+        super().__init__(partial, "x")
         self._path = path
 
     def write(self, data: Any, /) -> int:
@@ -241,10 +241,10 @@ class _Part(io.FileIO):
             return super().write(data)
 
 
-def _locked(part: Path, path: Path) -> _Part:
+def _locked(partial: Path, path: Path) -> _PartialFile:
     """Create and open the temporary file; it is locked while it is open."""
     while True:
-        file = _Part(part, path)
+        file = _PartialFile(partial, path)
         # some network shares have no locks; `sweep` removes nothing there either
         with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_EX)
@@ -283,23 +283,23 @@ def _keep_permissions(path: Path, descriptor: int) -> None:
 _ACL = "system.posix_acl_access"
 
 
-def _move(part: Path, path: Path, overwrite: bool) -> None:
-    """Rename `part` to `path`; without `overwrite` by a hard link, which cannot replace a file that
-    has appeared meanwhile.
+def _move(partial: Path, path: Path, overwrite: bool) -> None:
+    """Rename `partial` to `path`; without `overwrite` by a hard link, which cannot replace a file
+    that has appeared meanwhile.
     """
     if overwrite:
-        part.replace(path)
+        partial.replace(path)
         return
     try:
-        os.link(part, path)
+        os.link(partial, path)
     except FileExistsError:
         raise
     except OSError:  # no hard links here (FAT, some network shares)
         if os.path.lexists(path):
             raise FileExistsError from None
-        part.rename(path)
+        partial.rename(path)
     else:
-        part.unlink()
+        partial.unlink()
 
 
 _FULL = "the disk is full; free some space or choose another folder"

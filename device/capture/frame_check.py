@@ -5,9 +5,9 @@ Raw frames have no header. In a wrong layout, or with a wrong pattern, they woul
 pictures that look like noise or have false colours. A frame that contradicts its description is
 refused; `panchroma identify` finds out what would be right.
 
-A colour filter passes a part of the light that its panchromatic neighbours receive: colour sites
-are darker wherever there is light. Folding a frame with the period of the pattern adds up their
-differences, while scene and noise average out. In rows that do not line up, or with another
+A colour filter passes a fraction of the light that its panchromatic neighbours receive: colour
+sites are darker wherever there is light. Folding a frame with the period of the pattern adds up
+their differences, while scene and noise average out. In rows that do not line up, or with another
 pattern, nothing adds up, or it does so elsewhere. Sites of one channel read the same: the two
 greens of a Bayer block show its diagonal, and scattered sites where their tile begins.
 """
@@ -22,7 +22,7 @@ from ...shared import CfaPattern, SensorCalibration
 from ...shared.arrays import ByteArray, CodeArray, DoubleArray
 from ...shared.errors import InputError
 from .frames import FORMATS, RawFrame, Sensor
-from .tiles import Tiles
+from .windows import Windows
 
 _OPEN = "the frame does not show whether {}; the next frames are looked at"
 _GREENS = "the greens are on the right diagonal (it has little colour)"
@@ -34,12 +34,12 @@ _SLIPPED = (
 
 # frames that confirm the description; the second shows that the first has as many rows as described
 _ENOUGH = 2
-_SIDE, _PERIODS = 32, 4  # pixels along a tile, and periods in it, at least
+_SIDE, _PERIODS = 32, 4  # pixels along a window, and periods in it, at least
 # of a first frame, at most; of a later one at least, all but twice as many in its last rows
-_TILES, _LAST_TILES = 64, 24
-# tiles: with so few standard errors and medians are uncertain; among many places twice as many
+_WINDOWS, _LAST_WINDOWS = 64, 24
+# windows: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
-_FEW_TILES, _FEWEST_TILES = 8, 4  # fewer have no standard error
+_FEW_WINDOWS, _FEWEST_WINDOWS = 8, 4  # fewer have no standard error
 
 _CERTAIN = 6.0  # standard errors of a contrast
 # the best place explains this many times the variance that the next one does; in photographs 2.7
@@ -48,17 +48,17 @@ _BETTER = 1.5
 # times as much is explained where filters are than where they are not; blocks that overlap by half
 # explain a tenth
 _FAR = 4.0
-# part of the variance that filters elsewhere explain at least: half of what is plain in a whole
+# fraction of the variance that filters elsewhere explain at least: half of what is plain in a whole
 # frame
 _PLAIN = 0.03
 _NOTHING = 1e-9  # what rounding leaves of stripes without the means of their rows and columns
-# relative to panchromatic pixels: colour sites that are brighter have no filter; median of tiles
+# relative to panchromatic pixels: colour sites that are brighter have no filter; median of windows
 _AS_BRIGHT = 0.9
 
-_LIT = 0.03  # of the range of codes: a tile with less light says nothing of its filters
-# of the samples of a tile: with more of them colour sites seem brighter than they are
+_LIT = 0.03  # of the range of codes: a window with less light says nothing of its filters
+# of the samples of a window: with more of them colour sites seem brighter than they are
 _CLIPPED = 1 / 16
-# of the black level and of the range of codes: no tile is darker than black by more
+# of the black level and of the range of codes: no window is darker than black by more
 _MARGIN, _LEAST_MARGIN = 1 / 8, 1 / 1024
 # of the range of codes: samples of a dark frame differ by less, but for this percentage at either
 # end
@@ -134,7 +134,7 @@ class _Check:
 
     def __init__(self, sensor: Sensor) -> None:
         self._sensor, size = sensor, (sensor.layout.width, sensor.layout.height)
-        self._side = min(max(_SIDE, _PERIODS * sensor.pattern.period), *size)  # of a tile, pixels
+        self._side = min(max(_SIDE, _PERIODS * sensor.pattern.period), *size)  # of a window, pixels
         self._confirmed = 0
         self._has_colours = False
 
@@ -157,31 +157,31 @@ class _Check:
         layout, pattern = self._sensor.layout, self._sensor.pattern
         calibration = self._sensor.calibration
         codes = layout.unpack(frame.data)
-        tiles = Tiles.of(codes, self._side, _TILES)
+        windows = Windows.of(codes, self._side, _WINDOWS)
         reason = (
-            impossible_level(codes, tiles, calibration)
+            impossible_level(codes, windows, calibration)
             or padding(codes, calibration)
             or self._unused_bits(frame)
         )
         if reason:
             self._refuse(frame, reason)
-        if is_misread(tiles, pattern, FORMATS[layout.format].pixels, calibration.bits):
+        if is_misread(windows, pattern, FORMATS[layout.format].pixels, calibration.bits):
             self._refuse(frame, f"the bits of its samples are not in the order of {layout.format}")
-        shown = shows_filters(tiles, pattern)
+        shown = shows_filters(windows, pattern)
         if shown is False and self._confirmed:
             rows = f"frames have another number of rows than {layout.height}"
             self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
-        if shown is False or (shown and has_longer_period(tiles, pattern)):
+        if shown is False or (shown and has_longer_period(windows, pattern)):
             places = "the colour sites are not where `pattern` and `origin` say"
             rows = "or rows do not begin where `stride` and `width` say"
             self._refuse(frame, f"{places}, {rows}")
         if shown is None:
-            if not is_even(codes, calibration) and lacks_filters(tiles, pattern, calibration):
+            if not is_even(codes, calibration) and lacks_filters(windows, pattern, calibration):
                 colours = "the samples at the places of the colour filters"
                 self._refuse(frame, f"{colours} are as bright as their neighbours")
             why = hindrance(codes, calibration)
             return False, [_OPEN.format(f"size, format and pattern are right ({why})")]
-        return True, [*self._colours(frame, tiles), *open_bits(codes, calibration)]
+        return True, [*self._colours(frame, windows), *open_bits(codes, calibration)]
 
     def _later(self, frame: RawFrame) -> tuple[bool, list[str]]:
         """Return the same of the last rows of a frame, which move when anything before them slips.
@@ -190,24 +190,24 @@ class _Check:
         layout, pattern = self._sensor.layout, self._sensor.pattern
         calibration = self._sensor.calibration
         across = max(layout.width // self._side, 1)
-        rows = min(self._side * -(-_LAST_TILES // across), layout.height)
+        rows = min(self._side * -(-_LAST_WINDOWS // across), layout.height)
         top = layout.height - rows
         last = memoryview(frame.data)[top * layout.stride :]
         codes = replace(layout, height=rows).unpack(last)
-        tiles = Tiles.of(codes, self._side, 2 * _LAST_TILES, top)
-        shown = shows_filters(tiles, pattern)
+        windows = Windows.of(codes, self._side, 2 * _LAST_WINDOWS, top)
+        shown = shows_filters(windows, pattern)
         if codes.max() >> calibration.bits or not (
-            shown or (shown is None and not lacks_filters(tiles, pattern, calibration))
+            shown or (shown is None and not lacks_filters(windows, pattern, calibration))
         ):
             raise SlippedError(_SLIPPED)
-        return shown is True, self._colours(frame, tiles) if shown else []
+        return shown is True, self._colours(frame, windows) if shown else []
 
-    def _colours(self, frame: RawFrame, tiles: Tiles) -> list[str]:
-        """Return what the tiles of a frame that shows its filters leave open of their colours."""
+    def _colours(self, frame: RawFrame, windows: Windows) -> list[str]:
+        """Return what the windows of a frame that shows its filters leave open of their colours."""
         pattern = self._sensor.pattern
         if self._has_colours and not pattern.is_scattered:
             return []
-        coloured = shows_colours(tiles, pattern, self._sensor.calibration)
+        coloured = shows_colours(windows, pattern, self._sensor.calibration)
         if coloured is False and self._has_colours:
             raise SlippedError(_SLIPPED)
         if coloured is False:  # until a frame shows them they may as well be described wrongly
@@ -242,18 +242,18 @@ class _Check:
         return message if stray.any(axis=1).mean() > _STRAY else ""
 
 
-def impossible_level(codes: CodeArray, tiles: Tiles, calibration: SensorCalibration) -> str:
+def impossible_level(codes: CodeArray, windows: Windows, calibration: SensorCalibration) -> str:
     """Return which level no frame of the sensor has; "" if none.
 
     Parameters
     ----------
-    tiles : Tiles
+    windows : Windows
         Of the frame.
     """
     highest, black = int(codes.max()), float(np.mean(calibration.black_level))
     if highest >> calibration.bits:
         return f"a sample is {highest}, more than {calibration.bits} bits hold"
-    if (darkest := float(tiles.parts.mean(axis=(1, 2)).min())) < black - _margin(calibration):
+    if (darkest := float(windows.codes.mean(axis=(1, 2)).min())) < black - _margin(calibration):
         return (
             f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f} "
             "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
@@ -302,7 +302,7 @@ def open_bits(codes: CodeArray, calibration: SensorCalibration) -> list[str]:
     ]
 
 
-def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> bool:
+def is_misread(windows: Windows, pattern: CfaPattern, pixels: int, bits: int) -> bool:
     """Return whether samples vary widely and resemble none of their neighbours: bits of low value
     are read as bits of high value.
 
@@ -313,31 +313,31 @@ def is_misread(tiles: Tiles, pattern: CfaPattern, pixels: int, bits: int) -> boo
     bits : int
         Of a sample.
     """
-    if len(tiles.parts) < _FEWEST_TILES:
+    if len(windows.codes) < _FEWEST_WINDOWS:
         return False
-    clear = tiles.panchromatic(pattern)
-    position = (tiles.places[:, 1, None] + np.arange(tiles.parts.shape[2])) % pixels
+    clear = windows.panchromatic(pattern)
+    position = (windows.places[:, 1, None] + np.arange(windows.codes.shape[2])) % pixels
     for number in range(pixels):
         ours = clear & (position == number)[:, None]
-        if not ours.any() or np.std(tiles.parts, where=ours) < _WIDE_SPREAD * (1 << bits):
+        if not ours.any() or np.std(windows.codes, where=ours) < _WIDE_SPREAD * (1 << bits):
             continue
         alike = []
         for step in (*_NEIGHBOURS, *np.negative(_NEIGHBOURS)):
-            beside, is_clear = (np.roll(plane, step, (1, 2)) for plane in (tiles.parts, clear))
+            beside, is_clear = (np.roll(plane, step, (1, 2)) for plane in (windows.codes, clear))
             if (pair := ours & is_clear).sum() >= _PAIRS:
-                alike.append(np.corrcoef(tiles.parts[pair], beside[pair])[0, 1])
+                alike.append(np.corrcoef(windows.codes[pair], beside[pair])[0, 1])
         if alike and max(alike) < _RESEMBLE:
             return True
     return False
 
 
-def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
+def shows_filters(windows: Windows, pattern: CfaPattern) -> bool | None:
     """Return whether colour sites are where `pattern` has them; False: at another place, None: the
-    tiles do not show it.
+    windows do not show it.
     """
-    if len(tiles.parts) < _FEWEST_TILES:
+    if len(windows.codes) < _FEWEST_WINDOWS:
         return None
-    flat = tiles.flattened()
+    flat = windows.flattened()
     folded = flat.folded(pattern.period)
     explained, certainties = _explained(folded, _block(pattern, pattern.period))
     best = np.unravel_index(int(explained.argmax()), explained.shape)
@@ -346,41 +346,41 @@ def shows_filters(tiles: Tiles, pattern: CfaPattern) -> bool | None:
     here, elsewhere = explained[ours].max(), explained[~ours].max(initial=0.0)
     if here == most > _BETTER * elsewhere and certainties[best] > _CERTAIN:
         return True
-    if certainties[best] < _CERTAIN * (1 + _FEW_TILES / len(folded)):
+    if certainties[best] < _CERTAIN * (1 + _FEW_WINDOWS / len(folded)):
         return None
     # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
     # repeats.
     there = explained > most / _BETTER
     if here < most / _FAR:
         there[tuple(np.transpose(_places_alike(pattern, (int(best[0]), int(best[1])))))] = False
-        return None if there.any() or most < _PLAIN * np.square(flat.parts).mean() else False
+        return None if there.any() or most < _PLAIN * np.square(flat.codes).mean() else False
     return False if (there & ~ours).any() and (there | (explained < most / _FAR)).all() else None
 
 
-def has_longer_period(tiles: Tiles, pattern: CfaPattern) -> bool:
-    """Return whether blocks repeat at twice the period of `pattern` only. It is for tiles that show
-    them.
+def has_longer_period(windows: Windows, pattern: CfaPattern) -> bool:
+    """Return whether blocks repeat at twice the period of `pattern` only. It is for windows that
+    show them.
     """
     period = 2 * pattern.period
-    flat = tiles.flattened()
+    flat = windows.flattened()
     explained, _ = _explained(flat.folded(period), _block(pattern, period))
     rows, columns = (slice(place, None, pattern.period) for place in pattern.block_origin)
     *_, second, first = np.sort(explained[rows, columns], axis=None)
-    least = max(_FAR * second, _PLAIN / 2 * float(np.square(flat.parts).mean()))
+    least = max(_FAR * second, _PLAIN / 2 * float(np.square(flat.codes).mean()))
     return not pattern.is_scattered and bool(first > least)
 
 
-def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibration) -> bool:
+def lacks_filters(windows: Windows, pattern: CfaPattern, calibration: SensorCalibration) -> bool:
     """Return whether there is light, and the colour sites are as bright as panchromatic pixels in
     the same rows, or columns.
     """
     black, white = float(np.mean(calibration.black_level)), calibration.white_level
     sites = np.roll(_block(pattern, pattern.period), pattern.block_origin, (0, 1)) > 0
-    levels = tiles.folded(pattern.period) + tiles.parts.mean(axis=(1, 2), keepdims=True) - black
+    levels = windows.folded(pattern.period) + windows.codes.mean(axis=(1, 2), keepdims=True) - black
     lit = (levels[:, ~sites].mean(axis=1) > _LIT * (white - black)) & (
-        (tiles.parts >= white).mean(axis=(1, 2)) < _CLIPPED
+        (windows.codes >= white).mean(axis=(1, 2)) < _CLIPPED
     )
-    if lit.sum() < _FEW_TILES:
+    if lit.sum() < _FEW_WINDOWS:
         return False
     for axis in (0, 1):
         mixed = sites.any(axis=axis, keepdims=True) & ~sites.all(axis=axis, keepdims=True)
@@ -390,15 +390,17 @@ def lacks_filters(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
     return False
 
 
-def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibration) -> bool | None:
-    """Return whether each colour is at the sites where `pattern` has it; None where the tiles do
+def shows_colours(
+    windows: Windows, pattern: CfaPattern, calibration: SensorCalibration
+) -> bool | None:
+    """Return whether each colour is at the sites where `pattern` has it; None where the windows do
     not show it.
 
     True where no frame can show it: where only channels are exchanged (a chart tells which is red).
 
     Parameters
     ----------
-    tiles : Tiles
+    windows : Windows
         They show the panchromatic pixels where `pattern` has them.
     """
     period, candidates = pattern.period, [pattern]
@@ -418,10 +420,10 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
     ours = kinds.pop((planes[0][sites, None] == planes[0][sites]).tobytes())
     if not kinds:
         return True
-    levels = tiles.folded(period) + tiles.parts.mean(axis=(1, 2), keepdims=True)
-    levels = levels[(tiles.parts < calibration.white_level).all(axis=(1, 2))]
+    levels = windows.folded(period) + windows.codes.mean(axis=(1, 2), keepdims=True)
+    levels = levels[(windows.codes < calibration.white_level).all(axis=(1, 2))]
     levels = levels - float(np.mean(calibration.black_level))
-    if len(levels) < _FEW_TILES:
+    if len(levels) < _FEW_WINDOWS:
         return None
     samples = levels[:, sites]
     own, others = _spread(samples, ours), [_spread(samples, other) for other in kinds.values()]
@@ -436,7 +438,7 @@ def shows_colours(tiles: Tiles, pattern: CfaPattern, calibration: SensorCalibrat
 
 
 def _spread(samples: DoubleArray, kinds: ByteArray) -> DoubleArray:
-    """Variance of the sites of a kind about their mean, in each tile. samples: (tiles, sites).
+    """Variance of the sites of a kind about their mean, in each window. samples: (windows, sites).
     kinds: of each site, (sites,).
     """
     shares = (kinds[:, None] == kinds).astype(float)
@@ -445,10 +447,10 @@ def _spread(samples: DoubleArray, kinds: ByteArray) -> DoubleArray:
 
 
 def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
-    """Tell whether energies of tiles are certainly larger than others, by enough for a difference
+    """Tell whether energies of windows are certainly larger than others, by enough for a difference
     of filters.
     """
-    # Of each tile at most 1, so that a few strong colours do not hide how certain the many are.
+    # Of each window at most 1, so that a few strong colours do not hide how certain the many are.
     votes = (ours - others) / (ours + others + _NOTHING)
     are_certain = votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5
     return bool(are_certain and ours.mean() > _UNLIKE * others.mean())

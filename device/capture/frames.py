@@ -238,17 +238,17 @@ class FrameLayout:
         groups: NDArray[Any] = np.ndarray(
             shape, packing.word, padded, strides=(padded.shape[1], packing.length)
         )
-        packed, unpacked, part = (np.empty(shape, packing.word) for _ in range(3))
+        packed, unpacked, field = (np.empty(shape, packing.word) for _ in range(3))
         for top in range(0, self.height, _STRIP):
             strip = lines[top : top + _STRIP]
             padded[: len(strip), : self.line_bytes] = strip
             packed[:] = groups  # a copy that is aligned
             unpacked[:] = 0
             for by, mask in packing.moves.items():
-                np.bitwise_and(packed, packing.word.type(mask), out=part)
+                np.bitwise_and(packed, packing.word.type(mask), out=field)
                 shift = np.left_shift if by > 0 else np.right_shift
-                shift(part, packing.word.type(abs(by)), out=part)
-                unpacked |= part
+                shift(field, packing.word.type(abs(by)), out=field)
+                unpacked |= field
             codes[top : top + _STRIP] = unpacked.view("<u2")[: len(strip), : self.width]
 
     def misfit(self, length: int) -> str:

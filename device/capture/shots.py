@@ -16,7 +16,7 @@ from ...shared.arrays import ByteArray
 from ...shared.dng import encode_dng
 from ...shared.errors import InputError, OutputError
 from ...shared.series import frame_name
-from ...shared.writing import durable_file, part_path, sweep
+from ...shared.writing import durable_file, partial_path, sweep
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
@@ -164,14 +164,14 @@ def _check_link(link: Path) -> None:
 
 def _point(link: Path, path: Path) -> None:
     """Point `link` to `path` atomically: at no moment is the link missing or broken."""
-    part = part_path(link)
+    partial = partial_path(link)
     try:
         try:
             # Relative, so that link and shots can be moved together, and mounted elsewhere.
-            part.symlink_to(os.path.relpath(path.resolve(), link.parent.resolve()))
-            part.replace(link)
+            partial.symlink_to(os.path.relpath(path.resolve(), link.parent.resolve()))
+            partial.replace(link)
         except BaseException:
-            part.unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
             raise
     except OSError as error:
         reason = error.strerror or str(error)

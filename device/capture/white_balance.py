@@ -8,7 +8,7 @@ from ...shared.arrays import DoubleArray
 from ...shared.mosaic import Mosaic
 from ...shared.white_balance import balanced, estimate_neutral
 
-# part of the way to a new frame's own estimate: half of a change of light is followed in eleven
+# fraction of the way to a new frame's own estimate: half of a change of light is followed in eleven
 # frames
 _FOLLOWS = 1 / 16
 

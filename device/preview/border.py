@@ -16,8 +16,8 @@ from ...shared.arrays import CodeArray, IndexArray
 def copy_extended(
     codes: CodeArray, period: int, row: int, column: int, target: NDArray[Any]
 ) -> None:
-    """Fill `target` with the part of a frame of codes, (H, W), extended on all sides, that begins
-    at this row and column.
+    """Fill `target` with the rectangle of a frame of codes, (H, W), extended on all sides, that
+    begins at this row and column.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 """Chromaticity in a preview graph: of every block (Eqs. 8-9), pooled with those around it, and
-spread over the cells (Eq. 10).
+spread over the macropixels (Eq. 10).
 """
 
 from typing import NamedTuple
@@ -59,13 +59,13 @@ step between patches.
 """
 
 
-def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
-    """The part gamma_j c_j of every channel in the luminance of every block, (C, blocks).
+def estimate_ratios(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
+    """The ratio gamma_j c_j of every channel to the luminance of every block, (C, blocks).
 
     The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that
-    the parts add up to 1. Where panchromatic samples are saturated, those of the block say how much
-    light there is (Eq. 7): with less, white would be yellow. Where a channel has no sites they do
-    not say it: blocks beside a saturated sample are grey.
+    the ratios add up to 1. Where panchromatic samples are saturated, those of the block say how
+    much light there is (Eq. 7): with less, white would be yellow. Where a channel has no sites they
+    do not say it: blocks beside a saturated sample are grey.
     """
     filled, luminance, gap, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
@@ -73,9 +73,9 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     counts = [channels.count(channel) for channel in range(g.channels) if channel != derived]
     first, last = SATURATED
 
-    def above(light: str) -> str:
+    def above(level: str) -> str:
         slope = g("Div", 1 / (last - first), g.full_scale)
-        return g("Add", g("Mul", light, slope), -first / (last - first))
+        return g("Add", g("Mul", level, slope), -first / (last - first))
 
     beyond = above(luminance)
     filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", beyond, 0.0, 1.0)))
@@ -83,32 +83,32 @@ def estimate_parts(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     def of_channels(products: str) -> str:
         if counts == [1] * g.channels:
             return products
-        parts = [
-            g.total(part, count, axis=0)
-            for part, count in zip(g.split(products, counts, axis=0), counts, strict=True)
+        ratios = [
+            g.total(product, count, axis=0)
+            for product, count in zip(g.split(products, counts, axis=0), counts, strict=True)
         ]
         if derived is not None:  # no sample: the constraint alone decides
-            parts.insert(derived, g("Mul", parts[0], 0.0))
-        return g("Concat", *parts, axis=0)
+            ratios.insert(derived, g("Mul", ratios[0], 0.0))
+        return g("Concat", *ratios, axis=0)
 
     variance = g("Max", g("Mul", g.variance(luminance), _PRIOR), _LEAST_VARIANCE)
     grey = g("Div", g.gamma, g.total(g.gamma, g.channels, axis=0))
     a = g("Add", of_channels(g("Mul", filled, filled)), variance)
-    parts = g(
+    ratios = g(
         "Div", g("Add", of_channels(g("Mul", filled, probes.samples)), g("Mul", variance, grey)), a
     )
     pull = g("Div", g("Mul", g.gamma, g.gamma), a)
-    missing = g("Sub", 1.0, g.total(parts, g.channels, axis=0))
-    parts = g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
+    missing = g("Sub", 1.0, g.total(ratios, g.channels, axis=0))
+    ratios = g("Add", ratios, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
     if derived is None:
-        return parts
+        return ratios
     # No sample bounds that channel: bright sites in the dark, or in light that saturates
     # panchromatic pixels, would make it negative.
-    parts = g("Relu", parts)
-    parts = g("Div", parts, g.total(parts, g.channels, axis=0))
+    ratios = g("Relu", ratios)
+    ratios = g("Div", ratios, g.total(ratios, g.channels, axis=0))
     brightest = g("Max", *g.split(blocks.filled, [1] * len(channels), axis=0))
     saturated = g("Clip", above(brightest), 0.0, 1.0)
-    return g("Add", parts, g("Mul", saturated, g("Sub", grey, parts)))
+    return g("Add", ratios, g("Mul", saturated, g("Sub", grey, ratios)))
 
 
 class Pooled(NamedTuple):
@@ -116,21 +116,21 @@ class Pooled(NamedTuple):
 
     Attributes
     ----------
-    parts : str
-        The part gamma_j c_j of every channel, (C, inner blocks).
-    light : str
+    ratios : str
+        The ratio gamma_j c_j of every channel to luminance, (C, inner blocks).
+    luminance : str
         Luminance, (1, inner blocks).
     limit : str
         Squared difference from it at which the weight is halved, (1, inner blocks).
     """
 
-    parts: str
-    light: str
+    ratios: str
+    luminance: str
     limit: str
 
 
-def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
-    """`parts` of the inner blocks, each pooled with those around it.
+def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> Pooled:
+    """`ratios` of the inner blocks, each pooled with those around it.
 
     The larger the error of a block, by noise and beside edges, the more its colour becomes the mean
     of the 3 x 5 blocks around it: of the blocks above and below, then twice of those on the left
@@ -141,9 +141,9 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     it.
     """
     variance = g.variance(blocks.luminance)
-    light = g("Max", blocks.luminance, g.floor)
-    power = g("Mul", light, light)
-    colours = g("Mul", parts, light)  # of two similar blocks the brighter one has less noise
+    luminance = g("Max", blocks.luminance, g.floor)
+    power = g("Mul", luminance, luminance)
+    colours = g("Mul", ratios, luminance)  # of two similar blocks the brighter one has less noise
     # What noise alone adds to both squared differences is no stroke (see `fill_holes`).
     strokes = g(
         "Relu", g("Sub", blocks.change, g("Mul", g("Add", g.still, g("Mul", variance, 2.0)), 2.0))
@@ -155,14 +155,14 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     similar = g("Slice", similarity(g, colours, alike, 2), [1], [-1], [1])
     mean = with_neighbours(g, mean, similar, 2)
     mean = with_neighbours(g, mean, g("Slice", similar, [1], [-1], [2]), 2)
-    own, light, power, variance, change, strokes = (
-        g.inner(plane) for plane in (colours, light, power, variance, blocks.change, strokes)
+    own, luminance, power, variance, change, strokes = (
+        g.inner(plane) for plane in (colours, luminance, power, variance, blocks.change, strokes)
     )
     misread = g("Add", variance, g("Mul", change, _MISREAD))
     pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, misread))
     limit = g("Add", g("Mul", power, _CONTRAST), g("Mul", variance, _NOISE_WEIGHT))
     limit = g("Mul", limit, g("Div", power, g("Add", power, g("Mul", strokes, _CONTRAST_STROKES))))
-    return Pooled(g("Div", pooled, g.total(pooled, g.channels, axis=0)), light, limit)
+    return Pooled(g("Div", pooled, g.total(pooled, g.channels, axis=0)), luminance, limit)
 
 
 def similarity(g: PatternGraph, colours: str, alike: str, axis: int) -> str:
@@ -181,8 +181,8 @@ def similarity(g: PatternGraph, colours: str, alike: str, axis: int) -> str:
         for first, last in ((0, -1), (1, END))
     )
     apart, limit = g("Sub", here, there), g("Min", limit, other)
-    part = g("Div", limit, g("Add", limit, g.total(g("Mul", apart, apart), g.channels, axis=0)))
-    return g("Mul", part, part)
+    ratio = g("Div", limit, g("Add", limit, g.total(g("Mul", apart, apart), g.channels, axis=0)))
+    return g("Mul", ratio, ratio)
 
 
 def with_neighbours(g: PatternGraph, values: str, similar: str, axis: int) -> str:
@@ -198,19 +198,19 @@ def with_neighbours(g: PatternGraph, values: str, similar: str, axis: int) -> st
     return g("Add", own, g("Add", g("Mul", before, like_before), g("Mul", after, like_after)))
 
 
-def propagate(g: PatternGraph, pooled: Pooled, colour: str, cells: str, shown: str) -> str:
-    """Colour of every cell, (C, cells, patches): a convex combination of those of the four blocks
-    at the corners of its patch.
+def propagate(g: PatternGraph, pooled: Pooled, colour: str, coarse: str, shown: str) -> str:
+    """Colour of every macropixel, (C, macropixels, patches): a convex combination of those of the
+    four blocks at the corners of its patch.
 
     The weight of a block falls with its distance, and with the squared difference between its
-    luminance and that of the cell.
+    luminance and that of the macropixel.
 
     Parameters
     ----------
     colour : str
-        `Pooled.parts` in the units of the picture.
-    cells : str
-        Mean light of each cell, (1, cells, patches).
+        `Pooled.ratios` in the units of the picture.
+    coarse : str
+        Mean luminance of each macropixel, (1, macropixels, patches).
     shown : str
         What the result is divided by, see `burnt_out`; "" = nothing.
     """
@@ -222,9 +222,9 @@ def propagate(g: PatternGraph, pooled: Pooled, colour: str, cells: str, shown: s
             ends = [END if down else -1, END if right else -1]
             level, most, block = (
                 g("Slice", plane, [down, right], ends, [1, 2])
-                for plane in (pooled.light, pooled.limit, colour)
+                for plane in (pooled.luminance, pooled.limit, colour)
             )
-            apart = g("Sub", cells, level)
+            apart = g("Sub", coarse, level)
             weight = g("Div", most, g("Add", g("Mul", apart, apart), most))
             weights.append(
                 weight if g.geometry.across == 1 else g("Mul", weight, near.reshape(-1, 1, 1))

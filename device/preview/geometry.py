@@ -44,15 +44,15 @@ class Hole(NamedTuple):
     Attributes
     ----------
     pixel : int
-        Index within its cell.
-    cell : int
-        Index of the cell.
+        Index within its macropixel.
+    macropixel : int
+        Index of the macropixel.
     down, right : int
         0 or 1, the corner of the patch at which its block is.
     """
 
     pixel: int
-    cell: int
+    macropixel: int
     down: int
     right: int
 
@@ -99,8 +99,8 @@ class Geometry:
         return self.pattern.block_shape[0] // 2, self.pattern.block_shape[1] // 2
 
     @property
-    def cell(self) -> int:
-        """Side, in sensor pixels, of the square cells that share one chromaticity.
+    def macropixel(self) -> int:
+        """Side, in sensor pixels, of the square macropixels that share one chromaticity.
 
         Chromaticity changes more slowly than luminance. 2 x 2 pixels of the picture share one where
         they fit into a patch, as in 4:2:0 video: this saves a third of the time. At full resolution
@@ -111,20 +111,20 @@ class Geometry:
 
     @property
     def within(self) -> int:
-        """Number of pixels of the picture along a side of a cell."""
-        return self.cell // self.scale
+        """Number of pixels of the picture along a side of a macropixel."""
+        return self.macropixel // self.scale
 
     @property
     def across(self) -> int:
-        """Number of cells along a side of a patch."""
-        return self.pattern.period // self.cell
+        """Number of macropixels along a side of a patch."""
+        return self.pattern.period // self.macropixel
 
     @cached_property
     def pixels(self) -> FloatArray:
         """Masks of the panchromatic pixels of a patch that lie in each pixel of the picture: 1 or
         0, float32 (pixels, K, K).
 
-        Pixels have the order (pixels of a cell, cells), both row by row.
+        Pixels have the order (pixels of a macropixel, macropixels), both row by row.
         """
         return _masks(self.pattern, self.scale)[self._order]
 
@@ -190,7 +190,7 @@ class Geometry:
     @property
     def holes(self) -> list[Hole]:
         """Places of the sites of a block in the patches around it, in the order of `sites`."""
-        period, cell = self.pattern.period, self.cell
+        period, side = self.pattern.period, self.macropixel
         holes = []
         for *site, _ in self.sites:
             # A block at the top left corner of a patch begins in the patch before.
@@ -198,8 +198,8 @@ class Geometry:
                 (0, value - half) if value >= half else (1, value - half + period)
                 for value, half in zip(site, self.half, strict=True)
             )
-            pixel = row % cell * cell + column % cell
-            holes.append(Hole(pixel, row // cell * self.across + column // cell, down, right))
+            pixel = row % side * side + column % side
+            holes.append(Hole(pixel, row // side * self.across + column // side, down, right))
         return holes
 
     @property

@@ -14,8 +14,8 @@ place where processors without that instruction round otherwise.
 
 from ...shared.pattern import CfaPattern
 from . import contract
-from .chromaticity import estimate_parts, pool, propagate
-from .luminance import correct_luminance, fill_holes, mean_light, measure_blocks, pixel_light
+from .chromaticity import estimate_ratios, pool, propagate
+from .luminance import bin_pixels, correct_luminance, fill_holes, fill_pixels, measure_blocks
 from .nodes import FLOAT, UINT8, UINT16, Shape
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
@@ -49,13 +49,13 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     g = PatternGraph(pattern, scale, linear=linear)
     probes = measure_blocks(g)
     blocks = fill_holes(g, probes)
-    pooled = pool(g, estimate_parts(g, probes, blocks), blocks)  # Eqs. 8-9
-    colour = in_picture_units(g, pooled.parts)
+    pooled = pool(g, estimate_ratios(g, probes, blocks), blocks)  # Eqs. 8-9
+    colour = in_picture_units(g, pooled.ratios)
     if scale == 1:
-        pixels, cells = pixel_light(g, correct_luminance(g, probes, blocks, pooled.parts))
+        pixels, coarse = fill_pixels(g, correct_luminance(g, probes, blocks, pooled.ratios))
     else:
-        pixels, cells = mean_light(g)
-    spread = propagate(g, pooled, colour, cells, "" if linear else burnt_out(g, cells))  # Eq. 10
+        pixels, coarse = bin_pixels(g)
+    spread = propagate(g, pooled, colour, coarse, "" if linear else burnt_out(g, coarse))  # Eq. 10
     camera = [g("Mul", pixel, spread) for pixel in pixels]  # Eq. 17
     return _finished(g, interleave(g, camera if linear else [display(g, each) for each in camera]))
 

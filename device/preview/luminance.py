@@ -127,7 +127,7 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     return Blocks(filled, luminance, gap, g("Add", change, apart), contrast)
 
 
-def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
+def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, ratios: str) -> str:
     """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
 
     What chromaticity times luminance misses at the sites of a block is mapped to errors of
@@ -139,7 +139,7 @@ def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, parts: st
     )
     channels, count = [channel for _, _, channel in g.geometry.sites], len(g.geometry.sites)
     gamma = g("Gather", g.gamma, channels)
-    residual = g("Sub", samples, g("Mul", g("Gather", parts, channels), filled))
+    residual = g("Sub", samples, g("Mul", g("Gather", ratios, channels), filled))
     power = g("Mul", g.total(g("Mul", residual, residual), count, axis=0), 1 / count)
     weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _RESIDUAL_NOISE / count)
     mean = g("Div", g.total(probes.samples, count, axis=0), g.total(gamma, count, axis=0))
@@ -153,23 +153,23 @@ def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, parts: st
     return g("Add", filled, g("Mul", errors, share))
 
 
-def pixel_light(g: PatternGraph, filled: str) -> tuple[list[str], str]:
-    """Luminance of every pixel, colour sites filled in: (1, 1, cells, patches) per pixel of a cell;
-    and the mean of each cell.
+def fill_pixels(g: PatternGraph, filled: str) -> tuple[list[str], str]:
+    """Luminance of every pixel, colour sites filled in: (1, 1, macropixels, patches) per pixel of a
+    macropixel; and the mean of each macropixel.
     """
-    period, across, cell = g.geometry.pattern.period, g.geometry.across, g.geometry.cell
+    period, across, side = g.geometry.pattern.period, g.geometry.across, g.geometry.macropixel
     # Space to depth, while samples have 2 bytes, in three steps for which onnxruntime has fast
     # code: separate rows, separate columns, then bring whole rows of patches into the order (pixels
-    # of a cell, cells). One step would take ten times as long.
+    # of a macropixel, macropixels). One step would take ten times as long.
     codes = g("Unsqueeze", _patches(g), [1])
     codes = g("Transpose", g("Reshape", codes, [-1, period, 0]), perm=[1, 0, 2])
     codes = g("Transpose", g("Reshape", codes, [0, 0, -1, period]), perm=[0, 1, 3, 2])
-    codes = g.reshape(codes, [across, cell, g.patches[0], across, cell, g.patches[1]])
+    codes = g.reshape(codes, [across, side, g.patches[0], across, side, g.patches[1]])
     codes = g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5])
-    codes = g.reshape(codes, [cell**2 * across**2, *g.patches])
+    codes = g.reshape(codes, [side**2 * across**2, *g.patches])
     pixels = []
-    for pixel, part in enumerate(g.split(codes, [across**2] * cell**2, axis=0)):
-        light = g("Sub", g("Cast", part, to=FLOAT), g.black)
+    for pixel, samples in enumerate(g.split(codes, [across**2] * side**2, axis=0)):
+        luminance = g("Sub", g("Cast", samples, to=FLOAT), g.black)
         holes = [(site, hole) for site, hole in enumerate(g.geometry.holes) if hole.pixel == pixel]
         if holes:
             # A patch at (i, j) has its corners at the inner blocks i and i + 1.
@@ -179,26 +179,26 @@ def pixel_light(g: PatternGraph, filled: str) -> tuple[list[str], str]:
                 first = [site, hole.down, hole.right]
                 stop = [site + 1, ends[hole.down], ends[hole.right]]
                 values.append(g("Slice", filled, first, stop, [0, 1, 2]))
-            places = np.array([[hole.cell] for _, hole in holes])
-            light = g("ScatterND", light, places, g("Concat", *values, axis=0))
-        pixels.append(light)
-    return [g("Unsqueeze", light, [0, 1]) for light in pixels], g("Mul", g.sum(pixels), 1 / cell**2)
+            places = np.array([[hole.macropixel] for _, hole in holes])
+            luminance = g("ScatterND", luminance, places, g("Concat", *values, axis=0))
+        pixels.append(luminance)
+    return [g("Unsqueeze", plane, [0, 1]) for plane in pixels], g("Mul", g.sum(pixels), 1 / side**2)
 
 
-def mean_light(g: PatternGraph) -> tuple[list[str], str]:
+def bin_pixels(g: PatternGraph) -> tuple[list[str], str]:
     """Luminance of every pixel of a smaller picture, the mean of its panchromatic samples; and the
-    mean of each cell.
+    mean of each macropixel.
 
-    The pixels are one tensor (pixels of a cell, 1, cells, patches), to be multiplied by the colour
-    of the cells.
+    The pixels are one tensor (pixels of a macropixel, 1, macropixels, patches), to be multiplied by
+    the colour of the macropixels.
     """
     counts = g.geometry.pixels.sum(axis=(1, 2))[:, None, None]
     image, strides = g("Unsqueeze", _patches(g), [0, 1]), [g.geometry.pattern.period] * 2
     sums = g("Squeeze", g("Conv", image, g.geometry.pixels[:, None], strides=strides), [0])
-    light = g("Sub", g("Mul", sums, 1 / counts), g.black)
-    parts = g.split(light, [g.geometry.across**2] * g.geometry.within**2, axis=0)
-    mean = parts[0] if len(parts) == 1 else g("Mul", g.sum(parts), 1 / len(parts))
-    return [g.reshape(light, [len(parts), 1, g.geometry.across**2, *g.patches])], mean
+    luminance = g("Sub", g("Mul", sums, 1 / counts), g.black)
+    planes = g.split(luminance, [g.geometry.across**2] * g.geometry.within**2, axis=0)
+    mean = planes[0] if len(planes) == 1 else g("Mul", g.sum(planes), 1 / len(planes))
+    return [g.reshape(luminance, [len(planes), 1, g.geometry.across**2, *g.patches])], mean
 
 
 def _patches(g: PatternGraph) -> str:

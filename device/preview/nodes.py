@@ -52,7 +52,7 @@ class Nodes:
         return total
 
     def split(self, values: str, sizes: Sequence[int], axis: int) -> list[str]:
-        """Pieces of `values`, of these sizes, along an axis."""
+        """Slices of `values`, of these sizes, along an axis."""
         if len(sizes) == 1:
             return [values]
         return self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis})
@@ -158,15 +158,15 @@ def _message(fields: Mapping[int, _Value | Sequence[_Value]]) -> bytes:
     """A message of Protocol Buffers: fields by their number, rising; a list for one that is
     repeated.
     """
-    parts = []
+    encoded = []
     for number, values in fields.items():
         for value in [values] if isinstance(values, _Value) else values:
             if isinstance(value, int):
-                parts += [_varint(number << 3), _varint(value)]
+                encoded += [_varint(number << 3), _varint(value)]
             else:
                 data = value.encode() if isinstance(value, str) else value
-                parts += [_varint(number << 3 | 2), _varint(len(data)), data]
-    return b"".join(parts)
+                encoded += [_varint(number << 3 | 2), _varint(len(data)), data]
+    return b"".join(encoded)
 
 
 def _varint(value: int) -> bytes:

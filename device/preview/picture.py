@@ -15,36 +15,36 @@ from .pattern_graph import PatternGraph
 _SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.002321567, 3, 221.8983454, 0.05906647, 0.1866531
 
 _BURNT = 50.0
-"""Multiple of the luminance of saturated cells that is shown: white where every channel has a
+"""Multiple of the luminance of saturated macropixels that is shown: white where every channel has a
 fiftieth of what white has.
 """
 
 
-def in_picture_units(g: PatternGraph, parts: str) -> str:
+def in_picture_units(g: PatternGraph, ratios: str) -> str:
     """Chromaticities that, times luminance in codes, give scene units in a linear graph, else
     fractions of display white.
 
     Parameters
     ----------
-    parts : str
+    ratios : str
         gamma_j c_j, (C, blocks).
     """
     per_code = g("Div", g.unit, contract.GAMMA)
     if not g.linear:
         per_code = g("Div", per_code, contract.WHITE)
-    return g("Mul", parts, g("Unsqueeze", per_code, [1, 2]))
+    return g("Mul", ratios, g("Unsqueeze", per_code, [1, 2]))
 
 
-def burnt_out(g: PatternGraph, cells: str) -> str:
-    """Divisor of the colour of each cell, (1, cells, patches): 1, or less where samples are
-    saturated, so that it is white.
+def burnt_out(g: PatternGraph, coarse: str) -> str:
+    """Divisor of the colour of each macropixel, (1, macropixels, patches): 1, or less where samples
+    are saturated, so that it is white.
 
     There the measured luminance is too low, and chromaticity wrong (see `shared.display`).
 
     Parameters
     ----------
-    cells : str
-        The mean light of each cell.
+    coarse : str
+        The mean luminance of each macropixel.
     """
     first, last = SATURATED
     fall = (1 - 1 / _BURNT) / (last - first)
@@ -53,7 +53,7 @@ def burnt_out(g: PatternGraph, cells: str) -> str:
         g("Slice", inner, [first] * 2, [last] * 2, [1, 2]) for first, last in ((0, -1), (1, END))
     ]
     slope = g("Div", -2 * fall, g("Add", *corners))
-    return g("Clip", g("Add", g("Mul", cells, slope), 1 + fall * first), 1 / _BURNT, 1.0)
+    return g("Clip", g("Add", g("Mul", coarse, slope), 1 + fall * first), 1 / _BURNT, 1.0)
 
 
 def display(g: PatternGraph, camera: str) -> str:
@@ -71,8 +71,8 @@ def display(g: PatternGraph, camera: str) -> str:
 
 
 def interleave(g: PatternGraph, planes: list[str]) -> str:
-    """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels, cells,
-    patches) in one tensor or more.
+    """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels,
+    macropixels, patches) in one tensor or more.
     """
     within, across, channels = g.geometry.within, g.geometry.across, g.shown
     values = planes[0]

@@ -20,7 +20,7 @@ from ...shared.pattern import CfaPattern
 from ...shared.runtime import session
 from . import contract
 from .border import copy_extended
-from .even_light import even_light
+from .flat_field import correct_flat_field
 from .geometry import REACH, Geometry
 from .graph import build_preview
 from .listed_defects import without_defects
@@ -107,7 +107,7 @@ class Preview:
             for size, middle in zip(mosaic.shape, pattern.block_middle, strict=True)
         )
         above, below, left, right = self._geometry.halo
-        even, levels = even_light(mosaic)
+        even, levels = correct_flat_field(mosaic)
         codes = without_defects(even, pattern, mosaic.calibration.defects)
         inputs = self._inputs(mosaic.calibration) | levels
         gain = _gain(mosaic, rows, columns)
@@ -120,9 +120,9 @@ class Preview:
             top = rows.first + patches.start * pattern.period - above
             copy_extended(codes, pattern.period, top, columns.first - left, cut)
             blocks = slice(patches.start, patches.stop + 1 + 2 * REACH[0])
-            part = {contract.MOSAIC: cut, **inputs}
-            part[contract.GAIN] = gain[blocks] if len(gain) > 1 else gain
-            (strip,) = self._session.run([contract.PICTURE], part)
+            feeds = {contract.MOSAIC: cut, **inputs}
+            feeds[contract.GAIN] = gain[blocks] if len(gain) > 1 else gain
+            (strip,) = self._session.run([contract.PICTURE], feeds)
             begin = patches.start * pattern.period // scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)

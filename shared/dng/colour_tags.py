@@ -15,7 +15,7 @@ _MIXTURES = dict(zip("RGBCMY", [*np.eye(3), *(1 - np.eye(3)) / 2], strict=True))
 """Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
 _OF_LIGHT = "ColorMatrix", "CalibrationIlluminant", "IlluminantData"
 _TAGS = [[TAG[f"{name}{number}"] for name in _OF_LIGHT] for number in (1, 2)]
-_PARTS = 1_000_000  # denominator of chromaticities
+_MILLION = 1_000_000  # denominator of chromaticities
 
 
 def has_colours(channels: str) -> bool:
@@ -83,8 +83,8 @@ def colour_fields(
         fields[color_matrix] = FieldType.SRATIONAL, matrix.ravel().tolist()
         fields[illuminant] = FieldType.SHORT, [LIGHTS.get(light.illuminant, OTHER_LIGHT)]
         if light.illuminant not in LIGHTS:
-            x, y = (round(each * _PARTS) for each in light.white)
-            fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _PARTS, y, _PARTS)
+            x, y = (round(each * _MILLION) for each in light.white)
+            fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _MILLION, y, _MILLION)
             fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
     return fields
 

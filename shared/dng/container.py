@@ -1,5 +1,5 @@
-"""The common parts of all our DNG files: first a JPEG preview, below it the lossless samples, and
-the digest of the samples.
+"""The common structure of all our DNG files: first a JPEG preview, below it the lossless samples,
+and the digest of the samples.
 """
 
 import hashlib
@@ -122,7 +122,7 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
 
 
 def tile_digests(samples: NDArray[np.uint16]) -> bytes:
-    """The MD5s that `raw_digest` joins; those of parts of a picture, each `DIGEST_TILE` rows but
+    """The MD5s that `raw_digest` joins; those of strips of a picture, each `DIGEST_TILE` rows but
     the last, follow each other.
     """
     planes = samples[None] if samples.ndim == 2 else np.moveaxis(samples, -1, 0)
@@ -175,5 +175,5 @@ def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photomet
 def check_sides(shape: tuple[int, ...]) -> None:
     """Raise InputError if a side is longer than a JPEG can be."""
     if max(shape[:2]) > LONGEST_SIDE:
-        reason = f"a side of a DNG's JPEG holds at most {LONGEST_SIDE}; cut it into parts"
+        reason = f"a side of a DNG's JPEG holds at most {LONGEST_SIDE}; cut it up"
         raise InputError(f"{shape[1]} x {shape[0]} pixels: {reason}")

@@ -164,9 +164,9 @@ def text(fields: StoredFields, tag: int) -> str:
     data = fields.get(tag, StoredField(0)).data
     if len(data) > 2 * _LONGEST:  # enough, and without half a letter at the end
         data = data[: 2 * _LONGEST].rstrip(_CONTINUATIONS)[:-1]
-    # A NUL parts the photographer from the editor in Copyright, and ends every text.
-    parts = (printable(_decoded(part)) for part in data.split(b"\0"))
-    return "; ".join(filter(None, parts)).encode()[:_LONGEST].decode(errors="ignore")
+    # A NUL separates the photographer from the editor in Copyright, and ends every text.
+    texts = (printable(_decoded(text)) for text in data.split(b"\0"))
+    return "; ".join(filter(None, texts)).encode()[:_LONGEST].decode(errors="ignore")
 
 
 def printable(value: str) -> str:
@@ -225,9 +225,9 @@ def _place(gps: StoredFields) -> tuple[float, float] | None:
         is_angle = field.kind == FieldType.RATIONAL and len(field.numbers) == 3
         if not is_angle or reference not in tuple(letters):
             return None
-        degrees, *parts = field.numbers
+        degrees, *rest = field.numbers
         # some write 0/0 for what they do not state
-        minutes, seconds = (0 if math.isnan(part) else part for part in parts)
+        minutes, seconds = (0 if math.isnan(value) else value for value in rest)
         angle = round(degrees + minutes / 60 + seconds / 3600, 8)  # to a millimetre
         angles.append(-angle if reference == letters[1] else angle)
     return angles[0], angles[1]

@@ -1,7 +1,7 @@
 """Lossless JPEG (ITU T.81, annex H) in one pass over whole arrays: five times as fast as libjpeg,
 which codes sample by sample.
 
-The Huffman table is made from a part of the rows, and holds every category that there can be.
+The Huffman table is made from a sample of the rows, and holds every category that there can be.
 Neighbouring samples are joined, four where they fit into 64 bits, before they are shifted to their
 places in the stream.
 """
@@ -45,15 +45,15 @@ def encode_lossless(samples: CodeArray, bits: int) -> bytes:
     left = np.concatenate([np.full((1, planes), 1 << bits - 1, np.uint16), pixels[:-1, 0]])
     height = max(_STRIP // (columns * planes), 1)
     for top in range(0, rows, height):
-        piece = pixels[top : top + height]
-        differences = np.zeros(-(-piece.size // 4) * 4, np.uint16)
-        shaped = differences[: piece.size].reshape(piece.shape)
-        np.subtract(piece[:, 1:], piece[:, :-1], out=shaped[:, 1:])
-        np.subtract(piece[:, 0], left[top : top + height], out=shaped[:, 0])
+        strip = pixels[top : top + height]
+        differences = np.zeros(-(-strip.size // 4) * 4, np.uint16)
+        shaped = differences[: strip.size].reshape(strip.shape)
+        np.subtract(strip[:, 1:], strip[:, :-1], out=shaped[:, 1:])
+        np.subtract(strip[:, 0], left[top : top + height], out=shaped[:, 0])
         # "clip": none is out of range
         even, odd = (entries.take(differences[first::2], mode="clip") for first in (0, 1))
         # what fills the last word up has no bits
-        even[-(-piece.size // 2) :] = odd[piece.size // 2 :] = 0
+        even[-(-strip.size // 2) :] = odd[strip.size // 2 :] = 0
         stream.append(*_joined(even, odd))
     components = [bytes((plane + 1, 0x11, 0)) for plane in range(planes)]
     scanned = [bytes((plane + 1, 0)) for plane in range(planes)]
@@ -142,7 +142,7 @@ class _Stream:
     """
 
     def __init__(self) -> None:
-        self._parts: list[bytes] = []
+        self._written: list[bytes] = []
         # the last word, and how many of its bits are taken
         self._word, self._used = np.uint64(0), 0
 
@@ -158,12 +158,12 @@ class _Stream:
         np.add.at(words[1:], place, values << 64 - shift)  # what reaches into the next word
         whole, self._used = divmod(int(ends[-1]), 64)
         self._word = words[whole]
-        self._parts.append(_stuffed(words[:whole].astype(">u8").tobytes()))
+        self._written.append(_stuffed(words[:whole].astype(">u8").tobytes()))
 
     def finish(self) -> list[bytes]:
-        """All bytes, in parts; the last is filled up with ones."""
+        """All bytes, in blocks; the last is filled up with ones."""
         last = int(self._word) | (1 << 64 - self._used) - 1
-        return [*self._parts, _stuffed(last.to_bytes(8, "big")[: -(-self._used // 8)])]
+        return [*self._written, _stuffed(last.to_bytes(8, "big")[: -(-self._used // 8)])]
 
 
 def _stuffed(data: bytes) -> bytes:

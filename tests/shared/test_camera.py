@@ -46,7 +46,7 @@ def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
         ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "RGB.*XYZ"),
         ({"size": [0, 24]}, "size is .*, expected .rows, columns."),
         ({"measured": []}, "measured"),
-        ({"measured": {"taste": {}}}, "unknown part 'taste'"),
+        ({"measured": {"taste": {}}}, "unknown entry 'taste'"),
         ({"measured": {"gamma": 1}}, "measured.gamma"),
     ],
 )

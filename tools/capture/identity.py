@@ -1,9 +1,9 @@
 """Finding the filters of a sensor that nobody described, from one frame.
 
-The frame is cut into square parts, and each part is folded: the mean is taken at each place of a K
-x K tile. What the scene does differs from part to part; what the filters do is the same in all.
-Energies are products of means from opposite quarters of a part, which share no sample and hardly an
-edge: on average noise and scene add nothing to them.
+The frame is cut into square windows, and each window is folded: the mean is taken at each place of
+a K x K tile. What the scene does differs from window to window; what the filters do is the same in
+all. Energies are products of means from opposite quarters of a window, which share no sample and
+hardly an edge: on average noise and scene add nothing to them.
 
 The smallest period that explains what any period does is that of the filters. Panchromatic sites
 are the brightest. Sites of one colour read the same, whatever the colour of the scene; sites of
@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...device.capture.tiles import Tiles
+from ...device.capture.windows import Windows
 from ...shared.arrays import BoolArray, CodeArray, DoubleArray
 from ...shared.errors import InputError
 from ...shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
@@ -45,12 +45,12 @@ for a name.
 UNKNOWN = "?"
 """Letter of a colour that a frame does not tell."""
 _PERIODS = range(2, PERIODS[-1] + 1)
-_PARTS, _FEW = 256, 8  # at most: more show nothing new; at least: the spread of fewer is unknown
-_SMALLEST = 32  # pixels along a part; and four periods, so that a quarter has two
-_WINDOW = 17  # pixels, about, of local means: whole periods
+_WINDOWS, _FEW = 256, 8  # at most: more show nothing new; at least: the spread of fewer is unknown
+_SMALLEST = 32  # pixels along a window; and four periods, so that a quarter has two
+_WIDTH = 17  # pixels, about, of local means: whole periods
 # standard errors, for one period among fifteen; energy: filters show 0.015 and more, scenes 0.001
 _CERTAIN, _SHOWN = 5.0, 0.005
-# A longer period has to explain this share more, by so many standard errors: in each part, or in
+# A longer period has to explain this share more, by so many standard errors: in each window, or in
 # what all have in common. In photographs scenes reach 5 and 9; filters 10 and more in one of both.
 _SHARE, _MORE, _COMMON = 4e-4, 6.0, 10.0
 _GAP = 0.2  # of the range of all sites, between panchromatic ones and others
@@ -129,7 +129,7 @@ def describe(tile: Sequence[str]) -> tuple[str, tuple[int, int]] | None:
     return None
 
 
-def identify(codes: CodeArray, parts: int = _PARTS) -> Identity | None:
+def identify(codes: CodeArray, windows: int = _WINDOWS) -> Identity | None:
     """Find the filters of the sensor that took a frame; None if the frame shows no pattern.
 
     The brightest sites are taken for panchromatic if they read the same, and in a tile without a
@@ -141,7 +141,7 @@ def identify(codes: CodeArray, parts: int = _PARTS) -> Identity | None:
     codes : CodeArray
         (H, W), of any size and with any black and white level. Colours show in a scene that has
         several; the larger the period, the larger the frame has to be.
-    parts : int, optional
+    windows : int, optional
         Of the frame that are looked at, at most: with fewer it is quicker, and less certain.
 
     Examples
@@ -151,7 +151,7 @@ def identify(codes: CodeArray, parts: int = _PARTS) -> Identity | None:
     >>> identify(np.full((300, 400), 512, np.uint16)) is None
     True
     """
-    folds = _Folds(codes, parts)
+    folds = _Folds(codes, windows)
     repeating = _find_period(folds)
     if repeating is None:
         return None
@@ -216,34 +216,34 @@ def _exchange_colours(tile: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 
 class _Folds:
-    """A frame, cut into parts of the size that a period needs, and folded with it.
+    """A frame, cut into windows of the size that a period needs, and folded with it.
 
-    periods: those for which the frame has enough parts.
+    periods: those for which the frame has enough windows.
     """
 
-    def __init__(self, codes: CodeArray, parts: int) -> None:
+    def __init__(self, codes: CodeArray, windows: int) -> None:
         self.periods = [
             period
             for period in _PERIODS
             if np.prod([size // self._side(period) for size in codes.shape]) >= _FEW
         ]
-        self._parts = cache(lambda side: Tiles.of(codes, side, parts))
-        self._flat = cache(lambda side, window: self._parts(side).flattened(window))
+        self._windows = cache(lambda side: Windows.of(codes, side, windows))
+        self._flat = cache(lambda side, window: self._windows(side).flattened(window))
 
     def levels(self, period: int) -> DoubleArray:
-        """Mean of each part at each place of a tile, codes: (parts, K K)."""
-        tiles = self._parts(self._side(period))
-        levels: DoubleArray = tiles.folded(period) + tiles.parts.mean(axis=(1, 2), keepdims=True)
+        """Mean of each window at each place of a tile, codes: (windows, K K)."""
+        cut = self._windows(self._side(period))
+        levels: DoubleArray = cut.folded(period) + cut.codes.mean(axis=(1, 2), keepdims=True)
         return levels.reshape(-1, period**2)
 
     def quarters(self, period: int, large: int = 0) -> DoubleArray:
-        """Means of each part's four quarters at each place of a tile, less the mean of all places:
-        (parts, 4, K K).
+        """Means of each window's four quarters at each place of a tile, less the mean of all
+        places: (windows, 4, K K).
 
-        large: the parts are as large as this period needs; 0 = as this one.
+        large: the windows are as large as this period needs; 0 = as this one.
         """
         large = large or period
-        flat = self._flat(self._side(large), large * max(round(_WINDOW / large), 1))
+        flat = self._flat(self._side(large), large * max(round(_WIDTH / large), 1))
         folded = [flat.quarter(*place).folded(period) for place in product((0, 1), repeat=2)]
         return np.stack(folded, axis=1).reshape(len(folded[0]), 4, period**2)
 
@@ -274,7 +274,7 @@ def _find_period(folds: _Folds) -> tuple[int, float] | None:
 
 def _explains_more(folds: _Folds, longer: int, shorter: int) -> bool:
     """True if a period certainly explains something that one of its divisors does not, in the same
-    parts.
+    windows.
     """
     more, less = folds.quarters(longer), folds.quarters(shorter, large=longer)
     for energy, least in ((_energy, _MORE), (_common, _COMMON)):
@@ -334,7 +334,7 @@ def _known_tiles(levels: DoubleArray, clear: BoolArray) -> list[tuple[str, Lette
     """Name and letters of the tiles with panchromatic sites at these places (K, K); where three
     colours have equally many sites, those whose green is in the middle.
 
-    levels: (parts, K K), mean of each part at each site.
+    levels: (windows, K K), mean of each window at each site.
     """
     period, number = len(clear), int(clear.sum())
     rows_of = [
@@ -361,8 +361,8 @@ def _known_tiles(levels: DoubleArray, clear: BoolArray) -> list[tuple[str, Lette
 
 
 def _resemblance(levels: DoubleArray, kinds: Sequence[NDArray[Any]]) -> DoubleArray:
-    """Correlation of the two others, from part to part, for each of three kinds of sites: least for
-    green.
+    """Correlation of the two others, from window to window, for each of three kinds of sites: least
+    for green.
     """
     means = [levels[:, kind].mean(axis=1) for kind in kinds]
     return np.asarray(np.corrcoef(means))[[1, 0, 0], [2, 2, 1]]
@@ -377,8 +377,8 @@ def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:
 
 
 def _is_sum(levels: DoubleArray, letters: Letters) -> bool:
-    """True if panchromatic sites see the sum of the others: from part to part they read more, the
-    more there is of each colour.
+    """True if panchromatic sites see the sum of the others: from window to window they read more,
+    the more there is of each colour.
 
     Yellow ones, which can be as bright, read less where there is more cyan and as much of magenta
     and green.
@@ -390,8 +390,8 @@ def _is_sum(levels: DoubleArray, letters: Letters) -> bool:
 
 
 def _sees_all_light(levels: DoubleArray, sites: BoolArray) -> bool:
-    """True if these sites see all light: from part to part they change `_ALL_LIGHT` times as much
-    as the mean of the others, and in no part do others read more.
+    """True if these sites see all light: from window to window they change `_ALL_LIGHT` times as
+    much as the mean of the others, and in no window do others read more.
     """
     these, others = levels[:, sites].mean(axis=1), levels[:, ~sites]
     beyond = (others.max(axis=1) - these).max()
@@ -453,7 +453,7 @@ def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
 
 
 def _spread(quarters: DoubleArray, letters: Letters) -> DoubleArray:
-    """Variance of the sites of a colour about their mean, in each part, (parts,)."""
+    """Variance of the sites of a colour about their mean, in each window, (windows,)."""
     kinds = [quarters[..., letters == letter] for letter in _colours(letters)]
     residuals = np.concatenate([kind - kind.mean(axis=2, keepdims=True) for kind in kinds], axis=2)
     return _energy(residuals) * residuals.shape[2] / max(residuals.shape[2] - len(kinds), 1)
@@ -478,14 +478,14 @@ def _differences(quarters: DoubleArray) -> DoubleArray:
 
 
 def _common(quarters: DoubleArray) -> DoubleArray:
-    """Energy that each part has in common with the mean of all others, (parts,)."""
+    """Energy that each window has in common with the mean of all others, (windows,)."""
     means = quarters.mean(axis=1)
     others = (means.sum(axis=0) - means) / (len(means) - 1)
     return (means * others).mean(axis=1)
 
 
 def _energy(quarters: DoubleArray) -> DoubleArray:
-    """Energy of each part without that of noise, (parts,): products of opposite quarters."""
+    """Energy of each window without that of noise, (windows,): products of opposite quarters."""
     return (quarters[:, 0] * quarters[:, 3] + quarters[:, 1] * quarters[:, 2]).mean(axis=1) / 2
 
 

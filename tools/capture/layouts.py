@@ -22,9 +22,9 @@ from .source import STREAM, SourceOptions, layout_of, recording, standard_input
 # strides at which rows repeat most; groups of samples by which they may be wrong
 _LIKELY, _NEAR = 2, 2
 _BYTES = 1 << 19  # of the middle of a frame
-# What each reading is tried with: rows in the middle of the frame, and parts of these; all of a
+# What each reading is tried with: rows in the middle of the frame, and windows of these; all of a
 # frame would take ten times as long.
-_ROWS, _PARTS = 512, 64
+_ROWS, _WINDOWS = 512, 64
 _SMOOTH = 61  # samples of the running mean that is subtracted
 _BAND = 2049  # frequencies over which the spectrum is evened out
 # A frequency counts at most this many times its surroundings: the lower bits of packed samples come
@@ -78,7 +78,7 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
     for readings in _readings(data, layout):
         named = []
         for name, stride in readings:
-            identity = identify(_read_as(data, layout.width, name, stride), _PARTS)
+            identity = identify(_read_as(data, layout.width, name, stride), _WINDOWS)
             if identity and identity.name:
                 named.append((identity.certainty, identity.name, name, stride))
         if named:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.device import Preview
-from panchroma.device.preview.even_light import even_light
+from panchroma.device.preview.flat_field import correct_flat_field
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.scenes import darker_corners, leaves
@@ -26,7 +26,7 @@ def shot(bits: int, shading: bool, light: float = 1.0) -> Mosaic:
 @pytest.mark.parametrize("bits", [10, 12, 16])
 def test_codes_without_shading_are_the_light(bits: int) -> None:
     mosaic = shot(bits, shading=True)
-    codes, levels = even_light(mosaic)
+    codes, levels = correct_flat_field(mosaic)
     planes = PATTERN.filter_map(SHAPE)
     light = (codes - levels["black"][planes]) * levels["scale"][planes]
     rounding = 0.51 * float(levels["scale"].max())
@@ -47,7 +47,7 @@ def test_a_preview_does_not_show_shading(scale: int, linear: bool) -> None:
 
 def test_noise_below_black_stays() -> None:
     calibration = replace(SensorCalibration.of_bits(12), shading=LENS)
-    codes, levels = even_light(Mosaic(np.zeros(SHAPE, np.uint16), PATTERN, calibration))
+    codes, levels = correct_flat_field(Mosaic(np.zeros(SHAPE, np.uint16), PATTERN, calibration))
     assert int(codes.min()) >= 0
     expected = -256 * calibration.scale()[-1] * LENS.of_plane(SHAPE)[5, 5]
     found = (codes[5, 5] - levels["black"][-1]) * levels["scale"][-1]

@@ -1,4 +1,4 @@
-"""Square tiles of a frame, and the means of their samples at each place of a pattern."""
+"""Square windows of a frame, and the means of their samples at each place of a pattern."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,29 +10,29 @@ from numpy.typing import NDArray
 from ...shared.arrays import BoolArray, CodeArray, DoubleArray, FloatArray
 from ...shared.pattern import CfaPattern
 
-_WINDOW = 17  # pixels, along the squares of local means
+_WIDTH = 17  # pixels, along the squares of local means
 _FLAT = 0.25  # codes: differences below this are rounding
 _LIMIT = 4.0  # mean deviations: the edges of a scene count no more than this
 
 
 @dataclass(frozen=True)
-class Tiles:
-    """Tiles of a frame, evenly spread.
+class Windows:
+    """Windows of a frame, evenly spread.
 
     Attributes
     ----------
-    parts : FloatArray
+    codes : FloatArray
         float32 (N, S, S).
     places : NDArray[np.intp]
         Sensor (row, column) of each, (N, 2).
     """
 
-    parts: FloatArray
+    codes: FloatArray
     places: NDArray[np.intp]
 
     @classmethod
-    def of(cls, codes: CodeArray, side: int, most: int, top: int = 0) -> "Tiles":
-        """Cut about `most` tiles at most, `side` pixels along, out of rows (H, W).
+    def of(cls, codes: CodeArray, side: int, most: int, top: int = 0) -> "Windows":
+        """Cut about `most` windows at most, `side` pixels along, out of rows (H, W).
 
         Parameters
         ----------
@@ -45,51 +45,51 @@ class Tiles:
             for size in codes.shape
         )
         places = np.array([(row, column) for row in rows for column in columns])
-        parts = np.stack(
+        cut = np.stack(
             [codes[row : row + side, column : column + side] for row, column in places]
         ).astype(np.float32)
-        return cls(parts, places + np.array((top, 0)))
+        return cls(cut, places + np.array((top, 0)))
 
-    def flattened(self, window: int = _WINDOW) -> "Tiles":
-        """Return the samples minus their local mean, in local mean deviations, limited: all parts
+    def flattened(self, width: int = _WIDTH) -> "Windows":
+        """Return the samples minus their local mean, in local mean deviations, limited: all places
         of a scene count the same.
 
         Parameters
         ----------
-        window : int, optional
+        width : int, optional
             Pixels along the squares of local means.
         """
-        rest = self.parts - _local_mean(self.parts, window)
-        rest /= _local_mean(np.abs(rest), window) + np.float32(_FLAT)
-        return Tiles(rest.clip(-_LIMIT, _LIMIT), self.places)
+        rest = self.codes - _local_mean(self.codes, width)
+        rest /= _local_mean(np.abs(rest), width) + np.float32(_FLAT)
+        return Windows(rest.clip(-_LIMIT, _LIMIT), self.places)
 
-    def quarter(self, down: int, right: int) -> "Tiles":
-        """Return the upper (0) or lower (1), left or right quarter of each tile."""
-        half = self.parts.shape[1] // 2
+    def quarter(self, down: int, right: int) -> "Windows":
+        """Return the upper (0) or lower (1), left or right quarter of each window."""
+        half = self.codes.shape[1] // 2
         top, left = down * half, right * half
-        return Tiles(
-            self.parts[:, top : top + half, left : left + half], self.places + np.array((top, left))
+        return Windows(
+            self.codes[:, top : top + half, left : left + half], self.places + np.array((top, left))
         )
 
     def folded(self, period: int) -> DoubleArray:
-        """Return the mean of each tile at each place of a K x K square, minus the mean of all
+        """Return the mean of each window at each place of a K x K square, minus the mean of all
         places: (N, K, K).
         """
-        down, across = _averages(self.parts.shape[1], period)[self.places.T % period]
-        means = (down @ self.parts @ across.transpose(0, 2, 1)).astype(np.float64)
+        down, across = _averages(self.codes.shape[1], period)[self.places.T % period]
+        means = (down @ self.codes @ across.transpose(0, 2, 1)).astype(np.float64)
         return means - means.mean(axis=(1, 2), keepdims=True)
 
     def panchromatic(self, pattern: CfaPattern) -> BoolArray:
         """Return the mask of panchromatic samples, (N, S, S)."""
         period = pattern.period
-        tile = pattern.panchromatic_mask((period, period))
-        rows, columns = (self.places.T[..., None] + np.arange(self.parts.shape[1])) % period
-        return tile[rows[:, :, None], columns[:, None, :]]
+        mask = pattern.panchromatic_mask((period, period))
+        rows, columns = (self.places.T[..., None] + np.arange(self.codes.shape[1])) % period
+        return mask[rows[:, :, None], columns[:, None, :]]
 
 
 @lru_cache(maxsize=64)
 def _averages(side: int, period: int) -> FloatArray:
-    """Weights of a tile's rows in the mean at each place of a period: (phase of the first row,
+    """Weights of a window's rows in the mean at each place of a period: (phase of the first row,
     place, row), (K, K, `side`).
     """
     of_place = np.arange(side) % period == np.arange(period)[:, None]
@@ -97,17 +97,17 @@ def _averages(side: int, period: int) -> FloatArray:
     return np.asarray(shifted / shifted.sum(axis=2, keepdims=True), np.float32)
 
 
-def _local_mean(parts: FloatArray, window: int) -> FloatArray:
-    down, across = (_box(side, window) for side in parts.shape[1:])
-    return np.asarray(down @ parts @ across.T, np.float32)
+def _local_mean(codes: FloatArray, width: int) -> FloatArray:
+    down, across = (_box(side, width) for side in codes.shape[1:])
+    return np.asarray(down @ codes @ across.T, np.float32)
 
 
 @lru_cache(maxsize=64)
-def _box(side: int, window: int) -> FloatArray:
+def _box(side: int, width: int) -> FloatArray:
     """Weights of the samples of a line in the mean around each, mirrored at its ends: (`side`,
     `side`).
     """
-    before = max(min(window // 2, side - 2), 0)
-    after = max(before - 1 + window % 2, 0)
+    before = max(min(width // 2, side - 2), 0)
+    after = max(before - 1 + width % 2, 0)
     lines = np.pad(np.eye(side, dtype=np.float32), ((before, after), (0, 0)), "reflect")
     return sliding_window_view(lines, before + after + 1, axis=0).mean(axis=2)

@@ -14,7 +14,7 @@ from . import contract
 _HIGHEST = (1 << 16) - 1
 
 
-def even_light(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
+def correct_flat_field(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
     """The codes of a mosaic without its shading, uint16 (H, W), and the graph's inputs that say
     what they mean.
 
@@ -23,12 +23,12 @@ def even_light(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
     Examples
     --------
     >>> import numpy as np
-    >>> from panchroma.device.preview.even_light import even_light
+    >>> from panchroma.device.preview.flat_field import correct_flat_field
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
     >>> calibration = SensorCalibration.of_bits(12, shading=Shading(np.ones((4, 4, 4)).tolist(),
     ...     (12, 18)))
-    >>> codes, levels = even_light(Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6),
-    ...     calibration))
+    >>> mosaic = Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6), calibration)
+    >>> codes, levels = correct_flat_field(mosaic)
     >>> round(float((codes[5, 5] - levels["black"][-1]) * levels["scale"][-1]), 3)  # scene units
     3.0
     """
@@ -42,11 +42,11 @@ def even_light(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
     offset = float(np.ceil(black.max() * most * finer))
     codes, even = mosaic.codes, np.empty(mosaic.shape, np.uint16)
     panchromatic = ((-1, rows, slice(None)) for rows in strips(mosaic.shape[0]))
-    for plane, *part in (*panchromatic, *mosaic.pattern.lattices):
-        light = codes[*part] - np.float32(black[plane])
-        light *= calibration.shading.of_plane(mosaic.shape, plane, *part)
-        light *= np.float32(finer)
-        light += np.float32(offset)
-        even[*part] = np.rint(light, out=light).clip(0, _HIGHEST, out=light)
+    for plane, *lattice in (*panchromatic, *mosaic.pattern.lattices):
+        level = codes[*lattice] - np.float32(black[plane])
+        level *= calibration.shading.of_plane(mosaic.shape, plane, *lattice)
+        level *= np.float32(finer)
+        level += np.float32(offset)
+        even[*lattice] = np.rint(level, out=level).clip(0, _HIGHEST, out=level)
     levels = {contract.BLACK: np.full(len(black), offset), contract.SCALE: scale / finer}
     return even, {name: level.astype(np.float32) for name, level in levels.items()}
