@@ -149,7 +149,7 @@ class Sites:
         """
         # (S, R)
         near = 1 / np.square(self.ring - np.array(self.pattern.sites)[:, None, :2]).sum(axis=2)
-        light = np.empty((*self.shape, len(near)))
+        filled = np.empty((*self.shape, len(near)))
         lowest, highest = np.empty((2, *self.shape))
 
         def work(rows: slice) -> None:
@@ -157,12 +157,12 @@ class Sites:
             inside = ~np.isnan(values)
             lowest[rows], highest[rows] = np.fmin.reduce(values), np.fmax.reduce(values)
             weight = np.einsum("sr,rij->ijs", near, inside)
-            light[rows] = np.einsum("sr,rij->ijs", near, np.where(inside, values, 0)) / np.where(
+            filled[rows] = np.einsum("sr,rij->ijs", near, np.where(inside, values, 0)) / np.where(
                 weight > 0, weight, 1
             )
 
         in_strips(work, self.shape[0], BLOCK_ROWS)
-        return Surroundings(light, lowest, highest)
+        return Surroundings(filled, lowest, highest)
 
     def beside(
         self, plane: FloatArray, rows: slice, steps: Iterable[tuple[int, int]]
@@ -202,13 +202,13 @@ class Surroundings(NamedTuple):
 
     Attributes
     ----------
-    light : DoubleArray
+    filled : DoubleArray
         Luminance at the sites, interpolated from them, (*B, S).
     lowest, highest : DoubleArray
         Their range, B.
     """
 
-    light: DoubleArray
+    filled: DoubleArray
     lowest: DoubleArray
     highest: DoubleArray
 
@@ -262,7 +262,7 @@ class BlockSums:
 
 
 def sum_noise(
-    sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: NoiseModel
+    sites: Sites, filled: DoubleArray, gamma: DoubleArray, noise: NoiseModel
 ) -> DoubleArray:
     """Standard deviation of the noise in what a block's channels add up to, less the luminance
     around it; float64 B, scene units.
@@ -273,14 +273,14 @@ def sum_noise(
 
     Parameters
     ----------
-    light : DoubleArray
+    filled : DoubleArray
         Luminance at the sites, (*B, S).
     """
     shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
     squares = (gamma[sites.channels] / sites.pattern.site_counts[sites.channels]) ** 2
-    per_light = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / len(sites.ring)
+    shot_noise = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / len(sites.ring)
     fixed = squares @ variance[sites.channels] + variance[-1] / len(sites.ring)
-    return np.sqrt(per_light * np.maximum(mean_of_sites(light), 0) + fixed)
+    return np.sqrt(shot_noise * np.maximum(mean_of_sites(filled), 0) + fixed)
 
 
 def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid) -> FloatArray:
@@ -333,7 +333,7 @@ class Cleaned:
     estimated : bool
         Whether the noise model is an estimate from the samples.
     shading : Shading | None
-        By which the picture gets its light, see `Mosaic.evenly_shaded`; None = there is none.
+        By which the picture gets its shading, see `Mosaic.evenly_shaded`; None = there is none.
     """
 
     mosaic: Mosaic
@@ -370,8 +370,8 @@ class Cleaned:
         depend on the exposure.
         """
         coloured = [self.signal[rows, columns] for _, rows, columns in self.mosaic.pattern.lattices]
-        lights = (samples.sum(dtype=np.float64) for samples in coloured)
-        total = float(self.signal.sum(dtype=np.float64) - sum(lights))
+        sums = (samples.sum(dtype=np.float64) for samples in coloured)
+        total = float(self.signal.sum(dtype=np.float64) - sum(sums))
         count = self.signal.size - sum(samples.size for samples in coloured)
         return max(total / count, _LEAST_LEVEL)
 

@@ -14,8 +14,8 @@ from .bands import Band
 from .frame import Sites
 
 EVEN = 0.01 / 3
-"""Distance of colours from their line, a share of the light, that even surfaces have: less of it is
-not taken off.
+"""Distance of colours from their line, a share of the luminance, that even surfaces have: less of
+it is not taken off.
 
 Chosen: half or twice changes 0.1 dB.
 """
@@ -39,11 +39,11 @@ class ColourLines:
     slope: FloatArray
     share: FloatArray
 
-    def at(self, light: FloatArray) -> FloatArray:
-        """The channels where luminance is `light`, (rows, columns), or (C, rows, columns) of places
+    def at(self, luminance: FloatArray) -> FloatArray:
+        """The channels at a `luminance`, (rows, columns), or (C, rows, columns) of places
         of each channel.
         """
-        return self.offset + self.slope * light
+        return self.offset + self.slope * luminance
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,14 +141,14 @@ def _plausible(shade: DoubleArray, camera_to_xyz: Matrix | None) -> tuple[float,
     """
     if camera_to_xyz is None:
         return normalised(shade)
-    lights = np.stack([xyz(*illuminant_xy(str(kelvin))) for kelvin in _KELVINS], axis=1)
-    readings = (np.linalg.pinv(np.array(camera_to_xyz)) @ lights).clip(1e-6)
+    illuminants = np.stack([xyz(*illuminant_xy(str(kelvin))) for kelvin in _KELVINS], axis=1)
+    readings = (np.linalg.pinv(np.array(camera_to_xyz)) @ illuminants).clip(1e-6)
     apart = np.log(readings / shade[:, None])
     apart -= apart.mean(axis=0)
     distances = np.sqrt((apart**2).sum(axis=0))
     nearest = distances.argmin()
     distance, seen = distances[nearest], np.array(camera_to_xyz) @ shade
-    is_greener = seen[1] / seen.sum() > lights[1, nearest] / lights[:, nearest].sum()
+    is_greener = seen[1] / seen.sum() > illuminants[1, nearest] / illuminants[:, nearest].sum()
     if distance <= _NEAR or (is_greener and distance > _FAR):
         return normalised(shade)
     return normalised(shade * np.exp(apart[:, nearest] * (1 - _NEAR / distance)))

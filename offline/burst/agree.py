@@ -47,7 +47,7 @@ things by 0.6 dB, in both ways.
 _SHIFTED, _WIDE = 2.0, 5.0
 # difference that is tolerated, a share of the contrast (photographs: 0.0, 0.3, 0.0 dB)
 _MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1
-_LIGHT = 0.01  # of the light: what a changed exposure or a cloud may do
+_EXPOSURE = 0.01  # of the luminance: what a changed exposure or a cloud may do
 _SHIFT = 0.2  # pixels: what motion may be wrong by (parallax: 0.2 dB)
 _POWER = 0.3  # of the variance of noise: how much the power of differences may vary
 _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of a mean
@@ -139,7 +139,7 @@ def shaded_alike(frame: Frame, shot: Mosaic, reference: Mosaic, motion: Motion) 
     )
 
 
-def agreement(reference: Reference, frame: Frame, light: FloatArray, motion: Motion) -> ByteArray:
+def agreement(reference: Reference, frame: Frame, seen: FloatArray, motion: Motion) -> ByteArray:
     """Agreement of luminance and of the colours of blocks at each pixel, 0 to 255, uint8 (H, W).
 
     Where the reference is clipped, a frame agrees that is not clipped and at least as bright.
@@ -148,19 +148,19 @@ def agreement(reference: Reference, frame: Frame, light: FloatArray, motion: Mot
     ----------
     frame : Frame
         In units of the reference.
-    light : FloatArray
+    seen : FloatArray
         Its luminance as the reference would see it; NaN where it sees nothing.
     """
-    mask = reference.shot.pattern.panchromatic_mask(light.shape).astype(np.float32)
+    mask = reference.shot.pattern.panchromatic_mask(seen.shape).astype(np.float32)
     # rather than interpolated, in both
     measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
-    deviation, result = colour_change(reference, frame, motion), np.empty(light.shape, np.uint8)
-    for rows in strips(len(light), _STRIP):
+    deviation, result = colour_change(reference, frame, motion), np.empty(seen.shape, np.uint8)
+    for rows in strips(len(seen), _STRIP):
         first = max(rows.start - _HALO, 0)
         near = slice(first, rows.stop + _HALO)
         own = replace(reference.frame, luminance=reference.frame.luminance[near])
         agrees = agreement_of_luminance(
-            own, View(light[near], frame.noise, frame.limit), measured[near]
+            own, View(seen[near], frame.noise, frame.limit), measured[near]
         )
         agrees = agrees[rows.start - first : rows.stop - first]
         result[rows] = np.rint(
@@ -205,13 +205,13 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     r, f = reference.luminance, frame.luminance
     own, other, difference = reference.variance(r), frame.variance(f), f - r
     noise = own + other
-    light, shown, power, power_shown, mean, variance = _means(
+    r_mean, f_mean, power, power_shown, mean, variance = _means(
         weight, NEIGHBOURHOOD, r, f, r * r, f * f, difference, difference * difference
     )
     contrast = np.maximum(
-        np.minimum(power - light * light - own, power_shown - shown * shown - other), 0
+        np.minimum(power - r_mean * r_mean - own, power_shown - f_mean * f_mean - other), 0
     )
-    even = np.square(_LIGHT * light)
+    even = np.square(_EXPOSURE * r_mean)
     tolerated, left = _MEAN**2 * contrast + even, _noise_left(NEIGHBOURHOOD)
     largest = mean * mean / (tolerated + DEVIATIONS**2 * left * noise + TINY)
     variance = np.maximum(variance - (1 + DEVIATIONS * (2 * left) ** 0.5) * noise, 0)
@@ -268,13 +268,13 @@ class _BlockColours(NamedTuple):
     """The readings of the whole blocks of a frame, float64, units of the reference.
 
     channels: times gamma, (C, rows, columns).
-    light: luminance, (rows, columns).
+    luminance: (rows, columns).
     contrast: variance of luminance around them, without noise, (rows, columns).
     noise: variance of the noise of `channels`, that of luminance included, (C, rows, columns).
     """
 
     channels: DoubleArray
-    light: DoubleArray
+    luminance: DoubleArray
     contrast: DoubleArray
     noise: DoubleArray
 
@@ -291,25 +291,25 @@ def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatAr
     def there(planes: DoubleArray) -> DoubleArray:
         return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
 
-    channels, light, rough, noise = reference.colours
-    shares = channels / np.maximum(light, TINY)
-    deviations = np.sqrt(noise) / np.maximum(light, TINY)
+    channels, luminance, rough, noise = reference.colours
+    shares = channels / np.maximum(luminance, TINY)
+    deviations = np.sqrt(noise) / np.maximum(luminance, TINY)
     low, high = minimum_filter(shares, (1, 3, 3)), maximum_filter(shares, (1, 3, 3))
     middle = there((low + high) / 2)
     half = np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
     noise, rough = there(noise), there(rough[None])
     own = _block_colours(frame, mosaic)
     beyond = own.channels - np.clip(
-        own.channels, (middle - half) * own.light, (middle + half) * own.light
+        own.channels, (middle - half) * own.luminance, (middle + half) * own.luminance
     )
     filled = np.square(FILL_ERROR * middle) * (own.contrast + rough)
     spread = DEVIATIONS**2 * (own.noise + noise)
-    alone = np.square(beyond) / (np.square(_BLOCK * own.light) + filled + spread + TINY)
-    cap = np.sqrt(2 * np.square(_NEARBY * own.light) + spread + TINY)
+    alone = np.square(beyond) / (np.square(_BLOCK * own.luminance) + filled + spread + TINY)
+    cap = np.sqrt(2 * np.square(_NEARBY * own.luminance) + spread + TINY)
     mean = smoothed(np.clip(beyond, -cap, cap), _WIDTH)
     left = float(np.square(gaussian(_WIDTH)).sum()) ** 2
     spread = DEVIATIONS**2 * (left * own.noise + _SHARED * noise)
-    tolerated = np.square(_NEARBY * own.light) + smoothed(filled, _WIDTH) + spread + TINY
+    tolerated = np.square(_NEARBY * own.luminance) + smoothed(filled, _WIDTH) + spread + TINY
     around = np.square(mean) / tolerated
     largest = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
     return maximum_filter(largest, _RIM).astype(np.float32)
@@ -335,17 +335,17 @@ def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:
     reference.
     """
     gamma, sites = np.array(mosaic.calibration.gamma), Sites.in_frame(mosaic)
-    light = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
+    luminance = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
     near = smoothed(frame.luminance, NEIGHBOURHOOD)
     rough = smoothed(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
-    # in less light shares are noise
-    light = np.maximum(light, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)
+    # in the dark ratios are noise
+    luminance = np.maximum(luminance, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)
     values = sites.means(frame.colours.astype(np.float64))
     channels, noise = gamma * values, np.zeros_like(values)
     if frame.noise:
         variance = frame.noise.variance(values, np.arange(len(gamma)))
         own = variance * gamma**2 / np.maximum(sites.pattern.site_counts, 1)
-        filled = np.square(channels / np.maximum(light, TINY)[..., None]) / len(sites.channels)
-        noise = own + filled * frame.variance(light)[..., None]
-    return _BlockColours(np.moveaxis(channels, 2, 0), light, contrast, np.moveaxis(noise, 2, 0))
+        filled = np.square(channels / np.maximum(luminance, TINY)[..., None]) / len(sites.channels)
+        noise = own + filled * frame.variance(luminance)[..., None]
+    return _BlockColours(np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0))

@@ -86,9 +86,9 @@ class View:
     noise: NoiseModel | None = None
     limit: float = np.inf
 
-    def variance(self, light: Any) -> Any:
-        """Variance of panchromatic samples that see some light."""
-        return self.noise.variance(np.asarray(light)) if self.noise else np.zeros_like(light)
+    def variance(self, signal: Any) -> Any:
+        """Variance of panchromatic samples at a mean signal."""
+        return self.noise.variance(np.asarray(signal)) if self.noise else np.zeros_like(signal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ def align(reference: View, frame: View) -> Alignment | str:
 
 
 class _Copy(NamedTuple):
-    """Smaller, smooth copies of both frames, in the light of the reference.
+    """Smaller, smooth copies of both frames, at the exposure of the reference.
 
     scale: pixels of the frame per pixel. variance: of the noise of both.
     """
@@ -185,11 +185,11 @@ class _Copy(NamedTuple):
 
 
 class _Aligned(NamedTuple):
-    """A frame as the reference would see it: its light, what it is brighter by, and where both show
+    """A frame as the reference would see it: luminance, what it is brighter by, and where both show
     the same thing, (H, W).
     """
 
-    light: FloatArray
+    moved: FloatArray
     gain: float
     inside: BoolArray
     same: BoolArray
@@ -207,8 +207,8 @@ def _gain(reference: View, frame: View) -> float:
 def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     """Smaller and smaller copies. Light that is clipped in one is in both."""
     limit = np.float32(min(reference.limit, frame.limit / gain))
-    light = reference.luminance, frame.luminance / np.float32(gain)
-    planes = [np.minimum(plane, limit) for plane in light]
+    both = reference.luminance, frame.luminance / np.float32(gain)
+    planes = [np.minimum(plane, limit) for plane in both]
     level = float(planes[0].mean())
     variance = float(reference.variance(level) + frame.variance(level * gain) / gain**2)
     scale = 1
@@ -243,19 +243,19 @@ def _texture(plane: FloatArray) -> FloatArray:
 
 
 def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
-    light = displaced(copy.frame, motion)
-    inside = np.isfinite(light)
+    moved = displaced(copy.frame, motion)
+    inside = np.isfinite(moved)
     own, other = (
-        smoothed(np.where(inside, plane, 0), _TEXTURE_WIDTH) for plane in (copy.reference, light)
+        smoothed(np.where(inside, plane, 0), _TEXTURE_WIDTH) for plane in (copy.reference, moved)
     )
     lit = inside & (own > 0) & (other > 0)
     gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
-    light = np.where(inside, light / np.float32(gain), copy.reference)
+    moved = np.where(inside, moved / np.float32(gain), copy.reference)
     # not another light on the scene
-    differs = smoothed(np.square(_texture(light - copy.reference)), _TEXTURE_WIDTH)
+    differs = smoothed(np.square(_texture(moved - copy.reference)), _TEXTURE_WIDTH)
     texture = smoothed(np.square(_texture(copy.reference)), _TEXTURE_WIDTH)
     usual = _MOVED * texture + _USUAL * np.median(differs)
-    return _Aligned(light, gain, inside, inside & (differs < usual))
+    return _Aligned(moved, gain, inside, inside & (differs < usual))
 
 
 def _refined(copy: _Copy, motion: Motion) -> Alignment:
@@ -293,7 +293,7 @@ def _motion(matrix: Any, shape: tuple[int, ...]) -> Motion:
 def _fit(copy: _Copy, motion: Motion) -> Alignment:
     """Measure how well a motion, in pixels of the copies, fits."""
     aligned = _aligned(copy, motion)
-    rest, count = _texture(aligned.light - copy.reference), max(int(aligned.same.sum()), 1)
+    rest, count = _texture(aligned.moved - copy.reference), max(int(aligned.same.sum()), 1)
     gradients = np.asarray(np.gradient(copy.reference), np.float64)[:, aligned.same]
     left = float(np.square(rest[aligned.same]).sum()) / (_KEPT * count)
     left = left + _ROUNDING * float(np.square(copy.reference).mean()) + TINY
@@ -303,7 +303,7 @@ def _fit(copy: _Copy, motion: Motion) -> Alignment:
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
     wide = [
-        plane - _around(plane, _STEP) for plane in (copy.reference, aligned.light - copy.reference)
+        plane - _around(plane, _STEP) for plane in (copy.reference, aligned.moved - copy.reference)
     ]
     texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
@@ -324,7 +324,7 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     scale = 255 / max(bright - dark, TINY)
     optical = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
-    moved = [_aligned(copy, motion).light]
+    moved = [_aligned(copy, motion).moved]
     for _ in range(_FLOWS):
         codes = [(plane - dark) * scale for plane in (copy.reference, moved[-1])]
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
@@ -333,8 +333,8 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
         total, *sums = (_around(plane, _STEP)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
-        moved.append(_aligned(copy, replace(motion, local=local)).light)
-    before, after = (np.square(light - copy.reference) * inside for light in (moved[0], moved[-1]))
+        moved.append(_aligned(copy, replace(motion, local=local)).moved)
+    before, after = (np.square(plane - copy.reference) * inside for plane in (moved[0], moved[-1]))
     worth = _NOISY * after + _NOTABLE**2 * inside * steep + TINY
     share = _around(before - after, 2 * _STEP)[nodes] / _around(worth, 2 * _STEP)[nodes]
     if np.median(share) < (_LOST + _WON) / 2:

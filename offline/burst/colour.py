@@ -72,8 +72,8 @@ class ColourSamples:
         (M,).
     values : FloatArray
         (M,), scene units of the reference.
-    light : FloatArray
-        (M,), luminance there.
+    filled : FloatArray
+        (M,), luminance there, scene units.
     variance : FloatArray
         (M,), of their noise; 0 where there is none.
     weight : FloatArray
@@ -86,7 +86,7 @@ class ColourSamples:
     places: FloatArray
     channels: ByteArray
     values: FloatArray
-    light: FloatArray
+    filled: FloatArray
     variance: FloatArray
     weight: FloatArray
     own: int
@@ -115,14 +115,14 @@ class ColourSamples:
             used = agrees > 0
             channels = np.broadcast_to(sites.channels, used.shape)[used]
             values, places = one.frame.colours[used], places[:, used]
-            light = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
+            filled = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             variance = noise.variance(values, channels) if noise else np.zeros_like(values)
             weight = agrees[used] / np.float32(255)
-            frames.append((places.T, channels.astype(np.uint8), values, light, variance, weight))
-        places, channels, values, light, variance, weight = (
+            frames.append((places.T, channels.astype(np.uint8), values, filled, variance, weight))
+        places, channels, values, filled, variance, weight = (
             np.concatenate(arrays) for arrays in zip(*frames, strict=True)
         )
-        return cls(places, channels, values, light, variance, weight, len(frames[0][0]))
+        return cls(places, channels, values, filled, variance, weight, len(frames[0][0]))
 
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed.
@@ -133,7 +133,7 @@ class ColourSamples:
             (H, W).
         """
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
-        return replace(self, light=(self.light + there).astype(np.float32, copy=False))
+        return replace(self, filled=(self.filled + there).astype(np.float32, copy=False))
 
     def where_others(self, luminance: FloatArray, noise_ratio: FloatArray) -> "ColourSamples":
         """The samples where the reference is not alone. Where it is, the picture stays that of one
@@ -168,7 +168,7 @@ class ColourSamples:
         """Mean luminance. Lengths in light are shares of it, so that the exposure changes no
         picture but its brightness.
         """
-        return max(float(self.light.mean()), TINY) if self.light.size else 1.0
+        return max(float(self.filled.mean()), TINY) if self.filled.size else 1.0
 
     @property
     def error(self) -> float:
@@ -185,14 +185,14 @@ class ColourSamples:
         block = np.rint(at).astype(np.intp)
         inside = ((block >= 0) & (block < shape)).all(axis=1)
         far = np.maximum(np.square((at - block) * period).sum(axis=1) - _INSIDE, 0)
-        light, variance = self.light[rest].astype(np.float64), self.variance[rest] + self.error
-        with_distance = variance + np.square(_GRADIENT * light) * far
+        filled, variance = self.filled[rest].astype(np.float64), self.variance[rest] + self.error
+        with_distance = variance + np.square(_GRADIENT * filled) * far
         share = inside * self.weight[rest] * variance / with_distance
         full, within = (*shape, len(sites.pattern.channels)), block.clip(0, np.array(shape) - 1)
         place = np.ravel_multi_index((*within.T, self.channels[rest]), full)
         sums = (
-            np.bincount(place, share * light * factor, minlength=math.prod(full))
-            for factor in (light, self.values[rest])
+            np.bincount(place, share * filled * factor, minlength=math.prod(full))
+            for factor in (filled, self.values[rest])
         )
         return BlockSums(*(np.asarray(plane, np.float64).reshape(full) for plane in sums))
 
@@ -277,8 +277,8 @@ class Spreading(RowStage):
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
         fields = fitted(band.luminance, samples, prior, extent, "samples")
         fields = np.moveaxis(fields, 0, 2)
-        light = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
-        change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * light)
+        divisor = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
+        change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * divisor)
         return Band(shown.first, shown.luminance, (shown.chromaticity + change).astype(np.float32))
 
 
@@ -310,7 +310,7 @@ def samples_of(
     colour = (
         band.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares
     ).sum(axis=1)
-    residual = gamma[channels] * (samples.values[near] - colour * samples.light[near])
+    residual = gamma[channels] * (samples.values[near] - colour * samples.filled[near])
     weights = (samples.weight[near] * precision)[:, None] * shares
     shape = len(gamma), rows, columns
     at = (channels[:, None] * (rows * columns) + pixels).ravel()

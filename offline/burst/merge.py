@@ -30,7 +30,7 @@ from .select import Kept
 
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a chunk, chosen for speed, and around it
 _ITERATIONS = 4  # rounds; chosen
-_FILLED = 0.05  # weight of interpolated light where a frame has colour sites; chosen
+_FILLED = 0.05  # weight of interpolated luminance where a frame has colour sites; chosen
 # samples per place of the grid, below which a correction is reduced; chosen
 _SPARSE = np.float32(0.05)
 # places of the grid: what is spread, and where its power is compared with noise
@@ -183,8 +183,8 @@ def _start(frames: Frames, area: Area, own: Area, noise_ratio: Floats2, extents:
                     continue
                 precision = _precision(frames.noise, frame, frames.planes[0, y, x])
                 share = (_FILLED + _measured(frames.panchromatic, to_y, to_x)) * agrees / 255.0
-                light = interpolated(frames.planes[frame], to_y, to_x)
-                mean[row, column] += share * precision * light
+                value = interpolated(frames.planes[frame], to_y, to_x)
+                mean[row, column] += share * precision * value
                 totals[row, column] += share * precision
                 spreads[row, column] += share * share * precision
         # A sample lies within half a pixel of a pixel of the reference: within two of its place in
@@ -207,7 +207,7 @@ def _start(frames: Frames, area: Area, own: Area, noise_ratio: Floats2, extents:
 
 @kernel
 def _measured(panchromatic: Bools2, y: float, x: float) -> float:
-    """Share of the light interpolated at a place of a frame that is measured there, 0 to 1."""
+    """Share of the luminance interpolated at a place of a frame that is measured there, 0 to 1."""
     height, width = panchromatic.shape
     y, x = min(max(y, 0.0), height - 1.0), min(max(x, 0.0), width - 1.0)
     top, left = int(y), int(x)
@@ -215,21 +215,21 @@ def _measured(panchromatic: Bools2, y: float, x: float) -> float:
     down, across = y - top, x - left
     upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, right]
     lower = (1 - across) * panchromatic[bottom, left] + across * panchromatic[bottom, right]
-    light: float = (1 - down) * upper + down * lower
-    return light
+    share: float = (1 - down) * upper + down * lower
+    return share
 
 
 @kernel
-def _variance(noise: Doubles2, frame: int, light: Scalar) -> float:
+def _variance(noise: Doubles2, frame: int, signal: Scalar) -> float:
     """Variance of the noise of a frame's panchromatic samples, more than 0."""
-    variance: float = max(noise[frame, 0] * max(light, _ZERO) + noise[frame, 1], _LEAST)
+    variance: float = max(noise[frame, 0] * max(signal, _ZERO) + noise[frame, 1], _LEAST)
     return variance
 
 
 @kernel
-def _precision(noise: Doubles2, frame: int, light: Scalar) -> float:
+def _precision(noise: Doubles2, frame: int, signal: Scalar) -> float:
     """Precision of a frame's samples relative to the reference's."""
-    ratio = _variance(noise, 0, light) / _variance(noise, frame, light)
+    ratio = _variance(noise, 0, signal) / _variance(noise, frame, signal)
     return min(max(ratio, 1 / _MOST_PRECISION), _MOST_PRECISION)
 
 

@@ -232,11 +232,11 @@ def judge(
     if isinstance(aligned, str):
         return Judged(aligned), None
     frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
-    light, own = displaced(frame.luminance, aligned.motion), reference.frame
-    visible = np.isfinite(light) & (light < frame.limit) & (own.luminance < own.limit)
-    both = View(np.where(visible, light, own.luminance), frame.noise, frame.limit)
+    seen, own = displaced(frame.luminance, aligned.motion), reference.frame
+    visible = np.isfinite(seen) & (seen < frame.limit) & (own.luminance < own.limit)
+    both = View(np.where(visible, seen, own.luminance), frame.noise, frame.limit)
     sharpness, uneven = _sharpness(own, both, visible), _unevenness(own, both, visible)
-    agrees = agreement(reference, frame, light, aligned.motion)
+    agrees = agreement(reference, frame, seen, aligned.motion)
     share = float(agrees.mean()) / 255
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
@@ -285,8 +285,8 @@ def candidates_of(frames: Sequence[Frame]) -> list[int]:
     """
     usable, sharpness = np.zeros((2, len(frames)))
     for number, frame in enumerate(frames):
-        light = frame.luminance
-        usable[number] = ((light < CLIPPED * frame.limit) & (light > _floor(frame))).mean()
+        plane = frame.luminance
+        usable[number] = ((plane < CLIPPED * frame.limit) & (plane > _floor(frame))).mean()
         power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
         amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5 / max(_level(frame), TINY)
         sharpness[number] = 0 if emptiness(frame) else amplitude

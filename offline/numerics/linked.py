@@ -128,7 +128,7 @@ def solve_linked(
 
 
 @kernel
-def link(light: Floats2, prior: Prior, links: Floats3) -> None:
+def link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
     """Write how much each pixel is to be like those to the right, below, below right and below
     left; little across edges.
 
@@ -137,23 +137,21 @@ def link(light: Floats2, prior: Prior, links: Floats3) -> None:
     links : Floats3
         (4, H, W), zeros at first.
     """
-    smoothness, per_edge = np.float32(prior.smoothness), np.float32(1 / prior.edge**2)
-    rows, half = len(light), _HALF * smoothness
+    smoothness, scale = np.float32(prior.smoothness), np.float32(1 / prior.edge**2)
+    rows, half = len(luminance), _HALF * smoothness
     for row in range(rows):
-        _link_row(light[row, :-1], light[row, 1:], smoothness, per_edge, links[0, row])
+        _link_row(luminance[row, :-1], luminance[row, 1:], smoothness, scale, links[0, row])
         if row + 1 < rows:
-            _link_row(light[row], light[row + 1], smoothness, per_edge, links[1, row])
-            _link_row(light[row, :-1], light[row + 1, 1:], half, per_edge, links[2, row])
-            _link_row(light[row, 1:], light[row + 1, :-1], half, per_edge, links[3, row, 1:])
+            _link_row(luminance[row], luminance[row + 1], smoothness, scale, links[1, row])
+            _link_row(luminance[row, :-1], luminance[row + 1, 1:], half, scale, links[2, row])
+            _link_row(luminance[row, 1:], luminance[row + 1, :-1], half, scale, links[3, row, 1:])
 
 
 @kernel
-def _link_row(
-    here: Floats1, there: Floats1, weight: Scalar, per_edge: Scalar, links: Floats1
-) -> None:
+def _link_row(here: Floats1, there: Floats1, weight: Scalar, scale: Scalar, links: Floats1) -> None:
     for column in range(len(here)):
         step = there[column] - here[column]
-        links[column] = weight / (_ONE + step * step * per_edge)
+        links[column] = weight / (_ONE + step * step * scale)
 
 
 @kernel

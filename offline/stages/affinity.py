@@ -237,12 +237,12 @@ def solve_fields(
             (min(bottom + HALO, height) - above) * period,
             (min(right + HALO, grid.across) - before) * period,
         )
-        light = _window(
+        luminance = _window(
             frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach)
         )
         given = Pins(pins, above % 2 * period, before % 2 * period)
         links = planes(4, size)
-        _weigh(transmission(light, period, filters), links)
+        _weigh(transmission(luminance, period, filters), links)
         cut(links, size)
         # Together, so that planes do not lie a multiple of a page apart: those would share lines of
         # the cache.
@@ -271,13 +271,13 @@ def _given(pins: Pins, field: int, row: int, columns: int) -> Floats1:
 @kernel
 def _window(frame: PaddedFrame, place: Pair, size: Pair) -> FloatArray:
     """Luminance of some rows and columns of the padded frame."""
-    light = unset(size[0], size[1])
+    luminance = unset(size[0], size[1])
     columns = frame.columns[place[1] : place[1] + size[1]]
     for row in range(size[0]):
-        source, line = frame.luminance[frame.rows[place[0] + row]], light[row]
+        source, line = frame.luminance[frame.rows[place[0] + row]], luminance[row]
         for column in range(len(line)):
             line[column] = source[columns[column]]
-    return light
+    return luminance
 
 
 @kernel
@@ -302,21 +302,21 @@ def _weigh(through: Floats3, links: Floats3) -> None:
 
 
 @kernel
-def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
+def transmission(luminance: Floats2, period: int, filters: Filters) -> FloatArray:
     """exp(-e_h) and exp(-e_v) of whole patches, two planes (see `planes`). A patch without
     gradients has 1.
 
     Parameters
     ----------
-    light : Floats2
+    luminance : Floats2
         Luminance, with the filters' reach more on every side.
     """
-    reach, width = filters.smooth.shape[1] - 1, light.shape[1]
-    rows, columns = light.shape[0] - 2 * reach, width - 2 * reach
+    reach, width = filters.smooth.shape[1] - 1, luminance.shape[1]
+    rows, columns = luminance.shape[0] - 2 * reach, width - 2 * reach
     through, energy = planes(2, (rows, columns)), zeros(2, period, width)
     for top in range(0, rows, period):
         energy[:] = _ZERO
-        around = light[top : top + period + 2 * reach].reshape(-1)
+        around = luminance[top : top + period + 2 * reach].reshape(-1)
         for scale in range(len(filters.smooth)):
             _add_energy(
                 around, width, filters.smooth[scale], filters.slope[scale], energy.reshape(2, -1)
@@ -332,7 +332,7 @@ def transmission(light: Floats2, period: int, filters: Filters) -> FloatArray:
 
 @kernel
 def _add_energy(
-    light: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2
+    luminance: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2
 ) -> None:
     """Add |G_hs * l|^2 and |G_vs * l|^2 of some rows; these follow each other without a gap,
     columns too many have no meaning.
@@ -345,8 +345,8 @@ def _add_energy(
     across = zeros(count)
     down = zeros(count)
     for step in range(reach + 1):
-        above = light[(reach - step) * width :]
-        below = light[(reach + step) * width :]
+        above = luminance[(reach - step) * width :]
+        below = luminance[(reach + step) * width :]
         weight = smooth[step]
         rise = slope[step]
         if weight == _ZERO:  # beyond the end of a smaller scale

@@ -66,7 +66,8 @@ LUMINANCE, EVIDENCE, RANGE = 0.25, 4.0, 8.0
 """Weight of luminance in activity; bound in units of the standard deviation of colour; limit of the
 inputs: as in training.
 """
-_LEAST_LIGHT, _LEAST_ACTIVITY = 1e-4, 1e-30  # scene units, and squared: they keep quotients finite
+# scene units, and squared: they keep quotients finite
+_LEAST_LUMINANCE, _LEAST_ACTIVITY = 1e-4, 1e-30
 # fraction of the mean luminance, and scene units: a darker pixel's chromaticity tells little
 _DIM, _LEAST_DIM = 0.2, 1e-5
 # bound, a fraction of luminance, below which a correction is not worth its time, as below the
@@ -183,7 +184,7 @@ class Contrast(NamedTuple):
         Residuals at the sites, (S, h, w).
     variance : FloatArray
         Of the noise in them, (h, w).
-    own, light : FloatArray
+    own, mean : FloatArray
         Mean luminance of a superpixel, and of 3 x 3 superpixels, (h, w).
     colour : FloatArray
         t, (2, h, w).
@@ -196,7 +197,7 @@ class Contrast(NamedTuple):
     error: FloatArray
     variance: FloatArray
     own: FloatArray
-    light: FloatArray
+    mean: FloatArray
     colour: FloatArray
     activity: FloatArray
     bound: FloatArray
@@ -205,12 +206,12 @@ class Contrast(NamedTuple):
     def of(cls, pixels: FloatArray, error: FloatArray, variance: FloatArray) -> "Contrast":
         """Return the contrast of all but the outermost `MARGIN` superpixels."""
         means = pixels.mean(axis=1)
-        light, *components = _mean_around(means)
-        positive = np.maximum(light, np.float32(_LEAST_LIGHT))
+        mean, *components = _mean_around(means)
+        positive = np.maximum(mean, np.float32(_LEAST_LUMINANCE))
         colour = np.stack(components) / positive
         departures = pixels[:, :, 1:-1, 1:-1].copy()
         departures[1:] -= departures[0] * colour[:, None]
-        departures[0] -= light
+        departures[0] -= mean
         squares = np.einsum("cpyx,cpyx->cyx", departures, departures) / np.float32(
             departures.shape[1]
         )
@@ -222,8 +223,8 @@ class Contrast(NamedTuple):
         pixels, error, variance, own = (
             _inner(planes, MARGIN) for planes in (pixels, error, variance, means[0])
         )
-        departures, light, colour = map(_inner, (departures, light, colour))
-        return cls(pixels, departures, error, variance, own, light, colour, activity, bound)
+        departures, mean, colour = map(_inner, (departures, mean, colour))
+        return cls(pixels, departures, error, variance, own, mean, colour, activity, bound)
 
     def around(self, rows: Span, columns: Span, margin: int) -> "Contrast":
         """Return some of the superpixels inside the outermost `REACH`, with `margin` more on each
@@ -239,7 +240,7 @@ class Contrast(NamedTuple):
         pixels, sites = self.departures.shape[0] * self.departures.shape[1], len(self.error)
         inputs = np.empty((pixels + sites + SURROUNDINGS, *self.bound.shape), np.float32)
         scale = np.reciprocal(self.activity)
-        positive = np.maximum(self.light, np.float32(_LEAST_LIGHT))
+        positive = np.maximum(self.mean, np.float32(_LEAST_LUMINANCE))
         np.multiply(self.departures, scale, out=inputs[:pixels].reshape(self.departures.shape))
         np.multiply(self.error, scale, out=inputs[pixels : pixels + sites])
         inputs[-5:-3] = self.colour
@@ -452,14 +453,14 @@ def cut_superpixels(
             row, first = rows[down * period + pixel // period], pixel % period
             for across in range(width):
                 column = columns[across * period + first]
-                light, colour = luminance[row, column], chromaticity[row, column]
+                level, colour = luminance[row, column], chromaticity[row, column]
                 for plane in range(3):
                     total = (
                         weights[plane, 0] * colour[0]
                         + weights[plane, 1] * colour[1]
                         + weights[plane, 2] * colour[2]
                     )
-                    out[plane, pixel, down, across] = total * light
+                    out[plane, pixel, down, across] = total * level
 
 
 @parallel_kernel(chunks=lambda answer, *_: answer.change.shape[2])
@@ -490,23 +491,23 @@ def add_answer(
             row, first = rows[down * period + pixel // period], pixel % period
             for across in range(width if 0 <= row < bottom else 0):
                 column = columns[across * period + first]
-                light = luminance[row, column] if 0 <= column < right else _ZERO
-                if light <= DARK:
+                level = luminance[row, column] if 0 <= column < right else _ZERO
+                if level <= DARK:
                     continue
                 colour = chromaticity[row, column]
-                safe = max(light * _THIRD, answer.dim[down, across])  # channels add up to light
+                safe = max(level * _THIRD, answer.dim[down, across])  # channels add up to this
                 step[:] = _ZERO
                 for k in range(2):
                     here = _ZERO
                     for channel in range(3):
                         here += basis[k, channel] * gamma[channel] * colour[channel]
-                    here *= light
+                    here *= level
                     change = answer.change[k, pixel, down, across] * answer.bound[down, across]
                     change = max(change, min(answer.low[k, down, across] * safe - here, _ZERO))
                     change = min(change, max(answer.high[k, down, across] * safe - here, _ZERO))
                     for channel in range(3):
                         step[channel] += basis[k, channel] * change
-                limit = max(light, abs(step[0]), abs(step[1]), abs(step[2]))
+                limit = max(level, abs(step[0]), abs(step[1]), abs(step[2]))
                 for channel in range(3):
                     colour[channel] += step[channel] / (limit * gamma[channel])
 

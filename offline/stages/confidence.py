@@ -63,13 +63,13 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
     if not settings.used or frame.mosaic.pattern.derived is not None:
         return None
     around, total = frame.around, frame.sites.means(frame.samples) @ frame.gamma
-    light, clipped = mean_of_sites(around.light), around.highest >= frame.clipping
+    light, clipped = mean_of_sites(around.filled), around.highest >= frame.clipping
     # Clipped surroundings read too little: where all of them are clipped the block may exceed them.
     apart = np.where(
         around.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total)
     )
     tolerance = settings.tolerance * np.where(clipped, _CLIPPED, 1.0)
-    unsure = sum_noise(frame.sites, around.light, frame.gamma, frame.noise) if frame.noise else 0.0
+    unsure = sum_noise(frame.sites, around.filled, frame.gamma, frame.noise) if frame.noise else 0.0
     usual = tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure
     confidence = 1 / (1 + (apart / usual) ** _STEEPNESS)
     if clipped.any():

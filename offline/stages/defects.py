@@ -23,7 +23,7 @@ If it is more than contrast and noise explain, the sample that deviates most fro
 blocks' prediction, their median of c / l, is defective. So texture and small bright objects, which
 all samples of a block see, stay. A defective colour sample is replaced by what the rest of its
 block predicts, so that it carries no information of its own into Eqs. 8-9. Where a channel has no
-sites, no sum is known: there a sample is defective that reads more than all light, gamma_i c > l,
+sites, no sum is known: there a sample is defective that reads more than luminance, gamma_i c > l,
 and lies above the range of the neighbouring blocks.
 """
 
@@ -68,7 +68,7 @@ class DefectsSettings(StageSettings):
 
 # Chosen; half and twice change none of the measured scenes.
 # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
-_LEAST_LIGHT = 2e-4
+_LEAST_LUMINANCE = 2e-4
 _FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a corner has no more
 # fraction of the samples: if more than this stand out, they belong to the picture
 _MOST_OUTLIERS = 0.01
@@ -326,26 +326,26 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
     """
     pattern, channels = frame.mosaic.pattern, frame.sites.channels
     if pattern.derived is not None:
-        _find_brighter_than_light(frame, bad, settings)
+        _find_above_luminance(frame, bad, settings)
         return
-    gamma, (lights, lowest, highest) = frame.gamma, frame.around
+    gamma, (filled, lowest, highest) = frame.gamma, frame.around
     share = (gamma / pattern.site_counts)[channels]  # weight of each site in the sum of Eq. 7
-    surplus = frame.samples @ share - lights @ share / gamma.sum()
+    surplus = frame.samples @ share - filled @ share / gamma.sum()
     tolerance = settings.contrast / 2 * (highest - lowest) + settings.floor * frame.level
     if frame.noise is not None:
-        tolerance += settings.deviations * sum_noise(frame.sites, lights, gamma, frame.noise)
+        tolerance += settings.deviations * sum_noise(frame.sites, filled, gamma, frame.noise)
     odd = np.abs(surplus) > tolerance
     odd &= (highest < frame.clipping) & ~bad.any(axis=2)
     if odd.sum() > _MOST_OUTLIERS * bad.size:
         return
     rows, columns = np.nonzero(odd)
-    near, light, surplus = _ratios_around(frame, bad, rows, columns), lights[odd], surplus[odd]
+    near, filled, surplus = _ratios_around(frame, bad, rows, columns), filled[odd], surplus[odd]
     # The defective sample explains the surplus, and lies outside the range of the neighbouring
     # blocks.
-    excess = share * (frame.samples[odd] - _median(frame, near) * light)
+    excess = share * (frame.samples[odd] - _median(frame, near) * filled)
     block, site = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
     ratio = frame.samples[rows, columns, site] / np.maximum(
-        light[block, site], _LEAST_LIGHT * frame.level
+        filled[block, site], _LEAST_LUMINANCE * frame.level
     )
     near, excess = near[:, block, site], excess[block, site]
     low, high = np.fmin.reduce(near), np.fmax.reduce(near)
@@ -356,24 +356,24 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
     bad[rows[certain], columns[certain], site[certain]] = True
 
 
-def _find_brighter_than_light(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
-    """Mark in `bad`, (*B, S), each site that reads more than all light there: where a channel has
+def _find_above_luminance(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
+    """Mark in `bad`, (*B, S), each site that reads more than luminance there: where a channel has
     no sites, Eq. 7 defines it, and tells no more than that it is not negative.
     """
     channels, gamma, around = frame.sites.channels, frame.gamma, frame.around
-    weights, lights = gamma[channels], around.light
+    weights, filled = gamma[channels], around.filled
     tolerance = (settings.contrast / 2 * (around.highest - around.lowest))[..., None]
     tolerance = tolerance + settings.floor * frame.level
     if frame.noise is not None:
-        variance = frame.noise.variance(lights.astype(np.float32), channels)
+        variance = frame.noise.variance(filled.astype(np.float32), channels)
         tolerance = tolerance + settings.deviations * weights * np.sqrt(variance)
-    odd = (weights * frame.samples - lights > tolerance) & ~bad
+    odd = (weights * frame.samples - filled > tolerance) & ~bad
     odd &= (around.highest < frame.clipping)[..., None]
     if odd.sum() > _MOST_OUTLIERS * bad.size:
         return
     rows, columns, site = np.nonzero(odd)
     near = _ratios_around(frame, bad | odd, rows, columns)[:, np.arange(len(site)), site]
-    ratio = frame.samples[odd] / np.maximum(lights[odd], _LEAST_LIGHT * frame.level)
+    ratio = frame.samples[odd] / np.maximum(filled[odd], _LEAST_LUMINANCE * frame.level)
     low, high = np.fmin.reduce(near), np.fmax.reduce(near)
     certain = (ratio - high > high - low) & (np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST)
     bad[rows[certain], columns[certain], site[certain]] = True
@@ -383,14 +383,14 @@ def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
     """Values for the bad sites: what the rest of the block predicts, else what the neighbouring
     blocks predict.
     """
-    gamma, sites, least = frame.gamma, frame.sites, _LEAST_LIGHT * frame.level
+    gamma, sites, least = frame.gamma, frame.sites, _LEAST_LUMINANCE * frame.level
     rows, columns, site = np.nonzero(bad)
     number, channel, channels = np.arange(len(site)), sites.channels[site], np.arange(len(gamma))
-    near, light = _ratios_around(frame, bad, rows, columns), frame.around.light[rows, columns]
-    here = light[number, site]
+    near, filled = _ratios_around(frame, bad, rows, columns), frame.around.filled[rows, columns]
+    here = filled[number, site]
     # c_i = sum of the good samples of a channel / sum of the luminance there
     good = ~bad[rows, columns, None] & (sites.channels == channels[:, None])  # (bad sites, C, S)
-    total = (good * light[:, None]).sum(axis=2)
+    total = (good * filled[:, None]).sum(axis=2)
     measured = total > least
     ratio = (good * frame.samples[rows, columns, None]).sum(axis=2) / np.where(measured, total, 1)
     # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks
@@ -414,9 +414,9 @@ def _ratios_around(
     """Ratios c / l of each site in the eight neighbours of N blocks, (8, N, S); NaN where there is
     none, or it is bad or dark.
     """
-    light = frame.around.light
-    unknown = bad | (light <= _LEAST_LIGHT * frame.level)
-    ratio = np.where(unknown, np.nan, frame.samples / np.where(light > 0, light, 1))
+    filled = frame.around.filled
+    unknown = bad | (filled <= _LEAST_LUMINANCE * frame.level)
+    ratio = np.where(unknown, np.nan, frame.samples / np.where(filled > 0, filled, 1))
     wide = np.pad(ratio, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     around = [step for step in np.ndindex(3, 3) if step != (1, 1)]
     return np.stack([wide[rows + down, columns + across] for down, across in around])

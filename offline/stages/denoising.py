@@ -256,7 +256,7 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
     forward = memory.halves[0]
     expected = memory.halves[1]
     backward = memory.halves[2]
-    light = memory.halves[3, 0]
+    total = memory.halves[3, 0]
     memory.sums[:] = _ZERO
     memory.weights[:] = _ZERO
     for kind in range(len(shrinkage.sizes)):
@@ -267,7 +267,7 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
             if guided:
                 _down(memory.pilot, row, size, transform, block[1], expected)
             backward[:size] = _ZERO
-            light[:] = _ZERO
+            total[:] = _ZERO
             # Lanes beyond the last block reach only columns that nobody takes: fewer than `size` at
             # the end of the area.
             for column in range(area[2] + shift, area[3] - size + 1, _STEP * WIDTH):
@@ -278,8 +278,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
                 _back(block[0], column, size, transform, weight, backward)
                 for i in range(size):
                     place = _place(column + i, half)
-                    store(light, place, load(light, place) + weight)
-            _up(backward, light, row, size, transform, memory)
+                    store(total, place, load(total, place) + weight)
+            _up(backward, total, row, size, transform, memory)
 
 
 @kernel
@@ -397,12 +397,12 @@ def _back(
 
 @kernel
 def _up(
-    half: Floats2, light: Floats1, row: int, size: int, transform: Floats2, memory: Memory
+    half: Floats2, total: Floats1, row: int, size: int, transform: Floats2, memory: Memory
 ) -> None:
     """Add a row of blocks, transformed back vertically, to the picture."""
     sums, weights = memory.sums, memory.weights
-    for column in range(0, light.shape[0], WIDTH):
-        weight = load(light, column)
+    for column in range(0, total.shape[0], WIDTH):
+        weight = load(total, column)
         for i in range(size // 2):
             even, odd = weight * _ZERO, weight * _ZERO
             for k in range(0, size, 2):

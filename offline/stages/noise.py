@@ -134,11 +134,11 @@ def _windows(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Flo
         for window in range(0, count * (width > 0), max(1, count * _LINES // _MOST_LINES)):
             lines = plane[rows[window * _LINES : (window + 1) * _LINES]]
             high = sum(tap * lines[:, start : start + width] for start, tap in enumerate(_FILTER))
-            light, high = (
+            level, high = (
                 plane.reshape(_LINES, -1, _LENGTH) for plane in (lines[:, 2 : 2 + width], high)
             )
-            yield np.stack([light.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))])[
-                :, light.max(axis=(0, 2)) < limit
+            yield np.stack([level.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))])[
+                :, level.max(axis=(0, 2)) < limit
             ]
 
 

@@ -206,7 +206,7 @@ def average(
     wide = (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
     planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
     weights = unset(radius * (2 * radius + 2) + 1, tall, wide)
-    colour, mean, light = zeros(planes, tall, wide), zeros(planes, tall, wide), zeros(tall, wide)
+    colour, mean, own = zeros(planes, tall, wide), zeros(planes, tall, wide), zeros(tall, wide)
     for chunk in range(chunks[0], chunks[1]):
         top, bottom, left, right = chunk_at(chunk, (height, width), (_ROWS, _COLUMNS))
         below, after = bottom - top + margin, right - left + margin
@@ -214,9 +214,9 @@ def average(
             source = luminance[places.rows[top + row]]
             tints = initial[places.initial_rows[top + row]]
             across = places.columns[left : left + after + margin]
-            _gather(source, tints, across, light[row, lead:], colour[:, row, lead:])
+            _gather(source, tints, across, own[row, lead:], colour[:, row, lead:])
         columns = begin, lead + after + margin - radius - reach
-        _weigh(light, (2 * radius, below + margin - 2 * radius), columns, window, weights)
+        _weigh(own, (2 * radius, below + margin - 2 * radius), columns, window, weights)
         for following in range(window.repetitions - 1, -1, -1):
             rows = margin - following * radius, below + following * radius
             _average(weights, colour, rows, columns, radius, mean)
@@ -230,14 +230,14 @@ def average(
 
 @kernel
 def _gather(
-    source: Floats1, tints: Floats2, places: Ints1, light: Floats1, colour: Floats2
+    source: Floats1, tints: Floats2, places: Ints1, luminance: Floats1, colour: Floats2
 ) -> None:
-    """Copy a row of the frame, with light, and light times chromaticity: Eq. 16 multiplies weights
-    by the other pixel's light.
+    """Copy a row of the frame, with luminance, and luminance times chromaticity: Eq. 16 multiplies
+    weights by the other pixel's luminance.
     """
     for column in range(len(places)):
-        light[column] = source[places[column]]
-        colour[0, column] = max(light[column], _ZERO)
+        luminance[column] = source[places[column]]
+        colour[0, column] = max(luminance[column], _ZERO)
     for channel in range(tints.shape[1]):
         for column in range(len(places)):
             colour[channel + 1, column] = colour[0, column] * tints[places[column], channel]
@@ -245,7 +245,7 @@ def _gather(
 
 @kernel
 def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
-    """Write a row of the result; a pixel without light around it keeps its chromaticity."""
+    """Write a row of the result; a pixel in the dark keeps its chromaticity."""
     for channel in range(out.shape[1]):
         for column in range(len(out)):
             lit = mean[0, column] > _SMALLEST_FLOAT
@@ -253,20 +253,20 @@ def _finish(mean: Floats2, initial: Floats2, out: Floats2) -> None:
 
 
 @kernel
-def _weigh(light: Floats2, rows: Pair, columns: Pair, window: Window, weights: Floats3) -> None:
-    """Compute the weights of Eq. 16, without the light; 0 below an exponent of -87.
+def _weigh(plane: Floats2, rows: Pair, columns: Pair, window: Window, weights: Floats3) -> None:
+    """Compute the weights of Eq. 16, without the luminance; 0 below an exponent of -87.
 
     rows: the first and the end of those that the first repetition looks at, `reach` more on both
     sides. columns: with weights.
     """
     radius, blur, falloff = window.radius, window.blur, np.float32(window.falloff)
     reach, side = len(blur) // 2, 2 * radius + 1
-    squares, lines = zeros(light.shape[1]), zeros(len(light), light.shape[1])
+    squares, lines = zeros(plane.shape[1]), zeros(len(plane), plane.shape[1])
     for offset in range(len(weights)):
         down, across = (offset + radius) // side, (offset + radius) % side - radius
         for row in range(rows[0] - down, rows[1]):  # those above are paired with the first ones
             for column in range(columns[0] - reach, columns[1] + reach, WIDTH):
-                difference = load(light, (row + down, column + across)) - load(light, (row, column))
+                difference = load(plane, (row + down, column + across)) - load(plane, (row, column))
                 store(squares, column, difference * difference)
             for column in range(columns[0], columns[1], WIDTH):
                 total = blur[0] * load(squares, column - reach)
@@ -293,8 +293,8 @@ def _exponentials(line: Floats1) -> None:
 def _average(
     weights: Floats3, colour: Floats3, rows: Pair, columns: Pair, radius: int, mean: Floats3
 ) -> None:
-    """Eq. 15 in some rows and columns: the weighted sum of the first plane, the light, and those of
-    the others divided by it.
+    """Eq. 15 in some rows and columns: the weighted sum of the first plane, the luminance, and
+    those of the others divided by it.
 
     Beside the edges nothing is right, and nothing is used.
     """
@@ -326,9 +326,9 @@ def _between(weights: Floats3, row: int, column: int, y: int, x: int, radius: in
 
 @kernel
 def _lit(mean: Floats3, rows: Pair, columns: Pair, colour: Floats3) -> None:
-    """Multiply what Eq. 15 gave by the light, for the next repetition."""
+    """Multiply what Eq. 15 gave by the luminance, for the next repetition."""
     for plane in range(1, len(colour)):
         for row in range(rows[0], rows[1]):
             for column in range(columns[0], columns[1], WIDTH):
-                light = load(colour, (0, row, column))
-                store(colour, (plane, row, column), light * load(mean, (plane, row, column)))
+                luminance = load(colour, (0, row, column))
+                store(colour, (plane, row, column), luminance * load(mean, (plane, row, column)))

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..colorimetry import D50, D65_XY, SRGB_TO_XYZ, adaptation, xyz
 from ..lights import Lights, to_one
 from ..tiff import Fields, FieldType
-from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHTS, OTHER_LIGHT, TAG
+from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHT_SOURCES, OTHER_SOURCE, TAG
 
 _MIXTURES = dict(zip("RGBCMY", [*np.eye(3), *(1 - np.eye(3)) / 2], strict=True))
 """Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
-_OF_LIGHT = "ColorMatrix", "CalibrationIlluminant", "IlluminantData"
-_TAGS = [[TAG[f"{name}{number}"] for name in _OF_LIGHT] for number in (1, 2)]
+_OF_ILLUMINANT = "ColorMatrix", "CalibrationIlluminant", "IlluminantData"
+_TAGS = [[TAG[f"{name}{number}"] for name in _OF_ILLUMINANT] for number in (1, 2)]
 _MILLION = 1_000_000  # denominator of chromaticities
 
 
@@ -73,16 +73,16 @@ def colour_fields(
     fields: Fields = {
         TAG["ColorMatrix1"]: (FieldType.SRATIONAL, (to_camera / brightest).ravel().tolist()),
         TAG["ColorMatrix2"]: (FieldType.SRATIONAL, (from_d65 / brightest).ravel().tolist()),
-        TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHTS["D50"]]),
-        TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHTS["D65"]]),
+        TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHT_SOURCES["D50"]]),
+        TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHT_SOURCES["D65"]]),
         # A matrix may make white negative in a channel; AsShotNeutral must not be.
         TAG["AsShotNeutral"]: (FieldType.RATIONAL, (white / most).clip(1e-6).tolist()),
     }
     for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
         matrix = to_one(_planes(light.xyz_to_camera, panchromatic))
         fields[color_matrix] = FieldType.SRATIONAL, matrix.ravel().tolist()
-        fields[illuminant] = FieldType.SHORT, [LIGHTS.get(light.illuminant, OTHER_LIGHT)]
-        if light.illuminant not in LIGHTS:
+        fields[illuminant] = FieldType.SHORT, [LIGHT_SOURCES.get(light.illuminant, OTHER_SOURCE)]
+        if light.illuminant not in LIGHT_SOURCES:
             x, y = (round(each * _MILLION) for each in light.white)
             fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _MILLION, y, _MILLION)
             fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA

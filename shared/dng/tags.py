@@ -55,6 +55,6 @@ class Photometric(IntEnum):
     LINEAR_RAW = 34892  # every plane at every pixel, linear
 
 
-OTHER_LIGHT = 255  # as IlluminantData says
-LIGHTS = {"A": 17, "D55": 20, "D65": 21, "D75": 22, "D50": 23}
+OTHER_SOURCE = 255  # as IlluminantData says
+LIGHT_SOURCES = {"A": 17, "D55": 20, "D65": 21, "D75": 22, "D50": 23}
 """Values of CalibrationIlluminant, which are those of LightSource in Exif."""

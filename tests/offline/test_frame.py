@@ -35,7 +35,7 @@ def test_blocks_see_the_panchromatic_samples_in_and_next_to_them(
 def test_on_a_slope_luminance_at_a_site_is_that_of_its_place() -> None:
     (row, column), sound = np.indices((60, 60)), shot(CfaPattern.bayer(6), (60, 60))
     slope = cleaned(replace(sound, samples=(0.2 + row / 100 + column / 200).astype(np.float32)))
-    wrong = (slope.around.light - slope.sites.of(slope.signal))[1:-1, 1:-1]
+    wrong = (slope.around.filled - slope.sites.of(slope.signal))[1:-1, 1:-1]
     assert np.abs(wrong).max() < 1e-3
     assert np.abs(wrong.mean(axis=2)).max() < 1e-6
 
@@ -64,8 +64,8 @@ def test_the_noise_of_a_blocks_sum_is_known(pattern: CfaPattern, model: NoiseMod
     )
     frame = cleaned(replace(clean, samples=(clean.signal + noise).astype(np.float32)))
     weights = (np.array(gamma) / np.bincount(frame.sites.channels))[frame.sites.channels]
-    surplus = frame.samples @ weights - frame.around.light.mean(axis=2)
-    expected = sum_noise(frame.sites, frame.around.light, np.array(gamma), model)
+    surplus = frame.samples @ weights - frame.around.filled.mean(axis=2)
+    expected = sum_noise(frame.sites, frame.around.filled, np.array(gamma), model)
     assert surplus.std() == pytest.approx(float(expected.mean()), rel=0.06)
 
 
