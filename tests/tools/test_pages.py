@@ -70,7 +70,7 @@ def of_evaluation(folder: Path, text: str) -> bytes:
     crops = (Crop(scenes[0], study.levels[0], why, (), 20, 20, 8, 8) for why in REASONS)
     exhibits = [(crop, pictures) for crop in crops]
     return build_page(
-        Figures(study, dict.fromkeys(study.cells(), measures)), exhibits, text, [text]
+        Figures(study, dict.fromkeys(study.cases(), measures)), exhibits, text, [text]
     )
 
 

@@ -109,7 +109,7 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
                 bands,
                 development,
                 overwrite=existing.replace,
-                on_complete=lambda part: pool.submit(_note_in_journal, *made, part).result,
+                on_complete=lambda partial: pool.submit(_note_in_journal, *made, partial).result,
                 threads=threads(),
             )
         _note_stamp(order, output, f"{stamp} {_stamp([output])}")
@@ -161,10 +161,10 @@ def _whitened(
     listener.stage("writing", 1)
 
 
-def _note_in_journal(order: Order, job: Job, source_digest: str, part: Path) -> None:
+def _note_in_journal(order: Order, job: Job, source_digest: str, partial: Path) -> None:
     entry = Entry(
         order.name(job.output),
-        digest(part) or "",
+        digest(partial) or "",
         order.key(job.output, source_digest),
         order.run,
         os.path.abspath(job.source),  # noqa: PTH100 (without following links)

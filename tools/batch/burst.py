@@ -161,7 +161,7 @@ class BurstOrder(Order):
         if self.white.grey:  # one neutral for all, which may be clipped there, or have moved
             chosen = self.prepared(self.decode(job.files[self.reference or 0]))
             neutral = chosen.calibration.neutral or ()
-            order = replace(self, white=WhiteBalance("", tuple(1 / part for part in neutral)))
+            order = replace(self, white=WhiteBalance("", tuple(1 / value for value in neutral)))
         for name in job.files:
             frame = order._frame(name, from_folder=job.from_folder)
             # before memory is full of frames

@@ -141,12 +141,12 @@ def _entry(line: bytes) -> Entry | None:
     return entry if all(isinstance(value, str) for value in asdict(entry).values()) else None
 
 
-def key(**parts: Any) -> str:
+def key(**facts: Any) -> str:
     """Digest of everything that an output depends on (JSON values). Equal keys mean equal
     pictures.
     """
     return hashlib.sha256(
-        json.dumps({"format": _FORMAT, **parts}, sort_keys=True).encode()
+        json.dumps({"format": _FORMAT, **facts}, sort_keys=True).encode()
     ).hexdigest()
 
 

@@ -101,8 +101,8 @@ def _processes(
     order: Order, shots: Sequence[Job], jobs: int | None, memory: int, note: Note
 ) -> int:
     """Choose the number of processes, see `render_all`."""
-    cores = processors()
-    usual = cores if len(shots) >= _MANY * cores else 1
+    count = processors()
+    usual = count if len(shots) >= _MANY * count else 1
     most = min(usual if jobs is None else jobs, len(shots))
     if order.dry_run or most <= 1:
         return 1

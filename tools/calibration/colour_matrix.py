@@ -45,7 +45,7 @@ class ColourFit:
         (24, C), linear levels.
     colours : DoubleArray
         (24, 3), XYZ (D50) of the reference, white = 1.
-    cells : DoubleArray
+    centres : DoubleArray
         (24, 2), positions of the patches on the chart.
     matrix : DoubleArray
         (3, C), scene units to XYZ (D50); it takes `neutral` to D50 exactly.
@@ -63,7 +63,7 @@ class ColourFit:
 
     camera: DoubleArray
     colours: DoubleArray
-    cells: DoubleArray
+    centres: DoubleArray
     matrix: DoubleArray
     neutral: DoubleArray
     light: DoubleArray
@@ -91,19 +91,19 @@ class ColourFit:
         """
         lab = np.zeros((PATCHES, 3))
         for index, used in enumerate(self.used * (1 - np.eye(PATCHES))):
-            matrix, _, light = _fit(self.camera, self.colours, self.cells, used)
+            matrix, _, light = _fit(self.camera, self.colours, self.centres, used)
             lab[index] = xyz_to_lab(self.camera[index] / light[index] @ matrix.T)
         return self._differences(lab)
 
 
 def fit_colour(
-    camera: DoubleArray, colours: DoubleArray, cells: DoubleArray, used: BoolArray | None = None
+    camera: DoubleArray, colours: DoubleArray, centres: DoubleArray, used: BoolArray | None = None
 ) -> ColourFit:
     """Fit matrix, neutral and illumination field to the patches of one chart.
 
     Parameters
     ----------
-    camera, colours, cells : DoubleArray
+    camera, colours, centres : DoubleArray
         See `ColourFit`.
     used : BoolArray | None, optional
         See `ColourFit`; None = all patches.
@@ -119,10 +119,10 @@ def fit_colour(
         raise InputError(f"colour: {int((~used).sum())} patches are clipped; expose less")
     if not (camera[greys] > 0).all():
         raise InputError("colour: the grey patches have no light in some channel; expose more")
-    matrix, neutral, light = _fit(camera, colours, cells, used.astype(float))
+    matrix, neutral, light = _fit(camera, colours, centres, used.astype(float))
     lab, reference = xyz_to_lab((camera / light[:, None]) @ matrix.T), xyz_to_lab(colours)
     light = light / light.mean()
-    return ColourFit(camera, colours, cells, matrix, neutral, light, lab, reference, used)
+    return ColourFit(camera, colours, centres, matrix, neutral, light, lab, reference, used)
 
 
 def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> float:
@@ -150,7 +150,7 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
 
 
 def _fit(
-    camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, used: DoubleArray
+    camera: DoubleArray, reference: DoubleArray, centres: DoubleArray, used: DoubleArray
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """Return matrix, neutral (largest entry 1), and the absolute light on each patch.
 
@@ -166,7 +166,7 @@ def _fit(
         matrix = _white_preserving(even, reference, neutral, used)
         if step < _ROUNDS:
             excess = np.log(np.maximum(even @ matrix[1], 1e-6) / reference[:, 1])
-            light = light * np.exp(_surface(excess, cells, used))
+            light = light * np.exp(_surface(excess, centres, used))
     scale = neutral.max()
     return matrix * scale, neutral / scale, light * scale
 
@@ -198,11 +198,11 @@ def _emphasis(reference: DoubleArray) -> DoubleArray:
     return 1 / (1 + 0.045 * np.hypot(a, b))
 
 
-def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> DoubleArray:
+def _surface(excess: DoubleArray, centres: DoubleArray, used: DoubleArray) -> DoubleArray:
     """Fit a second-order surface to logarithms (24,), robust against single patches; return its
     values (24,).
     """
-    x, y = 2 * cells[:, 0] / COLUMNS - 1, 2 * cells[:, 1] / ROWS - 1
+    x, y = 2 * centres[:, 0] / COLUMNS - 1, 2 * centres[:, 1] / ROWS - 1
     terms = np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
     ridge = np.diag([0.0, *[_FIELD_RIDGE * PATCHES] * (terms.shape[1] - 1)])
     weight, values = used, excess
@@ -242,7 +242,7 @@ def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
 
 
 def expected_levels(
-    levels: DoubleArray, reference: DoubleArray, cells: DoubleArray, letter: str
+    levels: DoubleArray, reference: DoubleArray, centres: DoubleArray, letter: str
 ) -> DoubleArray:
     """Return what a channel with this name should see of each patch, (24,): that of sRGB, in the
     light on the chart, which the other planes show.
@@ -251,19 +251,19 @@ def expected_levels(
     ----------
     levels : DoubleArray
         (24, P), of the planes that have samples.
-    reference, cells : DoubleArray
+    reference, centres : DoubleArray
         See `ColourFit`.
     letter : str
         R, G, B, or C, M, Y, which is the mean of two of them.
     """
-    light = fit_colour(levels, reference, cells).light
-    parts = {name: kind[i] for names, kind in _KINDS.items() for i, name in enumerate(names)}
-    if letter not in parts:
+    light = fit_colour(levels, reference, centres).light
+    weights = {name: kind[i] for names, kind in _KINDS.items() for i, name in enumerate(names)}
+    if letter not in weights:
         raise InputError(
             f"the channel {letter} has no filter, and nobody knows what it should see of a chart; "
-            f"such a channel has to be one of {', '.join(parts)}"
+            f"such a channel has to be one of {', '.join(weights)}"
         )
-    return light * (_linear_srgb(reference) @ parts[letter]) / parts[letter].sum()
+    return light * (_linear_srgb(reference) @ weights[letter]) / weights[letter].sum()
 
 
 def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: CfaPattern) -> None:

@@ -1,7 +1,7 @@
-"""From measurements to a camera: each of its parts is concluded by itself, and none depends on
+"""From measurements to a camera: each of its entries is concluded by itself, and none depends on
 another.
 
-`conclude_gamma`, `conclude_colour` and so on return a `Part` each; `conclude` makes a camera of
+`conclude_gamma`, `conclude_colour` and so on return a `Finding` each; `conclude` makes a camera of
 them.
 """
 
@@ -54,17 +54,17 @@ _REMEDIES = {
     "defects": "take dark and flat frames (`dark`, `flat`)",
     "shading": "take flat frames (`flat`)",
 }
-"""Remedy for each part that was not measured."""
+"""Remedy for each entry that was not measured."""
 
 # Of a camera file that is updated.
-_OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
+_OF_BLACK = ("gamma", "noise", "colour", "shading")  # entries that a wrong black level makes wrong
 _MOVED = 2.0  # standard errors of the black level, and 95 % intervals of gamma
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """One measured part of a camera: what it changes, how well it is known, and what a user has to
-    know of it.
+class Finding:
+    """One measured entry of a camera file: what it changes, how well it is known, and what a user
+    has to know of it.
 
     Attributes
     ----------
@@ -105,11 +105,11 @@ class Result:
     ----------
     measured
         What it was concluded from.
-    parts
+    findings
         What the frames show, or say that they do not show: by the name in "measured" of
         camera.json.
     facts
-        Sources of the measured parts: by that name.
+        Sources of the measured entries: by that name.
     camera
         The camera; None if the frames cannot determine it.
     refusal
@@ -119,11 +119,11 @@ class Result:
     warnings
         Sentences for the user.
     missing
-        Parts that neither these frames nor the old camera file measured, and what to do.
+        Entries that neither these frames nor the old camera file measured, and what to do.
     """
 
     measured: Measurements
-    parts: Mapping[str, Part]
+    findings: Mapping[str, Finding]
     facts: Mapping[str, Mapping[str, Any]]
     camera: Camera | None
     refusal: str
@@ -151,9 +151,9 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     Parameters
     ----------
     measured
-        What was measured. What it shows replaces whole parts of the old camera file.
+        What was measured. What it shows replaces whole entries of the old camera file.
     provenance
-        Facts that every part of the camera file records.
+        Facts that every entry of the camera file records.
 
     Raises
     ------
@@ -161,37 +161,37 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
         No frame was read.
     """
     calibration = measured.calibration
-    parts = {part.name: part for conclude_part in _PARTS if (part := conclude_part(measured))}
-    changes = {name: value for part in parts.values() for name, value in part.changes.items()}
+    findings = {entry.name: entry for find in _ENTRIES if (entry := find(measured))}
+    changes = {name: value for entry in findings.values() for name, value in entry.changes.items()}
     sources = {
-        name: {**(provenance or {}), **part.facts}
-        for name, part in parts.items()
-        if part.facts is not None
+        name: {**(provenance or {}), **entry.facts}
+        for name, entry in findings.items()
+        if entry.facts is not None
     }
     if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
         rescaled = calibration.full_scale / math.fsum(changes["gamma"])
         changes["noise"] = calibration.noise.in_units_of(rescaled)
-    refusal = "; ".join(part.refusal for part in parts.values() if part.refusal)
+    refusal = "; ".join(entry.refusal for entry in findings.values() if entry.refusal)
     camera, known = None, measured.known | sources
     if (base := measured.base) and not refusal:
         camera = Camera(replace(calibration, **changes), base.pattern, known, base.shape)
-    contradictions = tuple(line for part in parts.values() for line in part.contradictions)
-    lines = [line for part in parts.values() for line in part.warnings]
+    contradictions = tuple(line for entry in findings.values() for line in entry.contradictions)
+    lines = [line for entry in findings.values() for line in entry.warnings]
     missing = {}
     for name, remedy in _REMEDIES.items():
         if name not in known and (name != "colour" or len(calibration.channels) >= FEWEST_CHANNELS):
-            missing[name] = (name in parts and parts[name].missing) or remedy
+            missing[name] = (name in findings and findings[name].missing) or remedy
     lines += [f"{name.replace('_', ' ')}: not measured; {why}" for name, why in missing.items()]
     warnings = (*measured.remarks, *lines, *_outdated(measured, sources))
-    return Result(measured, parts, sources, camera, refusal, contradictions, warnings, missing)
+    return Result(measured, findings, sources, camera, refusal, contradictions, warnings, missing)
 
 
 def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
-    """Return a warning of parts that are kept, and were measured with a black level that has turned
-    out to be wrong.
+    """Return a warning of entries that are kept, and were measured with a black level that has
+    turned out to be wrong.
     """
-    kept = [part for part in measured.known if part in _OF_BLACK and part not in sources]
+    kept = [entry for entry in measured.known if entry in _OF_BLACK and entry not in sources]
     if not (kept and measured.old and measured.dark):
         return []
     moved = np.abs(measured.dark.black - np.array(measured.old.calibration.black_level))
@@ -206,7 +206,7 @@ def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
 # --- gamma ---------------------------------------------------------------------------------------
 
 
-def conclude_gamma(measured: Measurements) -> Part | None:
+def conclude_gamma(measured: Measurements) -> Finding | None:
     """Return the weights of Eq. 7 as all shots show them together, and what does not fit
     together.
     """
@@ -215,7 +215,7 @@ def conclude_gamma(measured: Measurements) -> Part | None:
         line = f"it stays as the shots state it ({stated})"
         if len(measured.calibration.channels) >= FEWEST_CHANNELS:
             line += "; shoot a ColorChecker, and add it with `update`"
-        return Part("gamma", missing=line)
+        return Finding("gamma", missing=line)
     black, others = _contradictions(gammas, measured.shots)
     fit = max(gammas.values(), key=lambda each: each.worst)
     refusal = "; ".join(each.fault for each in gammas.values() if each.fault)
@@ -242,7 +242,7 @@ def conclude_gamma(measured: Measurements) -> Part | None:
                 f"they differ by {moved:.0f} times their intervals (95 %); is this another camera, "
                 "lens or light?"
             )
-    return Part("gamma", facts, changes, warnings, black + others, refusal, fit)
+    return Finding("gamma", facts, changes, warnings, black + others, refusal, fit)
 
 
 def _contradictions(
@@ -356,11 +356,11 @@ class ChartColours:
     gamma: tuple[float, ...]
 
 
-def conclude_colour(measured: Measurements) -> Part | None:
+def conclude_colour(measured: Measurements) -> Finding | None:
     """Return the camera's colours: of every chart with enough patches that are not clipped those
     that predict the left-out patches best.
 
-    Under two lights, those under each; the part is refused unless both are known. Of two lights in
+    Under two lights, those under each; the entry is refused unless both are known. Of two lights in
     a camera file that is updated, those that are not measured anew stay.
     """
     lights, two = measured.lights or ("",), (measured.old and measured.old.calibration.lights) or ()
@@ -369,14 +369,14 @@ def conclude_colour(measured: Measurements) -> Part | None:
         line = f"the colours of the camera file, under {names}, stay as they are"
         remedy = "name the light of the chart (`chart_light`) to replace those under it"
         same = {"lights": without_gamma(measured.calibration.lights)}
-        return Part("colour", changes=same, warnings=[f"{line}; {remedy}"])
+        return Finding("colour", changes=same, warnings=[f"{line}; {remedy}"])
     faults: list[str] = []
     charts = {light: _charts_under(measured, light, faults) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
         if not measured.lights:
-            return Part("colour", missing="; ".join(faults))
+            return Finding("colour", missing="; ".join(faults))
         why = "no chart without clipped patches was found under the light"
-        return Part("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
+        return Finding("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
     kept = [light for light in two if len(lights) == 1 and light.illuminant not in lights]
     stored = replace(best[0].shot, name="the chart of the camera file")
@@ -384,7 +384,7 @@ def conclude_colour(measured: Measurements) -> Part | None:
         fit = replace(best[0].fit, neutral=np.array(light.neutral))
         charts[light.illuminant] = [replace(best[0], shot=stored, fit=fit)]
     if measured.lights and (wrong := _wrong_lights(charts)):
-        return Part("colour", refusal=wrong)
+        return Finding("colour", refusal=wrong)
     warnings, contradictions = [], []
     for chart in best:
         name, mean = chart.shot.name, float(chart.fit.difference.mean())
@@ -422,7 +422,7 @@ def conclude_colour(measured: Measurements) -> Part | None:
         of_charts += [_kept_facts(measured.known.get("colour", {}), light) for light in kept]
         facts = {name: [chart.get(name) for chart in of_charts] for name in facts}
         facts = {"light": [light.illuminant for light in both], **facts}
-    return Part("colour", facts, changes, warnings, contradictions, result=best)
+    return Finding("colour", facts, changes, warnings, contradictions, result=best)
 
 
 def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list[ChartColours]:
@@ -436,11 +436,11 @@ def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list
         gamma = (gammas.get(light) or gammas[""]).gamma
         levels, used = reconciled(shot.places, gamma), shot.places.exposed
         try:
-            fit = fit_colour(levels, measured.chart_colours, shot.chart.cells, used)
+            fit = fit_colour(levels, measured.chart_colours, shot.chart.centres, used)
             odd = int(fit.left_out.argmax())
             if fit.left_out[odd] > max(_ODD_COLOUR, _ODD * fit.left_out.mean()):
                 used = used & (np.arange(used.size) != odd)
-                fit = fit_colour(levels, measured.chart_colours, shot.chart.cells, used)
+                fit = fit_colour(levels, measured.chart_colours, shot.chart.centres, used)
         except InputError as error:
             faults.append(f"{shot.name}: {error}")
         else:
@@ -493,7 +493,7 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
 # --- dark and flat frames ------------------------------------------------------------------------
 
 
-def conclude_black_level(measured: Measurements) -> Part | None:
+def conclude_black_level(measured: Measurements) -> Finding | None:
     """Return the black level of each plane, and a warning of codes that are too coarse for the read
     noise.
     """
@@ -506,10 +506,10 @@ def conclude_black_level(measured: Measurements) -> Part | None:
     )
     facts = {"frames": dark.frames, "standard_error": rounded(dark.black_error)}
     changes = {"black_level": measured.calibration.black_level}
-    return Part("black_level", facts, changes, () if dark.shows_read else (coarse,))
+    return Finding("black_level", facts, changes, () if dark.shows_read else (coarse,))
 
 
-def conclude_defects(measured: Measurements) -> Part | None:
+def conclude_defects(measured: Measurements) -> Finding | None:
     """Return the defects.
 
     Those that the frames or the camera file state stay, unless dark and flat frames together do not
@@ -520,7 +520,7 @@ def conclude_defects(measured: Measurements) -> Part | None:
         return None
     before = stated | set(measured.calibration.defects)
     if not (dark or flats):
-        return Part("defects", changes={"defects": tuple(sorted(before))}) if stated else None
+        return Finding("defects", changes={"defects": tuple(sorted(before))}) if stated else None
     shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
     defects = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
     fraction, warnings = len(defects) / measured.base.samples.size, []
@@ -537,10 +537,10 @@ def conclude_defects(measured: Measurements) -> Part | None:
             f"{100 * flats.blind:.0f} % of the frame; expose the brightest pair up to three "
             "quarters of full scale"
         )
-    return Part("defects", {"part_of_pixels": fraction}, {"defects": tuple(defects)}, warnings)
+    return Finding("defects", {"part_of_pixels": fraction}, {"defects": tuple(defects)}, warnings)
 
 
-def conclude_noise(measured: Measurements) -> Part | None:
+def conclude_noise(measured: Measurements) -> Finding | None:
     """Return the noise of each plane, and warnings if it is uncertain."""
     flats, dark, calibration = measured.flats, measured.dark, measured.calibration
     if not flats:
@@ -549,7 +549,7 @@ def conclude_noise(measured: Measurements) -> Part | None:
     if fault := contradiction(noise, calibration, dark, [shot.places for shot in measured.shots]):
         line = f"noise was left out: flat frames {', '.join(flats.names)}: {fault}"
         remedy = "take all frames with one gain, and flat frames in steady light"
-        return Part("noise", warnings=[f"{line}; {remedy}"])
+        return Finding("noise", warnings=[f"{line}; {remedy}"])
     # In scene units noise is as uncertain as their size, which is that of gamma.
     full_scale, error, gamma = calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
@@ -571,7 +571,7 @@ def conclude_noise(measured: Measurements) -> Part | None:
     if error > _GOOD_READ and (dark is None or dark.shows_read):  # or dark frames cannot help
         known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
         warnings.append(f"read noise is {known}; take dark frames (`dark`), or more of them")
-    return Part("noise", facts, {"noise": noise.model(full_scale)}, warnings, result=noise)
+    return Finding("noise", facts, {"noise": noise.model(full_scale)}, warnings, result=noise)
 
 
 def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
@@ -596,7 +596,7 @@ def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
     return f"what is replaced moves: {', '.join(words)}", beyond
 
 
-def conclude_shading(measured: Measurements) -> Part | None:
+def conclude_shading(measured: Measurements) -> Finding | None:
     """Return how light falls off, for each plane, and a warning if black level was assumed."""
     result = measured.shading
     if result is None:
@@ -609,7 +609,7 @@ def conclude_shading(measured: Measurements) -> Part | None:
     if shading:
         facts |= {"stops": round(shading.stops, 3), "colour": round(shading.colour, 4)}
         facts |= {"residual": shading.residual, "focal_length": shading.focal_length}
-    return Part("shading", facts, {"shading": shading}, warnings, result=result)
+    return Finding("shading", facts, {"shading": shading}, warnings, result=result)
 
 
 def rounded(values: DoubleArray) -> list[float]:
@@ -617,7 +617,7 @@ def rounded(values: DoubleArray) -> list[float]:
     return [float(f"{value:.3g}") for value in values.tolist()]
 
 
-_PARTS = (
+_ENTRIES = (
     conclude_gamma,
     conclude_colour,
     conclude_noise,

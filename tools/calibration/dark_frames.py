@@ -10,7 +10,7 @@ import numpy as np
 from ...shared import Mosaic
 from ...shared.arrays import DoubleArray, IndexArray
 from ...shared.errors import InputError
-from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, levels_of, planes_of, tiles
+from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, levels_of, planes_of, windows
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
 # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288
@@ -82,8 +82,8 @@ def check_dark(frame: Mosaic) -> None:
     """Raise InputError if a frame that is given as dark is not."""
     level = float(np.median(levels_of(frame)))
     if level > _NOT_DARK:
-        part = f"its median is {100 * level:.0f} % of full scale"
-        raise InputError(f"is not dark: {part}; cover the lens")
+        found = f"its median is {100 * level:.0f} % of full scale"
+        raise InputError(f"is not dark: {found}; cover the lens")
 
 
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
@@ -173,7 +173,7 @@ def _check_alike(samples: DoubleArray) -> None:
 def _check_light(
     frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int
 ) -> None:
-    """Raise InputError if light has fallen on dark frames: in all of the sensor, or in a part of
+    """Raise InputError if light has fallen on dark frames: in all of the sensor, or in some of
     it.
 
     frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes.
@@ -198,13 +198,13 @@ def _check_light(
             f"{noises}: both rise from filter to filter as they do in light, most in W, which sees "
             "all colours; cover lens and viewfinder, and take them in the dark"
         )
-    parts = []
-    for window in tiles(planes):
-        tile, here = mean[window], planes[window]
-        middle = [float(np.median(tile[here == plane])) for plane in range(len(letters))]
-        parts.append((middle[-1] - float(np.mean(middle[:-1])), window))
-    usual = float(np.median([part for part, _ in parts]))
-    most, (rows, columns) = max(parts, key=lambda part: part[0])
+    steps = []
+    for window in windows(planes):
+        signal, here = mean[window], planes[window]
+        middle = [float(np.median(signal[here == plane])) for plane in range(len(letters))]
+        steps.append((middle[-1] - float(np.mean(middle[:-1])), window))
+    usual = float(np.median([step for step, _ in steps]))
+    most, (rows, columns) = max(steps, key=lambda step: step[0])
     if most - usual > max(limit, CLIP * float(noise.max()) / np.sqrt(frames * LEAST_SAMPLES)):
         place = f"row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}"
         raise InputError(

@@ -48,8 +48,8 @@ def sort_files(requested: Mapping[str, Sequence[str]]) -> tuple[Files, list[Sear
             raise InputError(f"{folder}: {fault}")
         searches.append(result)
         for source in result.sources:
-            parts = source.below.parts if source.below and kind == "shots" else ()
-            names = [part.lower() for part in reversed(parts)]
+            folders = source.below.parts if source.below and kind == "shots" else ()
+            names = [folder.lower() for folder in reversed(folders)]
             kinds = (other for name in names for other in KINDS[1:] if name.startswith(other))
             key, found = file_key(source.name), next(kinds, kind)
             if key not in kind_of:
@@ -78,7 +78,7 @@ def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
     if output.exists() and identity(output) in map(identity, chain(*files.values())):
         raise OutputError(f"{output}: is an input; choose another name")
     if output.exists() and not replace_existing:
-        remedy = "`update` puts the new parts into it, `overwrite` replaces it"
+        remedy = "`update` puts the new entries into it, `overwrite` replaces it"
         raise OutputError(f"{output}: exists already; {remedy}")
 
 
@@ -92,14 +92,14 @@ def read_known(path: Path) -> Camera:
     """
     camera = read_camera(path)
     planes = len(camera.calibration.black_level)
-    for part, key, count in (
+    for entry, key, count in (
         ("gamma", "half_width_95", planes - 1),
         ("noise", "shot_error", planes),
         ("noise", "read_error", planes),
         ("black_level", "standard_error", planes),
     ):
-        if (stated := camera.measured.get(part, {}).get(key)) is not None:
-            numbers(f"{path}: measured.{part}.{key}", stated, count)
+        if (stated := camera.measured.get(entry, {}).get(key)) is not None:
+            numbers(f"{path}: measured.{entry}.{key}", stated, count)
     return camera
 
 

@@ -123,7 +123,7 @@ class Assumed:
         dark : DarkResult | None, optional
             Measurement of the black level by dark frames; None = there are none.
         measured : Mapping[str, Mapping[str, Any]], optional
-            Parts of the camera that an earlier calibration has measured, as its camera file
+            Entries of the camera file that an earlier calibration has measured, as its camera file
             describes them.
         even : bool, optional
             Whether these frames have measured shading, if only that there is none.
@@ -154,13 +154,13 @@ class Assumed:
         span = calibration.white_level - np.array(calibration.black_level)
         # Planes may be off together or each by itself: as sums of squares or as a sum; the larger
         # is the safer one.
-        part = self.black / span * weights
+        errors = self.black / span * weights
         # In common, errors of the channels cancel that of the panchromatic plane in part.
-        common = abs(part[-1] - part[:-1].sum())
+        common = abs(errors[-1] - errors[:-1].sum())
         at = named(len(gamma))
         precision = np.zeros(at["light"].stop)
         if offset:
-            precision[at["offset"]] = 1 / max(common, float(np.sqrt((part**2).sum()))) ** 2
+            precision[at["offset"]] = 1 / max(common, float(np.sqrt((errors**2).sum()))) ** 2
         sides = {"bowl": self.colour, "rim": self.colour, "down": self.tilt, "right": self.tilt}
         for name, side in {**sides, "light": 1.0}.items():
             precision[at[name]] = (np.maximum(np.abs(gamma), 1e-3) * side) ** -2.0

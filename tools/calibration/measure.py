@@ -253,7 +253,7 @@ def measure_chart(
             fit = with_surroundings(fit, places, patch_samples(mosaic, areas))
     else:
         measured, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]
-        expected = expected_levels(measured, reference, chart.cells, letter)
+        expected = expected_levels(measured, reference, chart.centres, letter)
         fit, places = fit_with_derived(places, mosaic.calibration, derived, expected, assumed)
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart))

@@ -26,21 +26,21 @@ from .samples import (
     levels_of,
     planes_of,
     robust_deviation,
-    tiles,
+    windows,
 )
 
 _ROUNDS = 12
 _LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
 _HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
-_MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
+_MOST_DEAD = 0.1  # of the pixels of a plane in a window: more of them are a shadow, not dead
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _LEAST = 1e-3  # of full scale: pixels that differ by less are no defects
 _OTHER_GAIN = 1.3  # ratio of noises: more is another gain, or light that changes
 _SURE = 5.0  # standard errors
 _HARMLESS = 0.003  # of the variance: flicker that adds less does not matter
-# Logarithm of the light, from tile to tile; of all steps, those that lenses of 3 stops do not make;
-# of the brightest tile, what is not told from black.
+# Logarithm of the light, from window to window; of all steps, those that lenses of 3 stops do not
+# make; of the brightest window, what is not told from black.
 _STEP, _STEPS, _FLOOR = 0.5, 0.05, 0.02
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
 SIGMAS = 1.96  # standard errors in half a 95 % interval
@@ -136,7 +136,7 @@ class FlatResult:
     pairs : int
         Their number.
     points : PlaceSamples
-        Mean and variance in parts of full scale, in the tiles of each pair; rounding to codes is
+        Mean and variance in parts of full scale, in the windows of each pair; rounding to codes is
         part of the variance.
     dead : tuple[tuple[int, int], ...]
         (row, column) of pixels that are dead in the brightest pair.
@@ -203,7 +203,7 @@ def check_flat(frame: Mosaic) -> None:
     """
     planes, levels = planes_of(frame), levels_of(frame)
     clear = planes == len(frame.pattern.planes) - 1
-    middles = [float(np.median(levels[window][clear[window]])) for window in tiles(planes)]
+    middles = [float(np.median(levels[window][clear[window]])) for window in windows(planes)]
     side = math.isqrt(len(middles))
     light = np.log(np.maximum(middles, max(_FLOOR * max(middles), 1e-6))).reshape(side, side)
     steps = np.concatenate([np.diff(light, axis=axis).ravel() for axis in (0, 1)])
@@ -320,9 +320,9 @@ def noise_of_flats(
     if float((points.variance * span**2).max(axis=0, initial=0).min()) < HIDDEN**2:
         fault = "show less noise than rounding to codes hides"
     elif not noise.uncertainty <= _WORST_NOISE:
-        part = f"±{100 * noise.uncertainty:.0f} %" if noise.uncertainty < 1 else "±100 % or more"
+        spread = f"±{100 * noise.uncertainty:.0f} %" if noise.uncertainty < 1 else "±100 % or more"
         allowed = f"{100 * _WORST_NOISE:.0f} % are allowed"
-        fault = f"tell the noise at full scale only to {part}, and {allowed}"
+        fault = f"tell the noise at full scale only to {spread}, and {allowed}"
     if fault:
         raise InputError(
             f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, "
@@ -414,12 +414,12 @@ def _pair_points(
     mean: DoubleArray, difference: DoubleArray, planes: np.ndarray, number: int
 ) -> DoubleArray:
     """Return mean, half the variance of the difference of two frames, and number of samples, in N
-    tiles that are not clipped.
+    windows that are not clipped.
 
     number: of planes P; the result is (N, 3, P).
     """
     places = []
-    for window in tiles(planes):
+    for window in windows(planes):
         place, brightest = np.zeros((3, number)), 0.0
         for plane in range(number):
             light, apart = (each[window][planes[window] == plane] for each in (mean, difference))
@@ -440,19 +440,19 @@ def _dead(
     """Return (row, column) of pixels that are dead in two frames, and the part of the pixels that
     cannot tell; mean, difference: of the frames, (H, W).
 
-    Dead is less than half the light of the plane in the same tile. A good pixel must not be as dark
-    by chance, nor a dead one as bright: half the light is DEFECT deviations of the noise away from
-    both. Where many pixels are dark the light is uneven.
+    Dead is less than half the light of the plane in the same window. A good pixel must not be as
+    dark by chance, nor a dead one as bright: half the light is DEFECT deviations of the noise away
+    from both. Where many pixels are dark the light is uneven.
     """
     dead: list[tuple[int, int]] = []
     blind = 0
-    for window in tiles(planes):
+    for window in windows(planes):
         top, left = window[0].start, window[1].start
-        tile, noise = 2 * mean[window], difference[window]
+        levels, noise = 2 * mean[window], difference[window]
         for plane in np.unique(planes[window]):
             own = planes[window] == plane
-            middle, number = float(np.median(tile[own])), int(own.sum())
-            low = own & (tile < _DEAD * middle)
+            middle, number = float(np.median(levels[own])), int(own.sum())
+            low = own & (levels < _DEAD * middle)
             noisy = (1 - _DEAD) * middle < DEFECT * clipped_moments(noise[own])[1]
             if noisy or low.sum() > max(_MOST_DEAD * number, 2):
                 blind += number

@@ -42,7 +42,7 @@ def build_report(result: Result, provenance: Mapping[str, str]) -> bytes:
     """
     camera, measured = result.camera, result.measured
     told = () if result.refusal else result.contradictions  # a refusal names them already
-    fits = {name: part.result for name, part in result.parts.items() if part.result is not None}
+    fits = {name: one.result for name, one in result.findings.items() if one.result is not None}
     plots = {"gamma": partial(_plot_residuals, result)}
     if "noise" in fits:
         plots["noise"] = partial(_plot_transfer, fits["noise"], measured.planes)

@@ -17,9 +17,10 @@ from ...shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, Inde
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
 CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
-LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
-# per side, at most: flat frames are never quite even, so means and variances are measured in tiles
-_TILES = 12
+LEAST_SAMPLES = 40  # samples of the rarest plane in a window, about
+# per side, at most: flat frames are never quite even, so means and variances are measured in
+# windows
+_WINDOWS = 12
 _FEW = 9  # samples: fewer do not tell their own deviation
 NO_PLANE = 255  # of a defective sample, see `planes_of`
 
@@ -185,14 +186,14 @@ def _moments(
     return moments, kept
 
 
-def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
+def windows(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
+    """Yield windows of the frame, as many as possible with enough samples of every plane."""
     rarest = int(np.bincount(planes[planes != NO_PLANE]).min())
-    number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _TILES))
-    yield from windows(planes.shape, (number, number))
+    number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _WINDOWS))
+    yield from cut_windows(planes.shape, (number, number))
 
 
-def windows(shape: tuple[int, ...], numbers: tuple[int, ...]) -> Iterator[tuple[slice, slice]]:
+def cut_windows(shape: tuple[int, ...], numbers: tuple[int, ...]) -> Iterator[tuple[slice, slice]]:
     """Yield the windows that cut a frame into rows and columns of them.
 
     Parameters

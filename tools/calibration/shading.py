@@ -21,19 +21,19 @@ from ...shared import Mosaic, Shading
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
 from ...shared.shading import ZOOMED, basis
-from .samples import CLIP, CLIPPED, inliers, levels_of, planes_of, windows
+from .samples import CLIP, CLIPPED, cut_windows, inliers, levels_of, planes_of
 
-# Periods along a side of a tile, at least, and tiles along an axis.
-_TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48
+# Periods along a side of a window, at least, and windows along an axis.
+_PERIODS, _FEWEST, _MOST = 5, 3, 48
 # Control points of the panchromatic gain, and of a colour's relative to it.
 _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
 # Third differences of control points that are likely: large in the corners of fast lenses.
 _ROUGH, _COLOUR_ROUGH = 5.0, 0.05
-# The second round sees tiles that are nearly even, whose means are those of their middles.
+# The second round sees windows that are nearly even, whose means are those of their middles.
 _ROUNDS = 2
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
 _WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
-_NOISE = 1.3  # times the noise that tiles show of themselves: they do not know it better
+_NOISE = 1.3  # times the noise that windows show of themselves: they do not know it better
 _RESIDUAL = 0.005  # share of the light, beyond noise: more is no shading
 # Share by which one side may be brighter than the other: all light, or a colour compared with it.
 # At the sides either moves no patch of a ColorChecker by more than 1.1 dE2000.
@@ -43,8 +43,8 @@ _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames bet
 _EVEN = 0.02  # less than this is no shading
 _ERRORS = 4.0  # standard errors: less than this is none either
 _DIGITS = 6
-_CLIPPED_PART = 2e-3  # of the samples of a plane: more of them, and it is not just defects
-_PARTS = 4  # of an axis, in which frames are compared with each other
+_CLIPPED_FRACTION = 2e-3  # of the samples of a plane: more of them, and it is not just defects
+_STRIPS = 4  # of an axis, in which frames are compared with each other
 # share by which the light of a frame may fall off in another way than that of all together
 _OTHERWISE = 0.03
 # of the light of the brightest frame: in dimmer ones, which count little, black level decides how
@@ -85,10 +85,10 @@ class ShadingResult:
         return f"shading: {lens.words}, known {error} from {frames}, residual: {residual}"
 
 
-class _Tiles(NamedTuple):
-    """Light in the tiles of a frame; per plane and tile.
+class _Windows(NamedTuple):
+    """Light in the windows of a frame; per plane and window.
 
-    number: rows and columns of tiles.
+    number: rows and columns of windows.
     row, column: (P, N), the middle of the plane's samples, pixels.
     gain: (P, N), by which its light was multiplied.
     light: (P, N), mean after that.
@@ -117,22 +117,22 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
         With the reason if they do not determine it.
     """
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
-    least = _FEWEST_TILES * _TILE * pattern.period
+    least = _FEWEST * _PERIODS * pattern.period
     if min(shape) < least:
         raise InputError(
             f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it "
-            f"takes {least}, {_FEWEST_TILES * _TILE} periods of the pattern"
+            f"takes {least}, {_FEWEST * _PERIODS} periods of the pattern"
         )
     focal = _common_focal_length(frames)
-    light, parts = _mean_of_unclipped(frames)
+    light, falloffs = _mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
     for _ in range(_ROUNDS):
-        tiles = _measured(light, frames[0][1], shading)
-        if not tiles.light.min() > 0:
+        windows = _measured(light, frames[0][1], shading)
+        if not windows.light.min() > 0:
             remedy = "expose more, up to three quarters of full scale"
             raise InputError(f"flat frames: they are dark, at least in places; {remedy}")
-        shading, error = _refined(shading, tiles)
-    _check_alike(parts)
+        shading, error = _refined(shading, windows)
+    _check_alike(falloffs)
     left = _measured(light, frames[0][1], shading)
     _check_light(left, shading, pattern.channels)
     share = left.light / left.light.mean(axis=1, keepdims=True) - 1
@@ -147,7 +147,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
         )
     is_even = float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error)
     rounded = None if is_even else replace(shading, residual=float(f"{residual:.2g}"))
-    return ShadingResult(rounded, len(parts), error)
+    return ShadingResult(rounded, len(falloffs), error)
 
 
 def _common_focal_length(frames: Sequence[Named]) -> float | None:
@@ -167,45 +167,45 @@ def _common_focal_length(frames: Sequence[Named]) -> float | None:
 
 def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, DoubleArray]]:
     """Return the mean of the frames that are not clipped, (H, W), and, by name, the panchromatic
-    light in parts of each.
+    light in strips of each.
 
     Raises InputError if all are clipped.
     """
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
     planes, letters = planes_of(frames[0][1]), pattern.planes
     number, clear = np.bincount(planes.ravel())[: len(letters)], planes == len(letters) - 1
-    down, right = (np.linspace(0, length, _PARTS, endpoint=False).astype(int) for length in shape)
-    total, parts, clipped = np.zeros(shape), {}, []
+    down, right = (np.linspace(0, length, _STRIPS, endpoint=False).astype(int) for length in shape)
+    total, falloffs, clipped = np.zeros(shape), {}, []
     for name, frame in frames:
         levels = levels_of(frame)
         of_planes = np.bincount(planes[levels >= CLIPPED], minlength=number.size)
         shares = of_planes[: number.size] / number
-        if shares.max() > _CLIPPED_PART:
+        if shares.max() > _CLIPPED_FRACTION:
             clipped.append((float(shares.max()), letters[int(shares.argmax())], name))
             continue
         total += levels
         strips = np.add.reduceat(np.where(clear, levels, 0), down, dtype=np.float64)
-        parts[name] = np.add.reduceat(strips, right, axis=1)
-    if not parts:
+        falloffs[name] = np.add.reduceat(strips, right, axis=1)
+    if not falloffs:
         share, letter, name = min(clipped)
         raise InputError(
             f"flat frames: all are clipped; {name} is least so, in {100 * share:.2g} % of the "
             f"samples of {letter}; expose less, so that the brightest read about three quarters of "
             "full scale"
         )
-    return total / len(parts), parts
+    return total / len(falloffs), falloffs
 
 
-def _check_alike(parts: dict[str, DoubleArray]) -> None:
-    """Raise InputError if the light of a frame falls off in another way than that of all; parts:
+def _check_alike(falloffs: dict[str, DoubleArray]) -> None:
+    """Raise InputError if the light of a frame falls off in another way than that of all; falloffs:
     see `_mean_of_unclipped`.
     """
-    together = np.sum(list(parts.values()), axis=0)
-    brightest = max(part.mean() for part in parts.values())
-    for name, part in parts.items():
-        if part.mean() < _COUNTS * brightest:
+    together = np.sum(list(falloffs.values()), axis=0)
+    brightest = max(falloff.mean() for falloff in falloffs.values())
+    for name, falloff in falloffs.items():
+        if falloff.mean() < _COUNTS * brightest:
             continue
-        unlike = float(np.ptp(part / part.mean() / (together / together.mean())))
+        unlike = float(np.ptp(falloff / falloff.mean() / (together / together.mean())))
         if unlike > _OTHERWISE:
             raise InputError(
                 f"flat frames: the light of {name} falls off in another way than that of all "
@@ -214,16 +214,16 @@ def _check_alike(parts: dict[str, DoubleArray]) -> None:
             )
 
 
-def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Tiles:
-    """Measure the light of a frame like this one, (H, W), in tiles, with the shading undone as far
-    as it is known.
+def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Windows:
+    """Measure the light of a frame like this one, (H, W), in windows, with the shading undone as
+    far as it is known.
     """
     shape, pattern, planes = frame.shape, frame.pattern, planes_of(frame)
-    down, right = (min(length // (_TILE * pattern.period), _MOST_TILES) for length in shape)
+    down, right = (min(length // (_PERIODS * pattern.period), _MOST) for length in shape)
     measured = np.zeros((5, len(shading.gain), down * right))
     for plane in range(len(shading.gain)):
         gain = shading.of_plane(shape, plane)
-        for number, window in enumerate(windows(shape, (down, right))):
+        for number, window in enumerate(cut_windows(shape, (down, right))):
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
             off = values - np.median(values)
@@ -234,28 +234,28 @@ def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Tiles:
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = gain[window][rows, columns].mean()
             measured[:, plane, number] = *middle, undone, mean, error
-    return _Tiles((down, right), *measured)
+    return _Windows((down, right), *measured)
 
 
-def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
-    """Return the shading that also undoes what is left in the tiles, and the standard error of its
-    gain, as a share.
+def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:
+    """Return the shading that also undoes what is left in the windows, and the standard error of
+    its gain, as a share.
 
     Raises InputError if that is too large.
     """
-    enough = np.array(tiles.number) // 3 + 3
+    enough = np.array(windows.number) // 3 + 3
     full, low = (tuple(np.minimum(most, enough).tolist()) for most in (_POINTS, _COLOUR_POINTS))
-    missing, errors = tiles.gain / tiles.light, tiles.error / tiles.light
+    missing, errors = windows.gain / windows.light, windows.error / windows.light
     size = shading.size
-    design = _design(size, full, tiles.row[-1], tiles.column[-1])
+    design = _design(size, full, windows.row[-1], windows.column[-1])
     panchromatic, error = _spline(design, full, missing[-1], errors[-1], _ROUGH)
-    # Where a colour's samples are in the tiles, and how the product of two splines becomes one.
+    # Where a colour's samples are in the windows, and how the product of two splines becomes one.
     places = [np.linspace(0, size[axis] - 1, 4 * full[axis]) for axis in (0, 1)]
     down, right = (basis(size[axis], full[axis], places[axis]) for axis in (0, 1))
     of_colour, at = (basis(size[axis], low[axis], places[axis]) for axis in (0, 1))
     gains = []
     for plane in range(len(missing) - 1):
-        middles = tiles.row[plane], tiles.column[plane]
+        middles = windows.row[plane], windows.column[plane]
         target = missing[plane] / _values(panchromatic, size, *middles)
         design = _design(size, low, *middles)
         relative, own = _spline(design, low, target, errors[plane], _COLOUR_ROUGH)
@@ -277,10 +277,10 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
 def _spline(
     design: DoubleArray, points: Size, target: DoubleArray, errors: DoubleArray, rough: float
 ) -> tuple[DoubleArray, float]:
-    """Return the control points of the spline through values in the tiles, and its largest standard
-    error, as a share.
+    """Return the control points of the spline through values in the windows, and its largest
+    standard error, as a share.
 
-    design: (N, points), weights of the control points in the tiles.
+    design: (N, points), weights of the control points in the windows.
     target: (N,), the values; errors: (N,), their standard errors, as a share.
     rough: standard deviation of third differences of the control points.
     """
@@ -308,15 +308,15 @@ def _values(
     return _design(size, points.shape, rows, columns) @ points.ravel()
 
 
-def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
+def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
     """Raise InputError if the light is brighter on one side, or falls off around a place far from
     the middle.
 
-    shading: with which the tiles were measured. letters: of the channels. Light whose colour
+    shading: with which the windows were measured. letters: of the channels. Light whose colour
     differs from side to side is uneven too, so that each is compared with all light.
     """
     size, half = shading.size, np.hypot(*shading.size) / 2
-    rows, columns = tiles.row[-1], tiles.column[-1]
+    rows, columns = windows.row[-1], windows.column[-1]
     y, x = (rows - (size[0] - 1) / 2) / half, (columns - (size[1] - 1) / 2) / half
     gains = [_values(np.array(points), size, rows, columns) for points in shading.gain]
 
@@ -347,7 +347,7 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
             side = "bottom" if down > 0 else "top"
         return float(np.expm1(np.hypot(down, right))), side, float(np.square(residuals).sum())
 
-    level, weights = np.log(tiles.light / tiles.gain)[-1], tiles.light / tiles.error
+    level, weights = np.log(windows.light / windows.gain)[-1], windows.light / windows.error
     tilt, side, squares = fit_tilt(np.zeros(2), level, weights[-1])
 
     def residuals_around(centre: DoubleArray) -> DoubleArray:

@@ -203,12 +203,12 @@ class GenicamCamera:
         if requested:
             camera.set_pixel_format_from_string(requested)
         key, self.bits = format_named(name)
-        region, payload = camera.get_region(), camera.get_payload()
-        self.layout = layout = FrameLayout(region.width, region.height, key)
+        roi, payload = camera.get_region(), camera.get_payload()
+        self.layout = layout = FrameLayout(roi.width, roi.height, key)
         if camera.is_feature_available("LinePitch"):
             self.layout = replace(layout, stride=camera.get_integer("LinePitch"))
-        elif payload % region.height == 0 and payload > layout.frame_bytes:
-            self.layout = replace(layout, stride=payload // region.height)
+        elif payload % roi.height == 0 and payload > layout.frame_bytes:
+            self.layout = replace(layout, stride=payload // roi.height)
         if payload < self.layout.frame_bytes:
             fault = f"a frame has {payload} bytes, but {self.layout.size}"
             raise InputError(f"{self._source}: {fault}; set a width that 8 divides")

@@ -95,7 +95,7 @@ def _readings(data: Bytes, layout: FrameLayout) -> Iterator[set[Reading]]:
     # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two
     # resemble each other even more.
     likely = likely_strides(data, layout.stride)
-    repeats = [part for stride in likely for part in (stride, stride // 2)]
+    repeats = [each for stride in likely for each in (stride, stride // 2)]
     tight = {name: FrameLayout(layout.width, 1, name).stride for name in FORMATS}
     strides = [layout.stride, tight[layout.format], *repeats]
     yield {*product(FORMATS, strides), *tight.items()}

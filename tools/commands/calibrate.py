@@ -198,11 +198,11 @@ def _write(
         console.say(f"{kept}: the file as it was before")
     if old is not None:
         new = list(result.facts)
-        same = ", ".join(part for part in old.measured if part not in new) or "nothing"
+        same = ", ".join(entry for entry in old.measured if entry not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
-    calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
+    calibration, entries = camera.calibration, ", ".join(camera.measured) or "nothing measured"
     sensor, gamma = calibration.sensor or "unnamed sensor", figures(calibration.gamma)
-    described = f"{sensor}, gamma {gamma}, measured: {parts}, id {calibration.id}"
+    described = f"{sensor}, gamma {gamma}, measured: {entries}, id {calibration.id}"
     console.say(f"{output}: {described}; {result.words}")
     warnings = map(console.spell, (*result.contradictions, *result.warnings))
     facts = {"verdict": verdict, "warnings": [*warnings]}

@@ -23,7 +23,7 @@ from ..evaluation.figures import Figures
 from ..evaluation.methods import choose, default_names, missing_packages
 from ..evaluation.page import build_page, plots_svg
 from ..evaluation.scene_sets import Reading
-from ..evaluation.study import Cell, Study, collect, missing_cells, remove_results
+from ..evaluation.study import Case, Study, collect, missing_cases, remove_results
 from ..evaluation.tables import encode_csv, encode_json, plain_text
 from ..evaluation.team import Team
 from ..evaluation.tiles import Tile, channels_of
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     study, failures = _study(arguments, console, team)
     if not study.scenes:
         return FAILED
-    todo, kept = missing_cells(study, folder, anew=arguments.overwrite)
+    todo, kept = missing_cases(study, folder, anew=arguments.overwrite)
     if arguments.dry_run:
         return _list(todo, kept, failures, console)
     if arguments.overwrite:  # before any is made, so that none that fails leaves an old one
@@ -133,8 +133,8 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
     place = absolute_path if arguments.scheduler else str
-    parts = (name.rpartition(":") for name in arguments.methods or default_names())
-    own = (f"{place(source)}{colon}{name}" for source, colon, name in parts)
+    split = (name.rpartition(":") for name in arguments.methods or default_names())
+    own = (f"{place(source)}{colon}{name}" for source, colon, name in split)
     methods = choose([*own, *map(place, arguments.rival)])
     if not arguments.methods and (missing := missing_packages()):
         reason = f"these packages are not installed: {', '.join(missing)}"
@@ -160,12 +160,12 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     return study, failures
 
 
-def _list(todo: list[Cell], kept: int, failures: list[str], console: Console) -> int:
+def _list(todo: list[Case], kept: int, failures: list[str], console: Console) -> int:
     """Print the work of a --dry-run."""
-    for cell in todo:
-        console.say(cell.title)
-        facts = {"source": cell.scene.source, "level": cell.level.level, "method": cell.method}
-        facts |= {"pattern": cell.tile and cell.tile.name, "period": cell.tile and cell.tile.period}
+    for case in todo:
+        console.say(case.title)
+        facts = {"source": case.scene.source, "level": case.level.level, "method": case.method}
+        facts |= {"pattern": case.tile and case.tile.name, "period": case.tile and case.tile.period}
         console.record(**facts, dry_run=True)
     console.say(f"{len(todo)} results to make, {kept} kept from an earlier run")
     return FAILED if failures else 0

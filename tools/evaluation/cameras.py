@@ -52,7 +52,7 @@ class CameraPair:
         Of the sparse-colour camera.
     neutral : tuple[float, ...] | None
         What white reads in the scene, one value per channel; None = unknown.
-    part : tuple[slice, slice]
+    window : tuple[slice, slice]
         Rows and columns of both shots that are rendered; they must begin at multiples of both
         patterns' periods.
     """
@@ -62,7 +62,7 @@ class CameraPair:
     truth: FloatArray
     pattern: CfaPattern
     neutral: tuple[float, ...] | None
-    part: tuple[slice, slice] = (slice(None), slice(None))
+    window: tuple[slice, slice] = (slice(None), slice(None))
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
         """Render the sparse-colour shot.
@@ -96,10 +96,10 @@ class CameraPair:
         level = self.level.scaled(filters_of(self.pattern).unit)
         camera = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits)
         shot = camera.shoot(scene, np.random.default_rng(self.seed)).mosaic
-        return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
+        return Mosaic(shot.samples[self.window], shot.pattern, shot.calibration)
 
     @cached_property
     def bayer(self) -> BayerShot:
         """The shot of the Bayer camera, in scene units under full light."""
         shot = self.level.bayer(sample_bayer(self.truth), np.random.default_rng(self.seed))
-        return shot._replace(samples=shot.samples[self.part])
+        return shot._replace(samples=shot.samples[self.window])

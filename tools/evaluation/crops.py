@@ -38,7 +38,7 @@ REASONS = AHEAD, BEHIND, WORST
 
 
 class Crop(NamedTuple):
-    """A part of a scene at a noise level.
+    """A window of a scene at a noise level.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Crop(NamedTuple):
     width: int
 
     @property
-    def part(self) -> tuple[slice, slice]:
+    def window(self) -> tuple[slice, slice]:
         """Rows and columns in the scene."""
         return slice(self.row, self.row + self.height), slice(self.column, self.column + self.width)
 
@@ -124,7 +124,7 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     scene = study.reading.scene(crop.scene)
     colours = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral)
     transform = ColourTransform.to_space(colours)
-    truth = scene.rgb[crop.part]
+    truth = scene.rgb[crop.window]
     gain = _gain(scene.rgb, truth / np.array(transform.white))
 
     def display(rgb: FloatArray) -> ByteArray:
@@ -153,8 +153,8 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatAr
     step = lcm(2, study.tile.pattern.period)  # keeps the phase of both filter patterns
     rows = _around(crop.row, crop.height, truth.shape[0], step)
     columns = _around(crop.column, crop.width, truth.shape[1], step)
-    pattern, part = study.tile.pattern, (rows, columns)
-    cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, part)
+    pattern, window = study.tile.pattern, (rows, columns)
+    cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, window)
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in crop.methods:
         yield study.method(name).render(cameras)[top : top + crop.height, left : left + crop.width]
@@ -166,9 +166,9 @@ def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, Fl
     """
     study = figures.study
     measures = {
-        cell.method: result
-        for cell, result in figures.results.items()
-        if (cell.scene, cell.level) == (scene, level) and cell.tile in (None, study.tile)
+        case.method: result
+        for case, result in figures.results.items()
+        if (case.scene, case.level) == (scene, level) and case.tile in (None, study.tile)
     }
     own, rival = measures.get(study.ours or ""), _rival(figures, scene, level)
     if own is None:

@@ -12,7 +12,7 @@ from .hue import colour_slopes
 from .measures import PLANES, Histogram, Measures
 from .metrics import QUANTILES
 from .scene_sets import SETS
-from .study import Cell, Study
+from .study import Case, Study
 from .tiles import Tile
 
 EVEN = 0.05  # dB: smaller differences count as none
@@ -141,18 +141,18 @@ class Figures:
         Figures of the sets, where every scene of a set has a result, then of the scenes.
     """
 
-    def __init__(self, study: Study, results: Mapping[Cell, Measures]) -> None:
+    def __init__(self, study: Study, results: Mapping[Case, Measures]) -> None:
         self.study, self.results = study, results
-        self.groups = [name for name in SETS if any(cell.scene.group == name for cell in results)]
+        self.groups = [name for name in SETS if any(case.scene.group == name for case in results)]
         pools, single = defaultdict[_Key, list[Measures]](list), dict[_Key, list[Measures]]()
-        for cell, measures in results.items():
-            place, method = Place(cell.scene.group, cell.level), (cell.method, cell.tile)
+        for case, measures in results.items():
+            place, method = Place(case.scene.group, case.level), (case.method, case.tile)
             pools[place, *method].append(measures)
-            single[place._replace(scene=cell.scene.name), *method] = [measures]
+            single[place._replace(scene=case.scene.name), *method] = [measures]
         self._figures = {
-            key: Figure(*key, len(parts), _values(parts))
-            for key, parts in (pools | single).items()
-            if key in single or len(parts) == len(self.scenes(key[0].group))
+            key: Figure(*key, len(pooled), _values(pooled))
+            for key, pooled in (pools | single).items()
+            if key in single or len(pooled) == len(self.scenes(key[0].group))
         }
         self.rows = list(self._figures.values())
 
@@ -187,20 +187,20 @@ class Figures:
         return [lead for place in places if (lead := self.lead(place, criterion))]
 
 
-def _values(parts: Sequence[Measures]) -> dict[str, float | None]:
+def _values(pooled: Sequence[Measures]) -> dict[str, float | None]:
     """`Figure.values` of some pictures; a single one's quantiles are exact."""
     values: dict[str, float | None] = {}
     for plane, name in enumerate(PLANES):
-        quantiles = parts[0].quality[plane]
-        if len(parts) > 1:
-            quantiles = Histogram.pooled([part.patches[plane] for part in parts]).quantiles()
+        quantiles = pooled[0].quality[plane]
+        if len(pooled) > 1:
+            quantiles = Histogram.pooled([result.patches[plane] for result in pooled]).quantiles()
         for quantile, value in zip(QUANTILES, quantiles, strict=True):
             values[f"{name}_q{round(100 * quantile)}"] = value
-    means = np.mean([part.psnr for part in parts], axis=0).tolist()
+    means = np.mean([result.psnr for result in pooled], axis=0).tolist()
     values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), means, strict=True)
-    hues = [part.wrong_hue for part in parts if part.wrong_hue is not None]
+    hues = [result.wrong_hue for result in pooled if result.wrong_hue is not None]
     values["wrong_hue"] = float(np.mean(hues)) if hues else None
-    kept = zip(*colour_slopes(np.sum([part.kept for part in parts], axis=0)), strict=True)
+    kept = zip(*colour_slopes(np.sum([result.kept for result in pooled], axis=0)), strict=True)
     for place, (slope, error) in enumerate(kept, 1):
         for name, value in ((f"kept_{place}", slope), (f"kept_{place}_error", error)):
             values[name] = None if isnan(value) else float(value)

@@ -37,9 +37,9 @@ class Histogram(NamedTuple):
         return cls(*np.unique(places, return_counts=True))
 
     @classmethod
-    def pooled(cls, parts: Sequence["Histogram"]) -> "Histogram":
-        """Histogram of all patches of all parts together."""
-        bins, counts = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    def pooled(cls, histograms: Sequence["Histogram"]) -> "Histogram":
+        """Histogram of all patches of all histograms together."""
+        bins, counts = (np.concatenate(arrays) for arrays in zip(*histograms, strict=True))
         total = np.bincount(bins, counts, _BINS).astype(np.int64)
         bins = np.flatnonzero(total)
         return cls(bins, total[bins])
@@ -129,10 +129,10 @@ class Measures:
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
                 names = Histogram._fields
-                parts = ([stored[f"{plane}_{name}"] for name in names] for plane in PLANES)
+                histograms = ([stored[f"{plane}_{name}"] for name in names] for plane in PLANES)
                 quality: Any = Quality(*map(tuple, stored["quality"].tolist()))
                 *psnr, hue = stored["whole"].tolist()
-                patches = tuple(map(Histogram._make, parts))
+                patches = tuple(map(Histogram._make, histograms))
                 wrong = None if np.isnan(hue) else hue
                 return cls(quality, tuple(psnr), wrong, stored["kept"], patches, stored["errors"])
         except Exception as error:  # a damaged archive raises nearly everything

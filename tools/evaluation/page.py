@@ -101,7 +101,7 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     for name, colour, offset in zip(study.methods, cycle(_COLOURS), offsets):
         found = [figures.of(Place(group, level), name) for level in levels]
         values: list[Any] = [figure.values if figure else {} for figure in found]
-        quantiles = (f"{PLANES[plane]}_q{part}" for part in (25, 50, 75))
+        quantiles = (f"{PLANES[plane]}_q{percent}" for percent in (25, 50, 75))
         low, median, high = np.array([[row.get(q, nan) for row in values] for q in quantiles])
         places, bars = np.arange(len(levels)) + offset, (median - low, high - median)
         line: Any = {"linewidth": 2.4 if name == study.ours else 1.3, "color": colour}

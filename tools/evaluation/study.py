@@ -27,7 +27,7 @@ from .tiles import Tile
 FOLDER = "results"
 
 
-class Cell(NamedTuple):
+class Case(NamedTuple):
     """One result: a scene at one noise level, by one method.
 
     Parameters
@@ -107,18 +107,18 @@ class Study:
         """Return one of the methods."""
         return find_method(name, self.sources)
 
-    def cells(self) -> Iterator[Cell]:
+    def cases(self) -> Iterator[Case]:
         """Yield every result, in the order of the report."""
         for scene in self.scenes:
             for level in self.levels:
                 for method in map(self.method, self.methods):
                     for tile in self.tiles if method.ours else (None,):
-                        yield name_cell(scene, level, method, tile, self.seed)
+                        yield name_case(scene, level, method, tile, self.seed)
 
 
-def name_cell(
+def name_case(
     scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int
-) -> Cell:
+) -> Case:
     """Return a result with the name of its file: a digest of all it depends on, the source of
     Panchroma and its networks included.
 
@@ -127,7 +127,7 @@ def name_cell(
     tile : Tile | None
         None for a Bayer camera's method.
     """
-    parts = {
+    facts = {
         "source": source_digest(),
         "protocol": level.name,
         "level": level.level,
@@ -136,11 +136,11 @@ def name_cell(
         "scene": scene.digest,
         "neutral": scene.neutral if method.balanced else None,
     }
-    text = json.dumps(parts | method.identity, sort_keys=True).encode()
-    return Cell(scene, level, method.name, tile, f"{hashlib.sha256(text).hexdigest()[:32]}.npz")
+    text = json.dumps(facts | method.identity, sort_keys=True).encode()
+    return Case(scene, level, method.name, tile, f"{hashlib.sha256(text).hexdigest()[:32]}.npz")
 
 
-def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Cell], int]:
+def missing_cases(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Case], int]:
     """Return the results that are still to be made, equal ones once, and the number of those that
     are there already.
 
@@ -153,8 +153,8 @@ def missing_cells(study: Study, folder: Path, *, anew: bool = False) -> tuple[li
     anew
         Make all results, whatever is there.
     """
-    distinct = {cell.name: cell for cell in study.cells()}
-    missing = [cell for cell in distinct.values() if anew or _kept(folder, cell) is None]
+    distinct = {case.name: case for case in study.cases()}
+    missing = [case for case in distinct.values() if anew or _kept(folder, case) is None]
     return missing, len(distinct) - len(missing)
 
 
@@ -163,15 +163,15 @@ def remove_results(study: Study, folder: Path) -> None:
 
     Raises OutputError.
     """
-    for cell in study.cells():
-        path = folder / FOLDER / cell.name
+    for case in study.cases():
+        path = folder / FOLDER / case.name
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(f"{path}: cannot be removed ({error.strerror or error})") from None
 
 
-def work(study: Study, folder: Path, cell: Cell) -> list[str]:
+def work(study: Study, folder: Path, case: Case) -> list[str]:
     """Make and keep a result, in any process.
 
     Parameters
@@ -180,7 +180,7 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
         The study; its scenes are not used.
     folder
         Folder of the evaluation.
-    cell
+    case
         The result.
 
     Returns
@@ -196,32 +196,32 @@ def work(study: Study, folder: Path, cell: Cell) -> list[str]:
     """
     place = ""
     try:
-        method = study.method(cell.method)
-        if name_cell(cell.scene, cell.level, method, cell.tile, study.seed) != cell:
+        method = study.method(case.method)
+        if name_case(case.scene, case.level, method, case.tile, study.seed) != case:
             reason = "the process that measures has another source of Panchroma, or other packages"
-            raise InputError(f"{cell.method}: {reason}; install the same ones")
-        truth = study.reading.scene(cell.scene).rgb
-        place = f"{cell.scene.source}: {cell.method}, {cell.level.text}: "
-        tile = cell.tile or study.tile
-        cameras = _cameras(cell.scene, cell.level, tile, study.seed, study.reading)
+            raise InputError(f"{case.method}: {reason}; install the same ones")
+        truth = study.reading.scene(case.scene).rgb
+        place = f"{case.scene.source}: {case.method}, {case.level.text}: "
+        tile = case.tile or study.tile
+        cameras = _cameras(case.scene, case.level, tile, study.seed, study.reading)
         measures = Measures.of(method.render(cameras), truth, study.reading.channels)
     except PanchromaError as error:
         return [f"{place}{error}"]
     except MemoryError:
-        return [f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size"]
-    write_durably(folder / FOLDER / cell.name, measures.encode(), overwrite=True)
+        return [f"{case.scene.source}: {case.method}: not enough memory for a picture of this size"]
+    write_durably(folder / FOLDER / case.name, measures.encode(), overwrite=True)
     return []
 
 
-def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
+def collect(study: Study, folder: Path) -> dict[Case, Measures]:
     """Return all results that are there, in the order of the report."""
-    return {cell: kept for cell in study.cells() if (kept := _kept(folder, cell)) is not None}
+    return {case: kept for case in study.cases() if (kept := _kept(folder, case)) is not None}
 
 
-def _kept(folder: Path, cell: Cell) -> Measures | None:
+def _kept(folder: Path, case: Case) -> Measures | None:
     """The result of an earlier run; None when there is none, or its file is damaged."""
     try:
-        with own_file(folder / FOLDER / cell.name, "rb") as file:
+        with own_file(folder / FOLDER / case.name, "rb") as file:
             return Measures.decode(file.read())
     except (OSError, InputError):
         return None

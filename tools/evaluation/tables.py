@@ -69,8 +69,8 @@ def plain_text(figures: Figures) -> str:
         first, *others = (max(map(len, column)) for column in columns)
         lines += ["", f"{group} ({len(figures.scenes(group))})"]
         for title, *texts in (table.head, *table.rows):
-            cells = (f"  {text:>{width}}" for text, width in zip(texts, others, strict=False))
-            lines.append(f"{title:{first}}{''.join(cells)}".rstrip())
+            entries = (f"  {text:>{width}}" for text, width in zip(texts, others, strict=False))
+            lines.append(f"{title:{first}}{''.join(entries)}".rstrip())
         lines += judge(figures, group).sentences
     return "\n".join(map(one_line, lines))
 
@@ -102,13 +102,13 @@ def encode_csv(figures: Figures) -> bytes:
     writer.writeheader()
     for row in rows:
         row["scene"] = row["scene"] or _POOLED
-        writer.writerow({name: _cell(value) for name, value in row.items()})
+        writer.writerow({name: _entry(value) for name, value in row.items()})
     return text.getvalue().encode()
 
 
-def _cell(value: Any) -> Any:
-    """Return the content of a cell of a CSV file: an apostrophe precedes a text that a spreadsheet
-    would take for a formula.
+def _entry(value: Any) -> Any:
+    """Return the content of an entry of a CSV file: an apostrophe precedes a text that a
+    spreadsheet would take for a formula.
 
     Source: OWASP, CSV injection.
     """

@@ -17,7 +17,7 @@ from ..batch.memory import format_bytes
 from ..batch.parallel import follow, one_by_one, possible_processes, processes
 from ..batch.progress import StageProgress
 from .scene_sets import Reading, SceneInfo, distinct, expand
-from .study import FOLDER, Cell, Study, work
+from .study import FOLDER, Case, Study, work
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -92,7 +92,7 @@ class Team:
         return scenes, failures
 
     def measure(
-        self, study: Study, folder: Path, todo: Sequence[Cell], scheduler: str | None = None
+        self, study: Study, folder: Path, todo: Sequence[Case], scheduler: str | None = None
     ) -> list[str]:
         """Make and keep results.
 
@@ -107,7 +107,7 @@ class Team:
             A line for each that failed; it is shown to the user too.
         """
         output_folder(str(folder / FOLDER))
-        pixels = max((cell.scene.rows * cell.scene.columns for cell in todo), default=0)
+        pixels = max((case.scene.rows * case.scene.columns for case in todo), default=0)
         measure = partial(work, replace(study, scenes=()), folder.absolute())
         results = self.together("measuring", measure, todo, pixels, scheduler)
         failures = list(dict.fromkeys(line for lines in results for line in lines))

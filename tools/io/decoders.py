@@ -122,7 +122,7 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
 
     path: the file, which begins like a PNG.
     most: bytes that may be kept.
-    Raises InputError when the picture is longer, or in more pieces than any encoder makes.
+    Raises InputError when the picture is longer, or in more strips than any encoder makes.
     """
     kept, beside, length, chunks = [_SIGNATURE], dict[bytes, bytes](), 0, 0
     with path.open("rb") as file:
@@ -227,9 +227,9 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     with guarded():
         pixels = np.atleast_3d(imagecodecs.jpeg8_decode(jpeg))
     notes: list[str] = []
-    # The parts of a profile begin with their number, and how many there are.
-    parts = sorted(header.held(_PROFILE), key=lambda part: part[:1])
-    profile = b"".join(part[2:] for part in parts)
+    # The chunks of a profile begin with their number, and how many there are.
+    chunks = sorted(header.held(_PROFILE), key=lambda chunk: chunk[:1])
+    profile = b"".join(chunk[2:] for chunk in chunks)
     encoding = profile_encoding(profile, notes) or exif_encoding(BytesIO(header.exif), notes)
     if any(mark in jpeg for mark in _GAIN_MAPS):
         plain = "this is the plain picture, whose highlights end at white"

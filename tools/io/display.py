@@ -179,7 +179,7 @@ class ColourTransform:
     def planes(
         self, rgb: FloatArray, exposure: float = 0.0, *, encoded: bool = True
     ) -> Iterator[tuple[slice, int, FloatArray]]:
-        """Yield the result of `apply` in pieces that fit in the processor's cache: (rows, channel,
+        """Yield the result of `apply` in strips that fit in the processor's cache: (rows, channel,
         float32 (rows, W)).
 
         Parameters

@@ -10,10 +10,10 @@ from ...shared.errors import InputError
 
 _MOST_HOLES = 4096
 # more strips or tiles than this have that many pixels each
-_MANY_PIECES, _LEAST_PIECE = 1 << 14, 1024
+_MANY_STRIPS, _LEAST_STRIP = 1 << 14, 1024
 
 
-def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixels: int) -> None:
+def check_strips(offsets: Sequence[int], lengths: Sequence[int], end: int, pixels: int) -> None:
     """Raise InputError unless the strips or tiles of a picture lie in the file, share no bytes, and
     are not needlessly many.
 
@@ -34,7 +34,7 @@ def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixel
     if sum(lengths) > end:
         why = "the file is damaged, or made to fill the memory"
         raise InputError(f"the strips of the picture overlap: {why}")
-    if len(offsets) > _MANY_PIECES and len(offsets) * _LEAST_PIECE > pixels:
+    if len(offsets) > _MANY_STRIPS and len(offsets) * _LEAST_STRIP > pixels:
         reason = "the file is damaged, or made to waste time; save it again"
         raise InputError(f"{pixels} pixels in {len(offsets)} strips: {reason}")
 

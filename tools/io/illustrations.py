@@ -94,14 +94,14 @@ def comparison(pictures: dict[str, FloatArray], crops: dict[str, Crop], size: in
     return _sheet(panels, across=len(pictures))
 
 
-def draw_tile(tile: Sequence[str], cell: int, levels: DoubleArray | None = None) -> ByteArray:
+def draw_tile(tile: Sequence[str], side: int, levels: DoubleArray | None = None) -> ByteArray:
     """Return a picture of filters, uint8 (H, W, 3): a square for each, in its colour.
 
     Parameters
     ----------
     tile : Sequence[str]
         Rows of letters.
-    cell : int
+    side : int
         Pixels of a square, with a gap of two.
     levels : DoubleArray | None, optional
         Mean level of each site in any unit, (rows, columns): squares as grey as that, with a disc
@@ -109,20 +109,20 @@ def draw_tile(tile: Sequence[str], cell: int, levels: DoubleArray | None = None)
     """
     from PIL import Image, ImageDraw, ImageFont
 
-    picture = Image.new("RGB", (len(tile[0]) * cell, len(tile) * cell), _PAPER)
-    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(cell * 0.36)
+    picture = Image.new("RGB", (len(tile[0]) * side, len(tile) * side), _PAPER)
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(side * 0.36)
     greys = None
     if levels is not None:
         step = (_BRIGHTEST - _DARKEST) / (np.ptp(levels) or 1.0)
         greys = _DARKEST + (levels - levels.min()) * step
     for row, column in np.ndindex(len(tile), len(tile[0])):
         letter = tile[row][column]
-        left, top, colour = column * cell, row * cell, _FILTERS.get(letter, _OTHER)
+        left, top, colour = column * side, row * side, _FILTERS.get(letter, _OTHER)
         grey = colour if greys is None else (round(float(greys[row, column])),) * 3
-        draw.rectangle((left, top, left + cell - 3, top + cell - 3), grey)
+        draw.rectangle((left, top, left + side - 3, top + side - 3), grey)
         if greys is not None:
-            middle = (left + cell / 2 - 1, top + cell / 2 - 1)
-            draw.circle(middle, cell * 0.3, colour, _INK)
+            middle = (left + side / 2 - 1, top + side / 2 - 1)
+            draw.circle(middle, side * 0.3, colour, _INK)
             draw.text(middle, letter, _INK if sum(colour) > 450 else _PAPER, font, "mm")
     return np.asarray(picture)
 
@@ -139,7 +139,7 @@ def tile_map(tile: Sequence[str], levels: DoubleArray) -> bytes:
 
 
 def _pattern(tile: Sequence[str]) -> ByteArray:
-    """A panel with a pattern that repeats `tile`, one cell per pixel."""
+    """A panel with a pattern that repeats `tile`, one square per pixel."""
     rows = [(row * _DRAWN)[:_DRAWN] for row in (list(tile) * _DRAWN)[:_DRAWN]]
     drawn = draw_tile(rows, _PANEL // _DRAWN)
     before = (_PANEL - len(drawn)) // 2

@@ -23,7 +23,7 @@ from .camera_raw import camera_scene
 from .clipped import SHOULDER, saturation
 from .damage import guarded
 from .decoded import remark_on_unused
-from .file_size import check_pieces, data_bytes
+from .file_size import check_strips, data_bytes
 from .jpegxl import declared_size
 from .scene import Scene, check_size
 from .tiff import beside, opened_tiff, tag_numbers
@@ -105,7 +105,7 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
         stored = f"the samples of the linear DNG are {page.bitspersample} bits {kind}{planes}"
         raise InputError(f"{stored}; expected interleaved integers up to 16 bits or floating point")
     check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
-    check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
+    check_strips(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
     sides = (page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)
     if page.is_tiled and any(tile > max(side, _LARGE_TILE) for tile, side in sides):
         reason = "its tiles are larger than its picture; copy it again"

@@ -27,7 +27,7 @@ from .decoded import (
     without_alpha,
 )
 from .encoding import SRGB, Curve, Encoding, space_of, table_curve
-from .file_size import check_pieces, data_bytes
+from .file_size import check_strips, data_bytes
 from .scene import RGB, check_size
 
 # TIFF 6.0, sections 8 and 20; the ICC profile.
@@ -82,7 +82,7 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
         offsets = [offset for page in pages for offset in page.dataoffsets]
         lengths = [length for page in pages for length in page.databytecounts]
-        check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
+        check_strips(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
         planes = [_page_pixels(page) for page in pages]
         pixels = planes[0] if len(planes) == 1 else np.concatenate(planes, axis=-1)
         if not letters:

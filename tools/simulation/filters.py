@@ -102,8 +102,8 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
     channels, there = pattern.channels, scene.channels
     sources = dict(zip(there, np.eye(len(there)), strict=True))
     if set(RGB) <= set(there):
-        for letter, parts in BROADBAND.items():
-            sources.setdefault(letter, np.sum([sources[part] for part in parts], axis=0))
+        for letter, mixture in BROADBAND.items():
+            sources.setdefault(letter, np.sum([sources[each] for each in mixture], axis=0))
     if missing := [letter for letter in channels if letter not in sources]:
         raise InputError(
             f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}; "

@@ -31,7 +31,7 @@ _DRAWN: dict[str, Callable[..., Scene]] = {"builtin:": builtin_scene, "chart:": 
 # Even ones: prefix, and what each reads everywhere, in all channels. Less light makes flat frames
 # that do not clip.
 _EVEN = {"flat:": 1.0, "dark:": 0.0}
-_PIECE = 16 << 20
+_END = 16 << 20
 # What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are
 # known by their names.
 _RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
@@ -256,8 +256,8 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
 def _ends(path: Path) -> bytes:
     """Return the beginning and the end of a file, where directories and their data are."""
     with path.open("rb") as file:
-        start = file.read(_PIECE)
-        file.seek(max(len(start), path.stat().st_size - _PIECE))
+        start = file.read(_END)
+        file.seek(max(len(start), path.stat().st_size - _END))
         return start + file.read()
 
 

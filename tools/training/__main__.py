@@ -45,7 +45,7 @@ def main() -> int:
     parser.add_argument("--pattern", nargs="+", default=["K=4", "K=6", "K=8"], help=tiles)
     start = "begin with the weights of the network for this pattern"
     parser.add_argument("--start", help=f"{start}; with --steps 0 only round them again")
-    batch = "pieces of pictures in a step (default: %(default)s)"
+    batch = "crops of pictures in a step (default: %(default)s)"
     parser.add_argument("--batch", type=int, default=16, help=batch)
     parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
     arguments = parser.parse_args()

@@ -135,13 +135,13 @@ def save_graph(
         turned = np.einsum("oihw,ij->ojhw", enter, turn.inputs)
         once, twice, answers = Graph(), Graph(), []
         _turn(twice, kept, turn)
-        for part, side, weight in ((graph, "", enter), (twice, _TURNED, turned)):
+        for branch, side, weight in ((graph, "", enter), (twice, _TURNED, turned)):
             # onnxruntime recognises a pair of roundings within one branch only
-            features = part.add("Identity", [padded], f"{side}features_of")
-            rounded = _round(part, features, np.float32(units["features"]), np.uint8(_MIDDLE))
-            entered = _convolve(part, f"{side}enter", rounded, weight, units["features"])
-            output = _round(part, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
-            answers.append(_add_blocks(part, side, output, kept, units))
+            features = branch.add("Identity", [padded], f"{side}features_of")
+            rounded = _round(branch, features, np.float32(units["features"]), np.uint8(_MIDDLE))
+            entered = _convolve(branch, f"{side}enter", rounded, weight, units["features"])
+            output = _round(branch, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
+            answers.append(_add_blocks(branch, side, output, kept, units))
         once.add("Identity", answers[:1], "once")
         twice.add("Mean", answers, "both")
         branches = {

@@ -75,18 +75,18 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
 
 
 def learn(
-    parts: list[Example], sources: list[str], steps: int, say: Callable[[str], None]
+    pictures: list[Example], sources: list[str], steps: int, say: Callable[[str], None]
 ) -> nn.Sequential:
     """The network.
 
     Parameters
     ----------
-    parts : list[Example]
+    pictures : list[Example]
         What `examples` returns of each source; a picture that is given twice is learned from twice.
     """
     torch.manual_seed(0)
-    sides = list(zip(parts, kept_back(sources), strict=True))
-    learned, kept = ([part for part, side in sides if side == back] for back in (False, True))
+    sides = list(zip(pictures, kept_back(sources), strict=True))
+    learned, kept = ([picture for picture, side in sides if side == back] for back in (False, True))
     inputs, off, units, light = (
         torch.from_numpy(np.concatenate(arrays)) for arrays in zip(*learned, strict=True)
     )
@@ -170,11 +170,11 @@ def main() -> int:
         ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool,
     ):
         progress.stage("examples", len(sources))
-        parts = []
-        for part in pool.map(examples, sources, range(len(sources)), repeat(arguments.sites)):
-            parts.append(part)
+        pictures = []
+        for picture in pool.map(examples, sources, range(len(sources)), repeat(arguments.sites)):
+            pictures.append(picture)
             progress.advance()
-    save(learn(parts, sources, arguments.steps, console.say), arguments.output)
+    save(learn(pictures, sources, arguments.steps, console.say), arguments.output)
     return 0
 
 

@@ -169,19 +169,19 @@ def optimiser_of(network: nn.Module) -> Any:
     return torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
 
 
-def descent(optimiser: Any, done: int, steps: int, part: float = 1.0) -> Iterator[int]:
+def descent(optimiser: Any, done: int, steps: int, factor: float = 1.0) -> Iterator[int]:
     """Number the steps, after those that are done, and set how far each goes: more at first, less
     in the end.
 
     Parameters
     ----------
-    part : float, optional
+    factor : float, optional
         Of the usual length.
     """
     for step in range(done, steps):
         rate = min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
         for group in optimiser.param_groups:
-            group["lr"] = part * _RATE * float(rate)
+            group["lr"] = factor * _RATE * float(rate)
         yield step
 
 
@@ -210,7 +210,7 @@ def inner(planes: Any, width: int = 1) -> Any:
 
 
 def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
-    """Remaining error of colour, and the initial one; three measures of each in each piece of the
+    """Remaining error of colour, and the initial one; three measures of each in each crop of the
     batch, (3, N).
 
     The measures: the robust mean in units of activity; the energy; and the share of pixels with a
@@ -238,7 +238,7 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
 def share_left(left: Any, before: Any) -> Any:
     """The share of each measure that is left, (3,), for gradient descent.
 
-    That of energy is the mean of the shares of pieces: a photograph counts whatever its brightness,
+    That of energy is the mean of the shares of crops: a photograph counts whatever its brightness,
     as in a mean of PSNR.
 
     Parameters
@@ -254,5 +254,5 @@ def _measures(error: Any, unit: Any, limit: Any) -> Any:
     robust = torch.sqrt(((error / unit) ** 2).mean(dim=1) + 1e-4)
     pixels = error.shape[1] // 2
     apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / limit**2
-    parts = robust, error**2, apart**2 / (1 + apart**2)
-    return torch.stack([part.flatten(1).mean(dim=1) for part in parts])
+    terms = robust, error**2, apart**2 / (1 + apart**2)
+    return torch.stack([term.flatten(1).mean(dim=1) for term in terms])

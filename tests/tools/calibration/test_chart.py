@@ -41,7 +41,7 @@ SHARMA = np.array([
 ])  # fmt: skip
 PLAIN = np.array([[0.65, 0.20, 0.1142], [0.25, 0.85, -0.10], [0.02, -0.15, 0.9549]])
 MATRIX = PLAIN * [1.6, 1.0, 1.4]
-CELLS, CORNERS = true_place().cells, true_place().corners
+CENTRES, CORNERS = true_place().centres, true_place().corners
 READINGS = REFERENCE @ np.linalg.inv(MATRIX).T
 
 
@@ -61,7 +61,7 @@ def test_lab_and_back_and_its_slope() -> None:
 
 
 def test_the_true_matrix_comes_back_and_white_stays_white() -> None:
-    fit = fit_colour(READINGS * 0.3, REFERENCE, CELLS)
+    fit = fit_colour(READINGS * 0.3, REFERENCE, CENTRES)
     np.testing.assert_allclose(fit.matrix @ fit.neutral, D50, rtol=1e-12)
     assert fit.neutral.max() == 1.0
     white = np.linalg.solve(MATRIX, D50)
@@ -73,8 +73,8 @@ def test_the_true_matrix_comes_back_and_white_stays_white() -> None:
 
 
 def test_uneven_light_does_not_tint_the_matrix() -> None:
-    light = np.exp(0.35 * (CELLS[:, 0] / 6) - 0.5 * (CELLS[:, 1] / 4) ** 2)
-    fit = fit_colour(READINGS * light[:, None], REFERENCE, CELLS)
+    light = np.exp(0.35 * (CENTRES[:, 0] / 6) - 0.5 * (CENTRES[:, 1] / 4) ** 2)
+    fit = fit_colour(READINGS * light[:, None], REFERENCE, CENTRES)
     assert fit.difference.mean() < 0.8
     np.testing.assert_allclose(fit.light / light * light.mean(), 1, atol=0.06)
     assert fit.unevenness > UNEVEN
@@ -82,7 +82,7 @@ def test_uneven_light_does_not_tint_the_matrix() -> None:
 
 def test_more_channels_than_three() -> None:
     four = READINGS @ np.random.default_rng(1).uniform(0, 1, (3, 4))
-    fit = fit_colour(four, REFERENCE, CELLS)
+    fit = fit_colour(four, REFERENCE, CENTRES)
     assert fit.matrix.shape == (3, 4)
     np.testing.assert_allclose(fit.matrix @ fit.neutral, D50, rtol=1e-9)
     assert fit.difference.mean() < 0.5
@@ -133,14 +133,14 @@ def test_the_charts_of_photographs_are_found(name: str) -> None:
     taken = shot_of(name, 4)
     place = find_chart(taken, REFERENCE)
     levels = patch_samples(taken, place.measured()).mean[:, :-1]
-    assert fit_colour(levels, REFERENCE, place.cells).difference.mean() < 5
+    assert fit_colour(levels, REFERENCE, place.centres).difference.mean() < 5
 
 
 def far() -> Mosaic:
     """The chart at a quarter of its size, by a camera with large blocks."""
     scene = np.full((300, 400, 3), 0.35)
-    cells = chart().rgb.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3)
-    scene[100:200, 120:270] = cells.mean(axis=(1, 3))
+    centres = chart().rgb.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3)
+    scene[100:200, 120:270] = centres.mean(axis=(1, 3))
     return frame(scene, 8)
 
 
@@ -168,7 +168,7 @@ NONE, SMALL = "no ColorChecker was found whole", f"too small.*period 8 needs {le
         (lambda: at(as_rows(rectangle(50, 50, 700, 300)), chart().rgb), "outside the frame"),
         (lambda: at(CORNERS[::-1], chart().rgb), "clockwise"),
         (lambda: at(CORNERS, 0.8 * chart().rgb ** (1 / 2.2)), "not linear|colours are not"),
-        (lambda: fit_colour(READINGS * [1, 1, 0], REFERENCE, CELLS), "no light"),
+        (lambda: fit_colour(READINGS * [1, 1, 0], REFERENCE, CENTRES), "no light"),
     ],
 )
 def test_what_is_no_chart_is_refused_with_the_reason(look: Look, words: str) -> None:

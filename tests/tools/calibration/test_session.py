@@ -195,7 +195,7 @@ def test_a_patch_that_does_not_fit_is_named_and_the_colour_stays() -> None:
         outcome = concluded(shots={"chart.dng": frame(rgb)})
         assert sum(said in line for line in outcome.warnings) == 1, outcome.warnings
         assert outcome.facts["colour"]["mean_dE2000"] < 2
-        assert outcome.parts["colour"].result[0].fit.used.sum() == 23
+        assert outcome.findings["colour"].result[0].fit.used.sum() == 23
     over = concluded(shots={"chart.dng": frame(3 * chart().rgb)})
     assert "patches are clipped; expose less" in over.missing["colour"]
 

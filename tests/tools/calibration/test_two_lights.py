@@ -34,7 +34,7 @@ from tests.tools.calibration.known_camera import (
 from tests.tools.command import repeated, run
 from tests.tools.io.examples import developed
 
-CELLS = true_place().cells
+CENTRES = true_place().centres
 THIRD = "3200", "4000", "5000"
 BAR = 1.3  # mean dE2000 under a third light, over that of a matrix fitted there
 LOST = 2.0  # the same with one of the two lights alone, somewhere
@@ -90,7 +90,7 @@ def test_a_third_light_has_nearly_the_colours_of_its_own_matrix(bench: Bench) ->
     lost = []
     for light in THIRD:
         read = readings(camera, light)
-        fitted = float(fit_colour(read, REFERENCE, CELLS).difference.mean())
+        fitted = float(fit_colour(read, REFERENCE, CENTRES).difference.mean())
         assert mean_error(two, read) < BAR * fitted, light
         lost += [mean_error(one, read) / fitted for one in alone]
     assert max(lost) > LOST
@@ -169,7 +169,7 @@ def test_charts_under_other_lights_than_those_named_are_refused(
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_white_changes_between_charts_as_it_does_between_their_lights(camera: str) -> None:
     lights = ("A", "4000", "D50", "D65", "9000")
-    fits = {light: fit_colour(readings(camera, light), REFERENCE, CELLS) for light in lights}
+    fits = {light: fit_colour(readings(camera, light), REFERENCE, CENTRES) for light in lights}
     for one, other in combinations(fits, 2):
         assert 0.85 < light_change(fits[one], fits[other], (one, other)) < 1.55, (one, other)
         assert light_change(fits[other], fits[one], (one, other)) < -0.8, (one, other)
@@ -183,7 +183,7 @@ def raised(codes: DoubleArray, more: DoubleArray) -> DoubleArray:
 
 def test_a_sensor_whose_white_does_not_follow_keeps_a_gamma_for_each_light(tmp_path: Path) -> None:
     """As bare silicon: panchromatic levels of a patch differ from Eq. 7, and with the light."""
-    random, camera, cells = np.random.default_rng(3), CAMERAS[0], {}
+    random, camera, centres = np.random.default_rng(3), CAMERAS[0], {}
     weights = {"A": (0.9, 1.1, 0.8), "D65": (1.0, 1.05, 0.9)}
     read = readings(camera, "D65")
     colours = read / (read @ np.array(weights["D65"]))[:, None]
@@ -191,12 +191,12 @@ def test_a_sensor_whose_white_does_not_follow_keeps_a_gamma_for_each_light(tmp_p
     deviations -= colours @ np.linalg.lstsq(colours, deviations, rcond=None)[0]
     for index in range(24):
         top, left = 20 + index // 6 * 90, 40 + index % 6 * 88
-        cells[index] = slice(top, top + 76), slice(left, left + 74)
+        centres[index] = slice(top, top + 76), slice(left, left + 74)
     for light, gamma in weights.items():
         more = np.full((400, 600), np.nan)
         for index, read in enumerate(readings(camera, light)):
             ratio = read @ gamma / (read @ np.array(TRUTH.gamma))
-            more[cells[index]] = ratio * (1 + deviations[index])
+            more[centres[index]] = ratio * (1 + deviations[index])
         clear = CfaPattern.bayer(6).panchromatic_mask(more.shape) & np.isfinite(more)
         more = np.where(clear, more, 1.0)
         taken = edited(frame(0.8 * chart(camera, light)), partial(raised, more=more))

@@ -10,7 +10,7 @@ from panchroma.shared.arrays import FloatArray
 from panchroma.tools.batch.console import Console
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.scene_sets import Reading
-from panchroma.tools.evaluation.study import FOLDER, Study, collect, missing_cells, work
+from panchroma.tools.evaluation.study import FOLDER, Study, collect, missing_cases, work
 from panchroma.tools.evaluation.team import Team
 from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.simulation.noise import PaperProtocol
@@ -60,8 +60,8 @@ def study_of(
 
 def measured(study: Study, folder: Path) -> Figures:
     """Make all results of a study in this process."""
-    for cell in missing_cells(study, folder)[0]:
-        assert work(study, folder, cell) == []
+    for case in missing_cases(study, folder)[0]:
+        assert work(study, folder, case) == []
     return Figures(study, collect(study, folder))
 
 

@@ -53,7 +53,7 @@ def test_a_square_is_cut_out_of_the_whole_rendering(
     squares, pictures = (render_crop(study, place, light) for place in (crop, frame))
     for square, picture in zip(squares, pictures, strict=True):
         assert square.shape == (WINDOW, WINDOW, 3)
-        assert np.quantile(np.abs(square - picture[crop.part]), 0.99) < INVISIBLE
+        assert np.quantile(np.abs(square - picture[crop.window]), 0.99) < INVISIBLE
 
 
 def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: Path) -> None:
@@ -67,9 +67,9 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
         origins = map(window_origins, size)
         place = tuple(map(list.index, origins, (crop.row, crop.column)))
         errors = {
-            cell.method: measures.errors[place]
-            for cell, measures in figures.results.items()
-            if cell.level == crop.level
+            case.method: measures.errors[place]
+            for case, measures in figures.results.items()
+            if case.level == crop.level
         }
         ours, rival = crop.methods
         assert ours == "preview"

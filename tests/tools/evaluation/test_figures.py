@@ -17,7 +17,7 @@ from panchroma.shared.arrays import FloatArray
 from panchroma.tools.evaluation.figures import CRITERIA, HUE, RGB, WHOLE, Figures, Place
 from panchroma.tools.evaluation.hue import colour_slopes
 from panchroma.tools.evaluation.measures import Measures
-from panchroma.tools.evaluation.study import Cell, Study
+from panchroma.tools.evaluation.study import Case, Study
 from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
 from panchroma.tools.evaluation.tiles import Tile
 from panchroma.tools.evaluation.verdict import FEW, judge
@@ -33,19 +33,19 @@ NOISE = RNG.standard_normal((60, 60, 3)).astype(np.float32)
 DOUBLE = 20 * np.log10(2)
 
 
-def figures_of(study: Study, error: Callable[[Cell], FloatArray]) -> Figures:
-    """A study whose renderings have errors by cell."""
-    renderings = {cell: TRUTH + error(cell).astype(np.float32) for cell in study.cells()}
-    return Figures(study, {cell: Measures.of(renderings[cell], TRUTH) for cell in renderings})
+def figures_of(study: Study, error: Callable[[Case], FloatArray]) -> Figures:
+    """A study whose renderings have errors by case."""
+    renderings = {case: TRUTH + error(case).astype(np.float32) for case in study.cases()}
+    return Figures(study, {case: Measures.of(renderings[case], TRUTH) for case in renderings})
 
 
 def figures_with(study: Study, **errors: FloatArray | tuple[FloatArray, FloatArray]) -> Figures:
     """A study whose renderings have the errors given, by method, and by level if there are two."""
 
-    def error(cell: Cell) -> FloatArray:
-        of_method = errors.get(cell.method, 0.05 * NOISE)
+    def error(case: Case) -> FloatArray:
+        of_method = errors.get(case.method, 0.05 * NOISE)
         if isinstance(of_method, tuple):
-            return of_method[LEVELS.index(cell.level.level)]
+            return of_method[LEVELS.index(case.level.level)]
         return of_method
 
     return figures_of(study, error)
@@ -96,9 +96,9 @@ def test_ours_is_called_better_only_if_it_is_on_every_scene(
 ) -> None:
     """odd: the rivals' error on the second scene."""
 
-    def error(cell: Cell) -> FloatArray:
-        of_rivals = odd if cell.scene.name == "scene1" else rival
-        return (paper if cell.method == "paper" else of_rivals) * NOISE
+    def error(case: Case) -> FloatArray:
+        of_rivals = odd if case.scene.name == "scene1" else rival
+        return (paper if case.method == "paper" else of_rivals) * NOISE
 
     verdict = judge(figures_of(study, error), SET)
     assert verdict.tone == tone
@@ -147,11 +147,11 @@ def test_too_much_colour_is_as_wrong_as_too_little(study: Study) -> None:
     truth = light * np.repeat(thirds, 30, axis=0)
     kept = {"paper": 0.9, "bilinear": 1.3, "dlmmse": 0.6}
     results = {
-        cell: Measures.of(
-            (light + kept[cell.method] * (truth - light)).astype(np.float32),
+        case: Measures.of(
+            (light + kept[case.method] * (truth - light)).astype(np.float32),
             truth.astype(np.float32),
         )
-        for cell in study.cells()
+        for case in study.cases()
     }
     figures, colour = Figures(study, results), CRITERIA[-1]
     assert colour.of(figures.of(CLEAN, "bilinear")) == pytest.approx(130, abs=0.1)
@@ -165,11 +165,11 @@ def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
     full = figures_with(study)
     results = dict(full.results)
     results.popitem()  # the last method of the last scene at the last level: dlmmse
-    part = Figures(study, results)
+    partial = Figures(study, results)
     assert full.of(NOISY, "dlmmse") is not None
-    assert part.of(NOISY, "dlmmse") is None
-    assert part.of(CLEAN, "dlmmse") is not None
-    assert "results of dlmmse are missing at sigma 0.03" in plain_text(part)
+    assert partial.of(NOISY, "dlmmse") is None
+    assert partial.of(CLEAN, "dlmmse") is not None
+    assert "results of dlmmse are missing at sigma 0.03" in plain_text(partial)
 
 
 def test_tables_hold_every_figure(tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     (own,) = (item for item in objects if tuple(item[name] for name in names) == place)
     (row,) = (row for row in rows if tuple(row[name] for name in names) == (*map(str, place),))
     title = "scene0, sigma 0.03: paper K=4"
-    (measures,) = (figures.results[cell] for cell in figures.results if cell.title == title)
+    (measures,) = (figures.results[case] for case in figures.results if case.title == title)
     expected = dict(zip(("psnr", "psnr_luminance", "psnr_chrominance"), measures.psnr, strict=True))
     for plane, quantiles in measures.quality._asdict().items():
         titles = (f"{plane}_q{percent}" for percent in (10, 25, 50, 75))
@@ -220,15 +220,15 @@ def test_rows_say_what_their_level_is(tmp_path: Path, level: Protocol, noise: st
 @pytest.mark.parametrize(
     "name", ["=HYPERLINK(A1)", "+1", "-1", "@SUM(A1)", " =1", "\t=1", "\r=1", "＝1"]
 )
-def test_no_cell_of_a_csv_is_a_formula(tmp_path: Path, name: str) -> None:
+def test_no_entry_of_a_csv_is_a_formula(tmp_path: Path, name: str) -> None:
     """OWASP, CSV injection: the names of scenes and patterns are others'; numbers stay numbers."""
     tiles = (Tile(name, CfaPattern.bayer(6)),)
     study = study_of(tmp_path, methods=("paper",), count=1, levels=(CLEAN.level,), tiles=tiles)
     study = replace(study, scenes=(replace(study.scenes[0], name=name),))
     content = encode_csv(figures_with(study, paper=3 * NOISE)).decode()
     pooled, alone = csv.DictReader(io.StringIO(content))
-    for cell in (alone["scene"], alone["pattern"], pooled["pattern"]):
-        assert (cell[0], cell[-1]) == ("'", name[-1])
+    for case in (alone["scene"], alone["pattern"], pooled["pattern"]):
+        assert (case[0], case[-1]) == ("'", name[-1])
     assert float(alone["rgb_q50"]) < 0
     ordinary = replace(study, scenes=(replace(study.scenes[0], name="a=1"),))
     assert ",a=1," in encode_csv(figures_with(ordinary)).decode()

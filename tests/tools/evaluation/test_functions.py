@@ -77,7 +77,7 @@ def test_what_is_wrong_with_a_function_is_said_with_file_function_and_scene(
     (method,) = registry.choose([f"{written}:wrong"])
     levels, sources = PaperProtocol.levels((0.01,)), ((method.name, f"{written}:wrong"),)
     study = study_of(tmp_path, (method.name,), 1, levels=levels, sources=sources)
-    (line,) = work(study, tmp_path, next(study.cells()))
+    (line,) = work(study, tmp_path, next(study.cases()))
     assert line.startswith(f"{tmp_path}/scene0.npy: mine.wrong-")
     assert f", sigma 0.01: {written}:wrong" in line
     assert said in line

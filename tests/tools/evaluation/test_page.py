@@ -76,12 +76,12 @@ def test_plots_show_medians_and_quartiles_of_every_method(tmp_path: Path) -> Non
         places = []
         for name, (line, _, (bars,)) in zip(study.methods, axes.containers, strict=True):
             rows = [figures.of(Place(group, level), name).values for level in study.levels]
-            for part, drawn in (
+            for percent, drawn in (
                 (25, [ends[0, 1] for ends in bars.get_segments()]),
                 (50, line.get_ydata()),
                 (75, [ends[1, 1] for ends in bars.get_segments()]),
             ):
-                assert list(drawn) == pytest.approx([row[f"{title}_q{part}"] for row in rows])
+                assert list(drawn) == pytest.approx([row[f"{title}_q{percent}"] for row in rows])
             places.append(line.get_xdata())
         apart = np.abs(np.subtract.outer(np.ravel(places), np.ravel(places)))
         assert apart[~np.eye(len(apart), dtype=bool)].min() > 0.1  # no bar hides another
@@ -90,9 +90,9 @@ def test_plots_show_medians_and_quartiles_of_every_method(tmp_path: Path) -> Non
 
 def test_a_missing_result_leaves_a_gap(tmp_path: Path) -> None:
     figures = measured(study_of(tmp_path, methods=("paper", "bilinear")), tmp_path)
-    lost = next(cell for cell in figures.results if cell.method == "bilinear" and cell.level.level)
+    lost = next(case for case in figures.results if case.method == "bilinear" and case.level.level)
     figures = type(figures)(
-        figures.study, {cell: kept for cell, kept in figures.results.items() if cell != lost}
+        figures.study, {case: kept for case, kept in figures.results.items() if case != lost}
     )
     axes = Figure().subplots()
     draw_noise(figures, figures.groups[0], 0, axes)

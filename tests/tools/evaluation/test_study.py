@@ -19,11 +19,11 @@ from panchroma.tools.evaluation.metrics import QUANTILES, patch_psnr, quality, w
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.evaluation.study import (
     FOLDER,
-    Cell,
+    Case,
     Study,
     collect,
-    missing_cells,
-    name_cell,
+    missing_cases,
+    name_case,
     work,
 )
 from panchroma.tools.simulation.noise import PaperProtocol, SensorProtocol
@@ -36,8 +36,8 @@ from tests.walking import CHANGED, one_field_changed
 NOISY = PaperProtocol(0.03)
 
 
-def works(study: Study, folder: Path, cells: list[Cell]) -> list[str]:
-    return [line for cell in cells for line in work(study, folder, cell)]
+def works(study: Study, folder: Path, cases: list[Case]) -> list[str]:
+    return [line for case in cases for line in work(study, folder, case)]
 
 
 def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_path: Path) -> None:
@@ -51,8 +51,8 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
         for name, picture in (("bilinear", bayer), ("paper", sparse)):
             (measures,) = (
                 measures
-                for cell, measures in figures.results.items()
-                if (cell.scene.name, cell.level, cell.method) == (f"scene{seed}", NOISY, name)
+                for case, measures in figures.results.items()
+                if (case.scene.name, case.level, case.method) == (f"scene{seed}", NOISY, name)
             )
             assert measures.quality == quality(picture, truth)
             assert measures.psnr == whole_psnr(picture, truth, 15)
@@ -66,18 +66,18 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
 
 def test_finished_results_are_not_made_again(tmp_path: Path) -> None:
     study = study_of(tmp_path)
-    todo, there = missing_cells(study, tmp_path)
+    todo, there = missing_cases(study, tmp_path)
     assert (len(todo), there) == (12, 0)
     assert works(study, tmp_path, todo[:5]) == []  # and here it is interrupted
-    todo, there = missing_cells(study, tmp_path)
+    todo, there = missing_cases(study, tmp_path)
     assert (len(todo), there) == (7, 5)
     assert works(study, tmp_path, todo) == []
-    assert missing_cells(study, tmp_path) == ([], 12)
-    assert len(missing_cells(study, tmp_path, anew=True)[0]) == 12
+    assert missing_cases(study, tmp_path) == ([], 12)
+    assert len(missing_cases(study, tmp_path, anew=True)[0]) == 12
     for path in (tmp_path / FOLDER).iterdir():  # equal scenes are measured once
         path.unlink()
     twice = replace(study, scenes=(study.scenes[0], replace(study.scenes[0], name="again")))
-    assert len(missing_cells(twice, tmp_path)[0]) == 6
+    assert len(missing_cases(twice, tmp_path)[0]) == 6
 
 
 def test_everything_that_changes_a_result_changes_its_name(
@@ -88,7 +88,7 @@ def test_everything_that_changes_a_result_changes_its_name(
 
     def name_of(**changes: Any) -> str:
         facts = {"scene": scene, "level": NOISY, "method": method, "tile": tile, "seed": 0}
-        return name_cell(**(facts | changes)).name  # type: ignore[arg-type]
+        return name_case(**(facts | changes)).name  # type: ignore[arg-type]
 
     # Without noise any seed is the same, and so is a pattern under another name.
     quiet, same = PaperProtocol(0.0), replace(tile, name="mine")
@@ -119,7 +119,7 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     tmp_path: Path,
 ) -> None:
     study = study_of(tmp_path)
-    todo = missing_cells(study, tmp_path)[0]
+    todo = missing_cases(study, tmp_path)[0]
     assert works(study, tmp_path, todo[:1]) == []
     path = Path(study.scenes[0].source)
     before = path.read_bytes()
@@ -133,7 +133,7 @@ def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_k
     with pytest.raises(InputError, match=r"scene0\.npy: the picture has changed"):
         render_exhibit(study, Crop(study.scenes[0], NOISY, WORST, ("paper",), 15, 15, 48, 60))
     path.write_bytes(before)  # a worker that has seen the other one takes it up again
-    assert works(study, tmp_path, missing_cells(study, tmp_path)[0]) == []
+    assert works(study, tmp_path, missing_cases(study, tmp_path)[0]) == []
     path.unlink()
     study.reading.scene(study.scenes[1])
     (line,) = alone().measure(study, tmp_path, todo)
@@ -150,20 +150,20 @@ def test_a_network_that_changes_is_one_line_and_results_depend_on_its_content_al
         return path, study_of(tmp_path, methods=(method.name,), sources=((method.name, path),))
 
     path, study = written(tmp_path / "one", 1)
-    kept = {cell.name for cell in study.cells()}
-    todo = missing_cells(study, tmp_path)[0]
+    kept = {case.name for case in study.cases()}
+    todo = missing_cases(study, tmp_path)[0]
     assert works(study, tmp_path, todo[:1]) == []
     other, changed = written(tmp_path / "one", 0.5)
     registry.find_method.cache_clear()  # as in another process
-    assert not kept & {cell.name for cell in changed.cells()}
+    assert not kept & {case.name for case in changed.cases()}
     assert changed.methods != study.methods
     (line,) = works(study, tmp_path, todo[1:2])
     assert line == f"{other}: has changed since the evaluation began; run it again"
-    assert works(changed, tmp_path, missing_cells(changed, tmp_path)[0][:1]) == []
+    assert works(changed, tmp_path, missing_cases(changed, tmp_path)[0][:1]) == []
     elsewhere = written(tmp_path / "two", 1, "renamed")[1]
-    assert {cell.name for cell in elsewhere.cells()} == kept
-    assert missing_cells(elsewhere, tmp_path)[1] == 1
-    todo = missing_cells(changed, tmp_path)[0]
+    assert {case.name for case in elsewhere.cases()} == kept
+    assert missing_cases(elsewhere, tmp_path)[1] == 1
+    todo = missing_cases(changed, tmp_path)[0]
     for end in (".json", ".onnx"):
         Path(path).with_suffix(end).unlink()
         registry.find_method.cache_clear()
@@ -176,7 +176,7 @@ def test_results_of_another_version_are_not_kept(
 ) -> None:
     """A worker on another machine, or a package that was installed meanwhile."""
     study = study_of(tmp_path, methods=("dcb", "bilinear"))
-    todo = missing_cells(study, tmp_path)[0]
+    todo = missing_cases(study, tmp_path)[0]
     monkeypatch.setattr("panchroma.tools.evaluation.method.package_version", lambda name: "another")
     for line, name in zip(alone().measure(study, tmp_path, todo), study.methods, strict=True):
         assert line.startswith(f"{name}: the process that measures has another source of Panchroma")
@@ -187,7 +187,7 @@ def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
     before = measured(study, tmp_path)
     for index, path in enumerate(sorted((tmp_path / FOLDER).iterdir())[:3]):
         path.write_bytes([b"", b"junk", path.read_bytes()[:-30]][index])
-    todo, there = missing_cells(study, tmp_path)
+    todo, there = missing_cases(study, tmp_path)
     assert (len(todo), there) == (3, 9)
     assert measured(study, tmp_path).rows == before.rows
 
@@ -195,7 +195,7 @@ def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
 def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     failing = Mock(side_effect=ConvergenceError("stopped at 500 iterations"))
     study = study_of(tmp_path, methods=("bilinear", "dlmmse"), count=1)
-    todo = missing_cells(study, tmp_path)[0]
+    todo = missing_cases(study, tmp_path)[0]
     known = registry.methods()
     monkeypatch.setitem(known, "dlmmse", replace(known["dlmmse"], function=failing))
     registry.find_method.cache_clear()

@@ -30,7 +30,7 @@ _SEARCHES = (
     (2500, 3.2, 0.95, 3, 1.6),
     (3600, 3.2, 0.95, 3, 1.6),
 )
-# Of a cell, by which cv2.mcc's box exceeds the cells: its patches are 2.5 wide and 0.25 apart.
+# Chart units by which cv2.mcc's box exceeds the chart: its patches are 2.5 wide and 0.25 apart.
 _BOX = 0.25 / 2.75 / 2
 # Mean dE2000 to the reference after the fit of a matrix: charts stay below 5, before refinement
 # too; walls are above 15.
@@ -38,8 +38,8 @@ _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
 _PROBE = 5  # points across a patch
 _EXTREMES = 5  # of its points, lowest and highest that do not count: defects, glints
-_BESIDE = 0.045  # of a cell, from the middle of a gap: gaps are 0.12 to 0.16 wide
-_EDGE = 0.78  # of a cell: the part that refinement makes uniform, nearly the whole patch
+_BESIDE = 0.045  # chart units from the middle of a gap: gaps are 0.12 to 0.16 wide
+_EDGE = 0.78  # chart units: the square that refinement makes uniform, nearly the whole patch
 
 
 def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
@@ -161,7 +161,7 @@ def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) 
     """
     try:
         means, _ = patch_means(picture, place)
-        mean = float(fit_colour(means, reference, place.cells).difference.mean())
+        mean = float(fit_colour(means, reference, place.centres).difference.mean())
     except (InputError, np.linalg.LinAlgError):
         return float("inf")
     return mean if np.isfinite(mean) else float("inf")
@@ -204,11 +204,11 @@ def patch_means(
     picture : FloatArray
         (H, W, C), linear.
     size : float, optional
-        Side of the part of a cell that is used.
+        Side of the square that is used, chart units.
     """
     step = (np.arange(_PROBE) + 0.5) / _PROBE - 0.5
     across, down = (grid.ravel() * size for grid in np.meshgrid(step, step))
-    x, y = place.at(place.cells[:, :1] + across, place.cells[:, 1:] + down)
+    x, y = place.at(place.centres[:, :1] + across, place.centres[:, 1:] + down)
     values = np.stack([_at(plane, x, y) for plane in np.moveaxis(picture, -1, 0)], axis=-1)
     luminance = np.log(np.maximum(values.sum(axis=-1), 1e-4))
     kept = np.sort(values, axis=1)[:, _EXTREMES:-_EXTREMES]
@@ -229,13 +229,13 @@ def _misfit(
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)
-    gaps, patches = (float(_at(root, *place.at(*cells.T)).mean()) for cells in (_GAPS, place.cells))
+    gaps, patches = (float(_at(root, *place.at(*xy.T)).mean()) for xy in (_GAPS, place.centres))
     return float(np.minimum(rough, 0.5).mean() + gaps / max(patches, 1e-6))
 
 
 def _gap_points(lines: int, length: int) -> DoubleArray:
-    """Return points in cells (N, 2), across and along gaps: in the middle and near both sides of
-    each.
+    """Return points in chart units (N, 2), across and along gaps: in the middle and near both sides
+    of each.
     """
     across = np.arange(lines + 1)[:, None] + [-_BESIDE, 0.0, _BESIDE]
     along = np.arange(length)[:, None] + [0.2, 0.4, 0.6, 0.8]

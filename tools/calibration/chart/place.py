@@ -13,8 +13,10 @@ from ..samples import Pixels
 
 COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
-PATCH = 0.86  # side of a patch in cells (distances between patches): 0.84 to 0.88 on charts sold
-INNER = 0.74  # side of the measured part of a patch in cells: away from edges and lens blur
+PATCH = (
+    0.86  # side of a patch in chart units (distances between patches): 0.84 to 0.88 on charts sold
+)
+INNER = 0.74  # side of the measured part of a patch in chart units: away from edges and lens blur
 # Measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3.
 LEAST_PERIODS = 2.5
 # Of areas beside the chart: periods along a side, at least, and areas along a side of the frame.
@@ -36,8 +38,8 @@ def least_pitch(period: int) -> int:
 class ChartPlace:
     """The place of a chart in a frame.
 
-    Cells are the chart's coordinates: the middle of a patch is the middle of a cell, (0, 0) to (6,
-    4) is the chart.
+    Chart units are distances between patches: the middle of a patch is the middle of a unit square,
+    (0, 0) to (6, 4) is the chart.
 
     Attributes
     ----------
@@ -73,7 +75,7 @@ class ChartPlace:
         return " ".join(f"{x:.0f},{y:.0f}" for x, y in self.corners)
 
     def at(self, u: DoubleArray, v: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-        """Return the positions (x, y) in pixels of points in cells."""
+        """Return the positions (x, y) in pixels of points in chart units."""
         return apply_homography(self._to_frame, u, v)
 
     def lies_in(self, shape: tuple[int, ...]) -> bool:
@@ -81,11 +83,11 @@ class ChartPlace:
         return all(0 <= x <= shape[1] and 0 <= y <= shape[0] for x, y in self.corners)
 
     def patch_corners(self, size: float) -> DoubleArray:
-        """Return the corners of squares of `size` cells in the 24 patches, in reading order: (24,
-        4, 2), x and y.
+        """Return the corners of squares of `size` chart units in the 24 patches, in reading order:
+        (24, 4, 2), x and y.
         """
         step = rectangle(-1, -1, 1, 1) * size / 2
-        x, y = self.at(self.cells[:, :1] + step[:, 0], self.cells[:, 1:] + step[:, 1])
+        x, y = self.at(self.centres[:, :1] + step[:, 0], self.centres[:, 1:] + step[:, 1])
         return np.stack([x, y], axis=-1)
 
     @cached_property
@@ -114,8 +116,8 @@ class ChartPlace:
         ]
 
     @property
-    def cells(self) -> DoubleArray:
-        """The centres of the patches in cells, (24, 2): x and y."""
+    def centres(self) -> DoubleArray:
+        """The centres of the patches in chart units, (24, 2): x and y."""
         rows, columns = np.indices((ROWS, COLUMNS)) + 0.5
         return np.stack([columns.ravel(), rows.ravel()], axis=1)
 

@@ -32,7 +32,7 @@ _EXPECTED = (
     "'offset' of 0 or more, 'margin' (even, above 0)"
 )
 _MOST = 1e9  # of any number
-_ROWS = 256  # of a piece
+_ROWS = 256  # of a chunk
 _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise is taken for equal
 _LARGEST = 1 << 30  # bytes of a file
 # Where a tensor's values are in another file: in onnx.proto an entry of `external_data`, key

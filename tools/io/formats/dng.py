@@ -30,14 +30,14 @@ from ..display import checked_picture
 from ..samples import display_codes, joined, quantise, regrouped
 from .format import Bands, Format
 
-PART = DIGEST_TILE
-"""Rows of a part of a picture."""
+CHUNK_ROWS = DIGEST_TILE
+"""Rows of a chunk of a picture."""
 _BITS, _WHITE_CODE = 16, 65535
 _TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
-_MEMORY_OF_PART = 30.0  # bytes per pixel of a part that waits or is compressed
+_MEMORY_OF_CHUNK = 30.0  # bytes per pixel of a chunk that waits or is compressed
 
 
-class EncodedPart(NamedTuple):
+class EncodedChunk(NamedTuple):
     """Some rows of a picture, encoded: the tiles, from left to right, and the digests of the
     samples.
     """
@@ -69,8 +69,8 @@ class LinearDng(Format):
 
     def memory(self, shape: tuple[int, int], channels: int, rendering: int, threads: int) -> float:
         """Implement `Format`."""
-        parts = _MEMORY_OF_PART * min(PART * (threads + WAITING + 1), shape[0]) * shape[1]
-        return super().memory(shape, channels, rendering, threads) + parts
+        chunks = _MEMORY_OF_CHUNK * min(CHUNK_ROWS * (threads + WAITING + 1), shape[0]) * shape[1]
+        return super().memory(shape, channels, rendering, threads) + chunks
 
     def write(
         self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path
@@ -82,30 +82,30 @@ class LinearDng(Format):
         """Implement `Format`. What is saturated, and not restored, gets the white level in every
         channel.
         """
-        shown, shape, parts = development.shown, development.shape, list[EncodedPart]()
+        shown, shape, chunks = development.shown, development.shape, list[EncodedChunk]()
 
-        def encoded(rgb: FloatArray) -> tuple[EncodedPart, ByteArray]:
+        def encoded(rgb: FloatArray) -> tuple[EncodedChunk, ByteArray]:
             rgb = shown.whitened(rgb, shown.saturated(rgb))
-            return encode_part(rgb, shape), display_codes(rgb, shown, 8)
+            return encode_chunk(rgb, shape), display_codes(rgb, shown, 8)
 
         def previews() -> Iterable[ByteArray]:
-            for part, preview in ahead(encoded, regrouped(bands, PART), threads):
-                parts.append(part)
+            for chunk, preview in ahead(encoded, regrouped(bands, CHUNK_ROWS), threads):
+                chunks.append(chunk)
                 yield preview
 
         preview = joined(previews(), shape[0])
-        main = linear_dng(parts, preview, development)
+        main = linear_dng(chunks, preview, development)
         write_tiff(file, main, main.strips)
 
 
-def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
-    """Encode some rows of a picture in camera colours; parts are independent of each other.
+def encode_chunk(rgb: FloatArray, shape: tuple[int, int]) -> EncodedChunk:
+    """Encode some rows of a picture in camera colours; chunks are independent of each other.
 
     Parameters
     ----------
     rgb : FloatArray
         (rows, W, 3) floats, linear camera RGB in scene units, in the orientation of the mosaic:
-        `PART` rows, or what is left of the picture. Values below 0 and above 1 are clipped.
+        `CHUNK_ROWS` rows, or what is left of the picture. Values below 0 and above 1 are clipped.
     shape : tuple[int, int]
         (H, W) of the picture.
     """
@@ -117,24 +117,24 @@ def encode_part(rgb: FloatArray, shape: tuple[int, int]) -> EncodedPart:
     padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
     lefts = range(0, shape[1], width)
     tiles = [encode_lossless(padded[:, left : left + width], _BITS) for left in lefts]
-    return EncodedPart(tiles, tile_digests(codes))
+    return EncodedChunk(tiles, tile_digests(codes))
 
 
 def _tile(shape: tuple[int, int]) -> tuple[int, int]:
-    """Rows and columns of a tile: a picture of one part is one strip, others have two tiles side by
-    side.
+    """Rows and columns of a tile: a picture of one chunk is one strip, others have two tiles side
+    by side.
     """
-    if shape[0] <= PART:
+    if shape[0] <= CHUNK_ROWS:
         return shape
     # One tile would be wider than the picture if that is no multiple of 16: RawTherapee, like
     # dcraw, then shears the picture.
-    return PART, -(-shape[1] // (2 * _TILE)) * _TILE
+    return CHUNK_ROWS, -(-shape[1] // (2 * _TILE)) * _TILE
 
 
 def linear_dng(
-    parts: Sequence[EncodedPart], preview: ByteArray, development: Development
+    chunks: Sequence[EncodedChunk], preview: ByteArray, development: Development
 ) -> Directory:
-    """Return the DNG of a picture, to be written as a TIFF, from its parts in order.
+    """Return the DNG of a picture, to be written as a TIFF, from its chunks in order.
 
     Parameters
     ----------
@@ -150,14 +150,14 @@ def linear_dng(
         TAG["BlackLevel"]: (FieldType.SHORT, [0] * 3),
         TAG["WhiteLevel"]: (FieldType.SHORT, [_WHITE_CODE] * 3),
     }
-    if len(parts) > 1:
+    if len(chunks) > 1:
         # Tiles: of several strips LibRaw reads only the first.
         del fields[TAG["RowsPerStrip"]]
         height, width = _tile(shape[:2])
         fields[TAG["TileWidth"]] = FieldType.LONG, [width]
         fields[TAG["TileLength"]] = FieldType.LONG, [height]
-    raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
-    digest = md5(b"".join(part.digests for part in parts))
+    raw = Directory(fields, strips=[tile for chunk in chunks for tile in chunk.tiles])
+    digest = md5(b"".join(chunk.digests for chunk in chunks))
     shown = development.shown
     main = main_directory(preview, development.noted, f"{MAKER} render", raw, digest)
     main.fields |= colour_fields(shown.space.to_xyz @ np.array(shown.matrix), shown.white)

@@ -102,14 +102,14 @@ class GainMap:
         white = np.array(self.shown.white, np.float32)
         result = np.zeros(rgb.shape[:2], np.uint8)
         for rows in strips(len(rgb)):
-            part = rgb[rows]
+            band = rgb[rows]
             # Channel by channel: NumPy takes three times as long for `any` along so short an axis.
-            beyond = [part[..., channel] > limit for channel, limit in enumerate(white)]
+            beyond = [band[..., channel] > limit for channel, limit in enumerate(white)]
             beyond += [picture[rows, :, channel] == _TOP for channel in range(3)]
             clipped = np.logical_or.reduce(beyond)
             if not clipped.any():
                 continue
-            bright, most = part[clipped][None], white * np.float32(self.headroom)
+            bright, most = band[clipped][None], white * np.float32(self.headroom)
             shown = np.empty((*bright.shape[:2], 3), np.float32)
             for _, channel, plane in self.shown.planes(bright, self.exposure, encoded=False):
                 shown[..., channel] = plane

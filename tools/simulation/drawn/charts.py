@@ -188,12 +188,12 @@ def chart_scene(width: int, height: int) -> Scene:
     """Draw a ColorChecker at any size from 1 x 1: linear sRGB, the patches of `color_checker` times
     the light.
     """
-    to_cells = homography(np.array(CORNERS) * (width, height), rectangle(0, 0, 6, 4))
+    to_chart = homography(np.array(CORNERS) * (width, height), rectangle(0, 0, 6, 4))
     rgb, patches = np.zeros((height, width, 3), np.float32), color_checker()
     for place in np.ndindex(SAMPLES, SAMPLES):
         down, right = (np.array(place) + 0.5) / SAMPLES
         x, y = np.meshgrid(np.arange(width) + right, np.arange(height) + down)
-        u, v = apply_homography(to_cells, x, y)
+        u, v = apply_homography(to_chart, x, y)
         card = (u > -RIM) & (u < 6 + RIM) & (v > -RIM) & (v < 4 + RIM)
         colours = draw_patches(u, v, np.where(card[..., None], CARD, np.array(WALL)), patches)
         rgb += (colours / SAMPLES**2).astype(np.float32)

@@ -174,8 +174,8 @@ def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
         aside = (rows * c - across * s) * np.float32(1 / leaves.breadth[leaf])
         outline = np.abs(aside) if leaves.tipped[leaf] else aside * aside
         outline += along * along
-        region = topmost[up[leaf] - first : down[leaf] - first, left[leaf] : right[leaf]]
-        region[outline < 1] = leaf  # leaves come from the lowest to the topmost
+        below = topmost[up[leaf] - first : down[leaf] - first, left[leaf] : right[leaf]]
+        below[outline < 1] = leaf  # leaves come from the lowest to the topmost
     return topmost
 
 
