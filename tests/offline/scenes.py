@@ -43,14 +43,14 @@ def materials(shape: tuple[int, int], channels: int, seed: int = 0) -> DoubleArr
     """
     random = np.random.default_rng(seed)
     row, column = np.indices(shape)
-    regions = (row + 0.3 * column > shape[0] / 2).astype(int) + 2 * (
+    surfaces = (row + 0.3 * column > shape[0] / 2).astype(int) + 2 * (
         column - 0.4 * row > shape[1] / 3
     )
     colours = random.uniform(0.2, 1.0, (4, channels))
     shading = (
         0.6 + 0.3 * np.sin(row / 5.0) * np.cos(column / 7.0) + random.uniform(-0.1, 0.1, shape)
     )
-    return colours[regions] * shading[..., None]
+    return colours[surfaces] * shading[..., None]
 
 
 def shot(

@@ -31,9 +31,9 @@ def photographed(scene: FloatArray, sigma: float = 0.0) -> Mosaic:
     )
 
 
-def with_hot(mosaic: Mosaic, part: float) -> tuple[Mosaic, BoolArray]:
-    """The mosaic with a part of its pixels at full scale."""
-    hot = np.random.default_rng(5).random(mosaic.shape) < part
+def with_hot(mosaic: Mosaic, fraction: float) -> tuple[Mosaic, BoolArray]:
+    """The mosaic with a fraction of its pixels at full scale."""
+    hot = np.random.default_rng(5).random(mosaic.shape) < fraction
     return replace(mosaic, samples=np.where(hot, np.float32(FULL), mosaic.signal)), hot
 
 

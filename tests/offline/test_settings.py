@@ -130,8 +130,8 @@ def test_settings_are_frozen_values() -> None:
 
 def test_a_refusal_names_the_part_as_the_settings_do() -> None:
     """The name of a stage in a refusal comes from its class."""
-    parts = {field.name: type(getattr(PAPER, field.name)) for field in fields(PAPER)}
+    kinds = {field.name: type(getattr(PAPER, field.name)) for field in fields(PAPER)}
     assert all(
         kind is Switch or kind.__name__ == f"{name.capitalize()}Settings"
-        for name, kind in parts.items()
+        for name, kind in kinds.items()
     )

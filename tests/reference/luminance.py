@@ -83,11 +83,11 @@ def shrink(subband: DoubleArray, threshold: float) -> DoubleArray:
 
 def synthesise(subbands: list[DoubleArray]) -> DoubleArray:
     """The transpose of the analysis, which inverts it because the frame is tight."""
-    parts = [
+    planes = [
         convolved(subband, down[::-1], across[::-1])
         for subband, (down, across) in zip(subbands, filters(), strict=True)
     ]
-    return np.sum(parts, axis=0)
+    return np.sum(planes, axis=0)
 
 
 def objective(picture: DoubleArray) -> float:

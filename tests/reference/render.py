@@ -68,10 +68,10 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         ]
     )
 
-    part = settings.luminance
-    start = wavelets.start(signal, measured, around=part.relative or len(pattern.sites) > 4)
-    threshold = wavelets.first_threshold(signal, part.threshold, relative=part.relative)
-    light = wavelets.recover(start, measured, part.iterations, part.decay, threshold)
+    stage = settings.luminance
+    start = wavelets.start(signal, measured, around=stage.relative or len(pattern.sites) > 4)
+    threshold = wavelets.first_threshold(signal, stage.threshold, relative=stage.relative)
+    light = wavelets.recover(start, measured, stage.iterations, stage.decay, threshold)
 
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
     coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.repetitions)

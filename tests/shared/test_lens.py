@@ -99,8 +99,8 @@ def test_a_shot_at_another_focal_length_is_remarked_on() -> None:
 
 def test_a_part_has_the_gain_of_the_whole() -> None:
     whole = DARKER.of_plane(SHAPE, 0)
-    for part in (np.s_[4:5, :], np.s_[3::6, 2::6], np.s_[0:61, 89:90]):
-        assert np.array_equal(DARKER.of_plane(SHAPE, 0, *part), whole[part])
+    for window in (np.s_[4:5, :], np.s_[3::6, 2::6], np.s_[0:61, 89:90]):
+        assert np.array_equal(DARKER.of_plane(SHAPE, 0, *window), whole[window])
     assert whole[30, 45] == pytest.approx(1, abs=1e-3)
 
 

@@ -86,8 +86,8 @@ def test_nothing_that_comes_or_goes_shares_memory_that_can_change(floating: bool
 
 def test_codes_that_nobody_can_change_are_not_copied() -> None:
     wide = codes()
-    for part in (wide[:, :7], wide[::-1, ::-1]):
-        assert not np.shares_memory(Mosaic(part, PATTERN, CALIBRATION).samples, wide)
+    for view in (wide[:, :7], wide[::-1, ::-1]):
+        assert not np.shares_memory(Mosaic(view, PATTERN, CALIBRATION).samples, wide)
     wide.flags.writeable = False
     assert np.shares_memory(Mosaic(wide[:, :7], PATTERN, CALIBRATION).samples, wide)
     turned = Mosaic(wide.T[::-1, ::2], PATTERN, CALIBRATION).samples

@@ -165,13 +165,13 @@ def left_behind(folder: Path) -> Path:
         "    file.write(b'half')\n    file.flush()\n    os.kill(os.getpid(), signal.SIGKILL)"
     )
     subprocess.run([sys.executable, "-c", script, str(folder / "shot.dng")], cwd=ROOT, check=False)
-    (part,) = folder.iterdir()
-    return part
+    (partial,) = folder.iterdir()
+    return partial
 
 
 def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
-    part = left_behind(tmp_path)
-    assert part.read_bytes() == b"half"
+    partial = left_behind(tmp_path)
+    assert partial.read_bytes() == b"half"
     others = [".shot.dng.part", "shot.dng.12345678.panchroma.part", ".x.1234567.panchroma.part"]
     for name in others:
         (tmp_path / name).write_bytes(b"theirs")

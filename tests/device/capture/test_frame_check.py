@@ -73,8 +73,8 @@ def look(data: bytes, described: Sensor) -> list[str]:
     size = described.layout.frame_bytes
     data = (data * (size // len(data) + 2))[: -(-len(data) // size) * size]
     notes: list[str] = []
-    pieces = (data[first : first + size] for first in range(0, len(data), size))
-    list(checked(map(RawFrame.now, pieces), described, notes.append))
+    chunks = (data[first : first + size] for first in range(0, len(data), size))
+    list(checked(map(RawFrame.now, chunks), described, notes.append))
     return notes
 
 
@@ -335,9 +335,9 @@ def dark_codes(black: float) -> CodeArray:
 def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
     remedy = "`black=N` states another level; `unchecked` is for frames of a covered lens"
     assert remedy in refusal(dark_codes(16).tobytes() * 2, of())
-    part = codes().copy()
-    part[:64, :64] = 0
+    black = codes().copy()
+    black[:64, :64] = 0
     darker = "a part of it has a mean of 0, darker than black, which is 256"
-    assert darker in refusal(pack(part, "u16"), of())
+    assert darker in refusal(pack(black, "u16"), of())
     low = pack((codes(light=0.1).astype(int) - 240).clip(0).astype(np.uint16), "raw12")
     assert "darker than black" in refusal(low * 2, of("raw12"))

@@ -123,18 +123,18 @@ def test_a_compressed_format_is_refused_with_the_remedy() -> None:
 LAYOUT = FrameLayout(5, 3, "raw10", 12)
 
 
-class Pieces(io.RawIOBase):
+class ShortReads(io.RawIOBase):
     """A pipe that gives a few bytes at a time."""
 
-    def __init__(self, data: bytes, piece: int, failure: OSError | None = None) -> None:
+    def __init__(self, data: bytes, length: int, failure: OSError | None = None) -> None:
         self._data = data
-        self._piece = piece
+        self._length = length
         self._failure = failure
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
         if not self._data and self._failure:
             raise self._failure
-        length = min(len(buffer), self._piece, len(self._data))
+        length = min(len(buffer), self._length, len(self._data))
         buffer[:length] = self._data[:length]
         self._data = self._data[length:]
         return length
@@ -144,10 +144,10 @@ def frames(count: int) -> list[bytes]:
     return [pack(random_codes((3, 5), 10, seed), "raw10", 12) for seed in range(count)]
 
 
-@pytest.mark.parametrize("piece", [1, 7, 36, 50, 1000])
-def test_a_stream_is_cut_into_its_frames(piece: int) -> None:
+@pytest.mark.parametrize("length", [1, 7, 36, 50, 1000])
+def test_a_stream_is_cut_into_its_frames(length: int) -> None:
     sent = frames(4)
-    read = list(read_frames(Pieces(b"".join(sent), piece), LAYOUT))
+    read = list(read_frames(ShortReads(b"".join(sent), length), LAYOUT))
     assert [bytes(frame.data) for frame in read] == sent
     assert [frame.arrived for frame in read] == sorted(frame.arrived for frame in read)
     assert all(frame.taken.utcoffset() is not None for frame in read)
@@ -165,7 +165,7 @@ def test_words_are_not_copied_where_nobody_can_change_them() -> None:
 def test_only_the_memory_of_frames_that_nobody_needs_is_used_again() -> None:
     layout, sent = FrameLayout(5, 3, "u16", 12), [bytes([number] * 36) for number in range(8)]
     kept, places = [], []
-    for number, frame in enumerate(read_frames(Pieces(b"".join(sent), 50), layout)):
+    for number, frame in enumerate(read_frames(ShortReads(b"".join(sent), 50), layout)):
         codes = layout.unpack(frame.data)
         places.append(codes.ctypes.data)
         if number % 2:
@@ -195,7 +195,9 @@ def test_a_stream_that_ends_badly_says_so_after_the_whole_frames(
 ) -> None:
     read: list[RawFrame] = []
     with pytest.raises(InputError, match=re.escape(words)):
-        read.extend(read_frames(Pieces(data, 10, failure), LAYOUT))  # extend keeps what came before
+        read.extend(
+            read_frames(ShortReads(data, 10, failure), LAYOUT)
+        )  # extend keeps what came before
     assert b"".join(frame.data for frame in read) == data[: 36 * whole]
 
 

@@ -77,8 +77,8 @@ def test_what_is_saturated_is_white_wherever_the_gain_is_small_or_large(scale: i
     neutral = (0.6, 1.0, 0.7)
     calibration = SensorCalibration.of_bits(12, headroom=False, shading=LENS, neutral=neutral)
     codes = np.full(SHAPE, 4095, np.uint16)
-    for _, *part in PATTERN.lattices:
-        codes[*part] = 2000  # panchromatic samples alone are saturated
+    for _, *lattice in PATTERN.lattices:
+        codes[*lattice] = 2000  # panchromatic samples alone are saturated
     assert Preview(PATTERN, scale).run(Mosaic(codes, PATTERN, calibration)).min() == 255
 
 

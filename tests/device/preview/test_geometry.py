@@ -80,7 +80,7 @@ def test_interpolations_are_halfway_between_linear_and_cubic() -> None:
 def test_scales() -> None:
     assert Geometry.scales(CfaPattern.bayer(6)) == (1, 2, 3, 6)
     assert Geometry.scales(CfaPattern.bayer(7)) == (1, 7)
-    # A block that fills a cell leaves it no light.
+    # A block that fills a macropixel leaves it no light.
     assert Geometry.scales(CfaPattern.with_block(("RGRG", "GBGB", "RGRG", "GBGB"), 8)) == (1, 4, 8)
     with pytest.raises(InputError, match="2 x 2 sensor pixels: a pattern of period 8 has 1, 4, 8"):
         Geometry(CfaPattern.with_block(("RGRG", "GBGB", "RGRG", "GBGB"), 8), 2)

@@ -66,12 +66,12 @@ def test_threads_are_those_of_the_program_or_of_its_environment(
 def test_where_the_frame_begins_does_not_show_but_at_its_edge(origin: tuple[int, int]) -> None:
     mosaic = shot((60, 70))
     top, left = origin
-    part = Mosaic(mosaic.codes[top:, left:], mosaic.pattern.cropped(top, left), mosaic.calibration)
+    crop = Mosaic(mosaic.codes[top:, left:], mosaic.pattern.cropped(top, left), mosaic.calibration)
     preview = Preview.for_mosaic(mosaic)
-    assert part.pattern.origin != mosaic.pattern.origin or origin == (0, 0)
+    assert crop.pattern.origin != mosaic.pattern.origin or origin == (0, 0)
     edge = 3 * mosaic.pattern.period
     inner = np.s_[edge:-edge, edge:-edge]
-    assert np.array_equal(preview.run(part)[inner], preview.run(mosaic)[top:, left:][inner])
+    assert np.array_equal(preview.run(crop)[inner], preview.run(mosaic)[top:, left:][inner])
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 17), (40, 2), (13, 14), (64, 7)])

@@ -160,9 +160,9 @@ def test_every_part_of_a_shaded_picture_gains(
     pictures = render(frames[0]).rgb, picture(merge_burst(frames[:1])), picture(merged)
     visible = np.pad(np.ones((LARGE[0] - 24, LARGE[1] - 24), bool), 12)
     visible &= frames[0].evenly_shaded().signal < 2.9
-    for part in fifths(frames[0], visible):
+    for fifth in fifths(frames[0], visible):
         one, same, many = (
-            float(np.sqrt(np.square((rgb - truth)[part]).mean())) for rgb in pictures
+            float(np.sqrt(np.square((rgb - truth)[fifth]).mean())) for rgb in pictures
         )
         assert same == pytest.approx(one, rel=0.01)
         assert many < one / 1.3

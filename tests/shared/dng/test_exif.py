@@ -138,7 +138,7 @@ def test_a_place_is_whole_or_not_there() -> None:
     halves = latitude[:4], [33, 0, *latitude[2:]], [95, *latitude[1:]]
     wrong: list[Any] = [(ASCII, "33"), (FieldType.SRATIONAL, [-33.0, 51, 25])]
     wrong.append((FieldType.DOUBLE, [33.5, 51, 25]))
-    wrong += [(RATIONAL, struct.pack(f"<{len(parts)}I", *parts)) for parts in halves]
+    wrong += [(RATIONAL, struct.pack(f"<{len(values)}I", *values)) for values in halves]
     for tag, odd in [(1, (SHORT, [83])), (1, (ASCII, "?")), *((2, value) for value in wrong)]:
         assert read({}, None, whole | {tag: odd}) == CaptureMetadata(), odd
     # 40 m above the sea, or below?

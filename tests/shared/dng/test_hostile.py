@@ -23,7 +23,7 @@ MIXED = r"damaged: (the record .* is that of another shot|its parts are not all)
 LIMIT_SECONDS, LIMIT_BYTES = 1.0, 300e6
 
 
-def parts(
+def written(
     shot: Mosaic, fields: Fields | None = None, strips: list[bytes] | None = None
 ) -> tuple[Directory, bytes]:
     """The directories of a shot's file, whose raw directory says what is given besides, and the
@@ -48,7 +48,7 @@ def tampered(
     fields: Fields, strips: list[bytes] | None = None, shot: Mosaic | None = None
 ) -> bytes:
     """A file of ours, record, digest and all, whose raw directory says something else."""
-    main, record = parts(mosaic(CfaPattern.bayer(9)) if shot is None else shot, fields, strips)
+    main, record = written(mosaic(CfaPattern.bayer(9)) if shot is None else shot, fields, strips)
     return sealed(main, record, record_id(record))
 
 
@@ -177,8 +177,8 @@ def test_a_shot_is_not_put_together_from_two() -> None:
     ):
         shots = [one, other]
         for samples, record, identity in product((0, 1), (0, 1), (0, 1, None)):
-            (main, _), (_, stated) = parts(shots[samples]), parts(shots[record])
-            named = None if identity is None else record_id(parts(shots[identity])[1])
+            (main, _), (_, stated) = written(shots[samples]), written(shots[record])
+            named = None if identity is None else record_id(written(shots[identity])[1])
             data = sealed(main, stated, named)
             if np.array_equal(shots[samples].codes, shots[record].codes) and identity == record:
                 assert same(decode_dng(data), shots[record])

@@ -13,9 +13,7 @@ from ..samples import Pixels
 
 COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
-PATCH = (
-    0.86  # side of a patch in chart units (distances between patches): 0.84 to 0.88 on charts sold
-)
+PATCH = 0.86  # side of a patch, in distances between patches: 0.84 to 0.88 on charts sold
 INNER = 0.74  # side of the measured part of a patch in chart units: away from edges and lens blur
 # Measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3.
 LEAST_PERIODS = 2.5
