@@ -17,7 +17,7 @@ from ..shared.mosaic import Mosaic
 from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages
-from .frame import BlockSums, Cleaned, unclipped_blocks
+from .frame import BlockSums, Cleaned
 from .measured import Measured
 from .numerics.chunks import copy_together
 from .patches import band_rows
@@ -285,9 +285,8 @@ def restore_frame(
     measured before.
     """
     confidence = block_confidence(mended, settings.confidence)
-    unclipped = unclipped_blocks(mended) if settings.highlights.used else None
     restored = restore_highlights(mended, settings.highlights, progress)
-    return replace(restored, confidence=confidence, unclipped=unclipped)
+    return replace(restored, confidence=confidence)
 
 
 def estimate_colour(

@@ -9,11 +9,10 @@ that the clipped samples around it would have read,
 
 where u_i is the reading of channel i, or what a white surface would read if that is clipped. Where
 all are clipped, the block is white, as bright as the channel that clips last allows. P is L,
-interpolated between blocks. A clipped panchromatic sample m becomes P and the mean difference from
-it of the unclipped samples m' nearby, but never less than m:
-
-    max(m, P + sum w (m' - P') / (sum w + w_0)),
-    w = Gaussian weight by distance x max(1 - |m' - P'| / tolerance, 0)
+interpolated between blocks, each of which counts by the darkest sample around it: what a block
+reads under a stroke or an edge is not the light of the clipped samples beside it. A clipped
+panchromatic sample m becomes P, and next to unclipped ones a mean with them, as where an edge
+passes through a pixel, but never less than m.
 
 A highlight smaller than the distance of two blocks, or the rim of one beside the dark, lies between
 blocks: none measures its light or its colour. Such places are lost, and the render reports them.
@@ -55,24 +54,17 @@ class HighlightsSettings(StageSettings):
     shoulder: Between = 0.05
 
 
-# Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a
-# stop. Periods: standard deviation of the weights with which unclipped samples correct
-# their surroundings (0.9)
-_WIDTH = 1 / 3
-# fraction of the limit: blocks with darker samples around them belong to another surface (0.8)
-_BRIGHT = 0.6
-# fraction of the limit: samples that differ more than this from the blocks' prediction do not count
-# (1.9)
-_TOLERANCE = 0.4
-# blocks: standard deviation of the neighbourhood whose light a dark block takes; it ends three
-# blocks away
-_LENDING_WIDTH = 0.75
+# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
+# Power of the darkest sample around a block, relative to the limit, by which its light counts, and
+# the darkest one that is told from black (?)
+_PURITY, _DARKEST = 12, 0.1
+_LENDING_WIDTH = 1.5  # blocks: standard deviation of the neighbourhood whose light a block takes (?)
+_BLUR = 0.5  # pixels: standard deviation of the mean of a clipped sample and those beside it (?)
 # Fractions of the limit: a block inside a highlight has no darker sample around it than the second,
 # one outside has one below the first. On shots of three photographs 0.85 and 0.97 turn up to four
 # times as many restored pixels white, and 0.6 and 0.8 leave a third more of the lost ones grey.
 _MEASURES = 0.65, 0.85
 _LEAST_COUNT = 1e-3  # keeps quotients finite: counts are at least a ninth
-_FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour (0.2)
 
 
 def clipping_level(mosaic: Mosaic) -> float:
@@ -119,10 +111,11 @@ def restore_highlights(
         total[rows], gone[rows] = raised @ gamma, clipped.prod(axis=2)
 
     in_strips(restore, len(total), BLOCK_ROWS)
-    light = replace_dark(total, frame.around.lowest >= _BRIGHT * clipping).astype(np.float32)
-    unknown = unmeasured(frame.around.lowest / clipping, gone).astype(np.float32)
+    lowest = frame.around.lowest / clipping
+    light, unknown = lent(total, lowest).astype(np.float32), unmeasured(lowest, gone)
+    unknown = unknown.astype(np.float32)
     lost, pattern = np.zeros(signal.shape, np.uint8), frame.mosaic.pattern
-    halo = len(gaussian(_WIDTH * pattern.period)) // 2
+    halo = len(gaussian(_BLUR)) // 2
 
     def spread(inner: slice) -> None:
         top = max(inner.start - halo, 0)
@@ -136,8 +129,9 @@ def restore_highlights(
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
         interpolate(light, first, pattern.period, plane)
-        known = np.where(clear & ~over, nearby, np.float32(np.nan))
-        raised = corrected(plane, known, _TOLERANCE * clipping, _WIDTH * pattern.period)
+        filled = np.where(over, np.maximum(plane, nearby), nearby)
+        mean, count = smoothed(np.stack([clear * filled, clear]).astype(np.float32), _BLUR)
+        raised = mean / np.where(over, count, 1)
         np.copyto(result[inner], np.maximum(raised, nearby)[kept], where=over[kept])
 
     in_strips(spread, len(signal), STRIP // 2)
@@ -145,34 +139,18 @@ def restore_highlights(
     return replace(frame.with_samples(result), lost=lost)
 
 
-def corrected(plane: FloatArray, samples: FloatArray, tolerance: float, width: float) -> FloatArray:
-    """Add to what the blocks predict, `plane`, the mean difference of nearby samples, float32 (H,
-    W).
+def lent(light: DoubleArray, lowest: DoubleArray) -> DoubleArray:
+    """`light` of blocks, (rows, columns), where a block without clipped samples all around it takes
+    that of those near it which have them.
 
     Parameters
     ----------
-    samples : FloatArray
-        NaN where they say nothing.
-    tolerance : float
-        Scene units; samples that differ more do not count.
-    width : float
-        Pixels.
+    lowest : DoubleArray
+        The darkest panchromatic sample around each block, as a fraction of the limit.
     """
-    apart = np.nan_to_num(samples - plane, nan=tolerance)
-    weight = np.maximum(1 - np.abs(apart) / np.float32(tolerance), 0)
-    total, weights = smoothed(np.stack([weight * apart, weight]), width)
-    return plane + total / (weights + np.float32(_FAINT) * gaussian(width).max() ** 2)
-
-
-def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
-    """`light` of blocks, (rows, columns), where every block that is not `bright` takes the mean of
-    the bright ones near it.
-
-    A dark block next to a clipped area lies beyond an edge: interpolating towards it would darken
-    the rim of the area.
-    """
-    weight, total = smoothed(np.stack([bright, np.where(bright, light, 0)]), _LENDING_WIDTH)
-    return np.where(bright | (weight == 0), light, total / np.where(weight > 0, weight, 1))
+    known = np.clip(lowest, _DARKEST, 1) ** _PURITY
+    weight, total = smoothed(np.stack([known, known * light]), _LENDING_WIDTH)
+    return known * light + (1 - known) * total / weight
 
 
 def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
