@@ -321,9 +321,6 @@ class Cleaned:
         is known or estimated.
     clipping : float
         Scene units from which on a sample was saturated.
-    confidence : DoubleArray | None
-        How far the samples of each whole block add up to the luminance around it, 0 to 1, float64
-        (rows, columns); None = nobody asks.
     lost : ByteArray | None
         Where a clipped shot does not tell how bright it was, nor of which colour: a picture to look
         at is white there. uint8 (H, W), 255 = nothing is known; None = all is known.
@@ -335,7 +332,6 @@ class Cleaned:
 
     mosaic: Mosaic
     clipping: float
-    confidence: DoubleArray | None = None
     lost: ByteArray | None = None
     estimated: bool = False
     shading: Shading | None = None
