@@ -35,7 +35,7 @@ class ConfidenceSettings(Switch):
         chromaticity is that of its neighbours, > 0.
     """
 
-    tolerance: Positive = 1.2
+    tolerance: Positive = 1.1
 
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.

@@ -57,13 +57,16 @@ class HighlightsSettings(StageSettings):
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
 # Power of the darkest sample around a block, relative to the limit, by which its light counts, and
 # the darkest one that is told from black (?)
-_PURITY, _DARKEST = 12, 0.1
-_LENDING_WIDTH = 1.5  # blocks: standard deviation of the neighbourhood whose light a block takes (?)
+_PURITY, _DARKEST = 8, 0.1
+_LENDING_WIDTH = (
+    1.5  # blocks: standard deviation of the neighbourhood whose light a block takes (?)
+)
 _BLUR = 0.5  # pixels: standard deviation of the mean of a clipped sample and those beside it (?)
 # Fractions of the limit: a block inside a highlight has no darker sample around it than the second,
 # one outside has one below the first. On shots of three photographs 0.85 and 0.97 turn up to four
 # times as many restored pixels white, and 0.6 and 0.8 leave a third more of the lost ones grey.
 _MEASURES = 0.65, 0.85
+_FARTHEST = 3  # blocks from which light reaches what clipped samples touch: it is lent as far
 _LEAST_COUNT = 1e-3  # keeps quotients finite: counts are at least a ninth
 
 
@@ -112,7 +115,10 @@ def restore_highlights(
 
     in_strips(restore, len(total), BLOCK_ROWS)
     lowest = frame.around.lowest / clipping
-    light, unknown = lent(total, lowest).astype(np.float32), unmeasured(lowest, gone)
+    light, unknown = (
+        lent(total, lowest).astype(np.float32),
+        unmeasured(lowest, frame.around.highest / clipping, gone),
+    )
     unknown = unknown.astype(np.float32)
     lost, pattern = np.zeros(signal.shape, np.uint8), frame.mosaic.pattern
     halo = len(gaussian(_BLUR)) // 2
@@ -153,24 +159,29 @@ def lent(light: DoubleArray, lowest: DoubleArray) -> DoubleArray:
     return known * light + (1 - known) * total / weight
 
 
-def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
+def unmeasured(lowest: DoubleArray, highest: DoubleArray, gone: DoubleArray) -> DoubleArray:
     """Degree to which blocks do not measure the clipped light around them, 0 to 1, float64 (rows,
     columns).
 
     A block measures a highlight if it lies inside it, and its surroundings as far as the next
-    blocks. A dark block beside one whose channels are all clipped lies beyond the rim of a
-    burnt-out light: what is clipped between the two is burnt out too.
+    blocks; farther where clipped samples touch the blocks in between, as on paper with small print.
+    A dark block beside one whose channels are all clipped lies beyond the rim of a burnt-out light:
+    what is clipped between the two is burnt out too.
 
     Parameters
     ----------
-    lowest : DoubleArray
-        The darkest panchromatic sample around each block, as a fraction of the limit.
+    lowest, highest : DoubleArray
+        The darkest and the brightest panchromatic sample around each block, as fractions of the
+        limit.
     gone : DoubleArray
         How far all channels of each block are clipped, 0 to 1.
     """
     none, all_known = _MEASURES
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
-    near, beside = _largest_near(inside), _largest_near(inside * gone)
+    near, beside, wide = _largest_near(inside), _largest_near(inside * gone), inside * (1 - gone)
+    for _ in range(_FARTHEST):
+        wide = _largest_near(wide)
+    near = np.maximum(near, (highest >= 1) * wide)
     return 1 - near + near * (inside * gone + (1 - inside) * beside)
 
 
