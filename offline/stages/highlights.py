@@ -55,12 +55,10 @@ class HighlightsSettings(StageSettings):
 
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
-# Power of the darkest sample around a block, relative to the limit, by which its light counts, and
-# the darkest one that is told from black (?)
-_PURITY, _DARKEST = 8, 0.1
-_LENDING_WIDTH = (
-    1.5  # blocks: standard deviation of the neighbourhood whose light a block takes (?)
-)
+# Fractions of the limit: the darkest sample around a block that knows nothing of the light of
+# clipped ones, and around one that knows it; the least count of a block (1.6)
+_BRIGHT, _LEAST = (0.6, 0.8), 1e-3
+_LENDING_WIDTH = 1.0  # blocks: standard deviation of the neighbourhood whose light one takes (0.3)
 _BLUR = 0.5  # pixels: standard deviation of the mean of a clipped sample and those beside it (?)
 # Fractions of the limit: a block inside a highlight has no darker sample around it than the second,
 # one outside has one below the first. On shots of three photographs 0.85 and 0.97 turn up to four
@@ -146,15 +144,16 @@ def restore_highlights(
 
 
 def lent(light: DoubleArray, lowest: DoubleArray) -> DoubleArray:
-    """`light` of blocks, (rows, columns), where a block without clipped samples all around it takes
-    that of those near it which have them.
+    """`light` of blocks, (rows, columns), where a block with a darker sample around it takes that
+    of those near it which have none.
 
     Parameters
     ----------
     lowest : DoubleArray
         The darkest panchromatic sample around each block, as a fraction of the limit.
     """
-    known = np.clip(lowest, _DARKEST, 1) ** _PURITY
+    none, full = _BRIGHT
+    known = np.clip((lowest - none) / (full - none), _LEAST, 1)
     weight, total = smoothed(np.stack([known, known * light]), _LENDING_WIDTH)
     return known * light + (1 - known) * total / weight
 
