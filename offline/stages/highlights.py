@@ -112,12 +112,9 @@ def restore_highlights(
         total[rows], gone[rows] = raised @ gamma, clipped.prod(axis=2)
 
     in_strips(restore, len(total), BLOCK_ROWS)
-    lowest = frame.around.lowest / clipping
-    light, unknown = (
-        lent(total, lowest).astype(np.float32),
-        unmeasured(lowest, frame.around.highest / clipping, gone),
-    )
-    unknown = unknown.astype(np.float32)
+    lowest, highest = frame.around.lowest / clipping, frame.around.highest / clipping
+    light = lent(total, lowest).astype(np.float32)
+    unknown = unmeasured(lowest, highest, gone).astype(np.float32)
     lost, pattern = np.zeros(signal.shape, np.uint8), frame.mosaic.pattern
     halo = len(gaussian(_BLUR)) // 2
 

@@ -14,7 +14,7 @@ from panchroma.offline.frame import Cleaned
 from panchroma.offline.stages.confidence import block_confidence, replace_doubtful_colour
 from panchroma.offline.stages.highlights import clipping_level, restore_highlights
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import cleaned, shot
 from tests.offline.stage_tests import StageTests
 from tests.offline.test_highlights import NEUTRAL, exposed
@@ -119,14 +119,14 @@ def test_over_exposed_print_is_even_and_readable(
     assert np.corrcoef(grey.ravel(), true.ravel())[0, 1] > 0.97
 
 
-def drawn_signs() -> FloatArray:
+def drawn_signs() -> DoubleArray:
     """Tubes of saturated light on black, whose blocks do not add up to the light around them."""
     row, column = np.indices((96, 120))
     scene = np.full((96, 120, 3), 0.005)
     for number, colour in enumerate([(0.6, 0.02, 0.05), (0.02, 0.15, 0.6), (0.02, 0.6, 0.1)]):
         across = np.abs(row + 0.3 * column - 30 * number - 28)
         scene += np.clip(1.7 - across, 0, 1)[..., None] * np.array(colour)
-    return scene.astype(np.float32)
+    return scene
 
 
 @pytest.mark.parametrize("period", [4, 6])
