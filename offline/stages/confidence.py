@@ -39,7 +39,7 @@ class ConfidenceSettings(Switch):
 
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
-_CLIPPED = 0.1  # tolerance of darker blocks beside a clipped sample (?)
+_CLIPPED = 0.1  # tolerance of darker blocks beside a clipped sample (0.2)
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity (0.2)
 _STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
 # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs
@@ -58,9 +58,9 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
     """
     sites, gamma = frame.sites, frame.gamma
     around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
-    light, clipped = mean_of_sites(around.light), around.highest >= frame.clipping
+    light, clipped = mean_of_sites(around.filled), around.highest >= frame.clipping
     darker = light - sites.means(sites.of(frame.signal)) @ gamma
-    unsure = sum_noise(sites, around.light, gamma, frame.noise) if frame.noise else 0.0
+    unsure = sum_noise(sites, around.filled, gamma, frame.noise) if frame.noise else 0.0
     tolerance = np.where(clipped, _CLIPPED, settings.tolerance)
     usual = tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure
     apart = np.where(clipped, np.maximum(darker, 0), np.abs(darker))

@@ -54,12 +54,12 @@ class HighlightsSettings(StageSettings):
     shoulder: Between = 0.05
 
 
-# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
+# Chosen on over-exposed photographs, lamps and print.
 # Fractions of the limit: the darkest sample around a block that knows nothing of the light of
-# clipped ones, and around one that knows it; the least count of a block (1.6)
+# clipped ones, and around one that knows it; the least count of a block
 _BRIGHT, _LEAST = (0.6, 0.8), 1e-3
-_LENDING_WIDTH = 1.0  # blocks: standard deviation of the neighbourhood whose light one takes (0.3)
-_BLUR = 0.5  # pixels: standard deviation of the mean of a clipped sample and those beside it (?)
+_LENDING_WIDTH = 1.0  # blocks: standard deviation of the neighbourhood whose light one takes
+_BLUR = 0.5  # pixels: standard deviation of the mean of a clipped sample and those beside it
 # Fractions of the limit: a block inside a highlight has no darker sample around it than the second,
 # one outside has one below the first. On shots of three photographs 0.85 and 0.97 turn up to four
 # times as many restored pixels white, and 0.6 and 0.8 leave a third more of the lost ones grey.
