@@ -321,12 +321,6 @@ class Cleaned:
         is known or estimated.
     clipping : float
         Scene units from which on a sample was saturated.
-    confidence : DoubleArray | None
-        How far the samples of each whole block add up to the luminance around it, 0 to 1, float64
-        (rows, columns); None = nobody asks.
-    unclipped : BoolArray | None
-        bool (rows, columns), whole blocks without a saturated sample in them or next to them; None
-        = not measured yet, see `unclipped_blocks`.
     lost : ByteArray | None
         Where a clipped shot does not tell how bright it was, nor of which colour: a picture to look
         at is white there. uint8 (H, W), 255 = nothing is known; None = all is known.
@@ -338,8 +332,6 @@ class Cleaned:
 
     mosaic: Mosaic
     clipping: float
-    confidence: DoubleArray | None = None
-    unclipped: BoolArray | None = None
     lost: ByteArray | None = None
     estimated: bool = False
     shading: Shading | None = None
@@ -405,12 +397,10 @@ class Cleaned:
 
 def unclipped_blocks(frame: Cleaned) -> BoolArray:
     """The whole blocks that have no sample of `frame.clipping` or more in or next to them, bool
-    (rows, columns).
+    (rows, columns); all of them where highlights are restored: they are samples like others then.
     """
-    if frame.unclipped is not None:
-        return frame.unclipped
     unclipped = np.ones(frame.sites.shape, np.bool_)
-    if frame.signal.max() >= frame.clipping:
+    if frame.lost is None and frame.signal.max() >= frame.clipping:
         height, width = frame.sites.grid.block_shape
         steps = [(down - 1, across - 1) for down, across in np.ndindex(height + 2, width + 2)]
 

@@ -17,7 +17,7 @@ from ..shared.mosaic import Mosaic
 from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages
-from .frame import BlockSums, Cleaned, unclipped_blocks
+from .frame import BlockSums, Cleaned
 from .measured import Measured
 from .numerics.chunks import copy_together
 from .patches import band_rows
@@ -25,7 +25,7 @@ from .settings import BEST, RenderSettings
 from .stages.chromaticity import estimate_chromaticities
 from .stages.colour_lines import LineProjection, fit_colour_lines
 from .stages.colour_network import ColourNetwork
-from .stages.confidence import block_confidence, replace_doubtful_colour
+from .stages.confidence import replace_doubtful_colour
 from .stages.correction import Correction, SiteResidual, block_samples, update_luminance
 from .stages.defects import mend_defects
 from .stages.denoising import denoise_luminance
@@ -259,13 +259,13 @@ def clean_frame(
     check_frames([mosaic], settings)
     # No name keeps the samples with their defects while highlights are restored, which needs the
     # most memory.
-    return restore_frame(
+    return restore_highlights(
         mend_defects(
             uncleaned(mosaic, with_noise_model(mosaic.evenly_shaded(), settings.noise)),
             settings.defects,
             progress,
         ),
-        settings,
+        settings.highlights,
         progress,
     )
 
@@ -276,18 +276,6 @@ def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Cleaned:
     """
     estimated, limit = mosaic.calibration.noise is None, clipping_level(mosaic)
     return Cleaned(samples, limit, estimated=estimated, shading=mosaic.calibration.shading)
-
-
-def restore_frame(
-    mended: Cleaned, settings: RenderSettings, progress: Progress = SILENT
-) -> Cleaned:
-    """A frame without defects with its highlights restored; what their restoration would hide is
-    measured before.
-    """
-    confidence = block_confidence(mended, settings.confidence)
-    unclipped = unclipped_blocks(mended) if settings.highlights.used else None
-    restored = restore_highlights(mended, settings.highlights, progress)
-    return replace(restored, confidence=confidence, unclipped=unclipped)
 
 
 def estimate_colour(
@@ -328,7 +316,7 @@ def estimate_colour(
     # c_j, Eqs. 6-9
     blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, others)
     blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, others)
-    blocks = replace_doubtful_colour(blocks, frame)
+    blocks = replace_doubtful_colour(blocks, frame, settings.confidence)
     calibration = replace(frame.mosaic.calibration, shading=frame.shading)
     measured = Measured(frame.mosaic.pattern, calibration, luminance, blocks, None, frame.lost)
     if not settings.asks_for_sites:

@@ -40,12 +40,12 @@ class RenderSettings:
 
     noise: NoiseSettings = NoiseSettings()
     defects: DefectsSettings = DefectsSettings()
-    confidence: ConfidenceSettings = ConfidenceSettings()
     highlights: HighlightsSettings = HighlightsSettings()
     luminance: LuminanceSettings = LuminanceSettings()
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
+    confidence: ConfidenceSettings = ConfidenceSettings()
     lines: LinesSettings = LinesSettings()
     posterior: PosteriorSettings = PosteriorSettings()
     affinity: AffinitySettings = AffinitySettings()

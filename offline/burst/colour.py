@@ -21,7 +21,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from ...shared.arrays import ByteArray, FloatArray, IndexArray
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import BlockSums, Cleaned, Sites, unclipped_blocks
+from ..frame import BlockSums, Cleaned, Sites
 from ..measured import Measured
 from ..numerics.gaussian import smoothed
 from ..numerics.linked import SIDE, Extent, Prior, Samples, fitted
@@ -208,7 +208,7 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
     sums : BlockSums
         Of the other frames (`ColourSamples.block_sums`).
     """
-    if unclipped_blocks(frame).all():
+    if frame.signal.max() < frame.clipping:
         return frame
     signal = frame.signal.copy()
     for channel, place in zip(frame.sites.channels, frame.sites.places, strict=True):

@@ -11,12 +11,13 @@ import numpy as np
 from ...shared.arrays import BoolArray, ByteArray, FloatArray
 from ...shared.calibration import NoiseModel
 from ...shared.mosaic import Mosaic
-from ...shared.progress import SILENT, Progress
+from ...shared.progress import Progress
 from ..frame import Cleaned
 from ..numerics.gaussian import gaussian, smoothed
-from ..render import restore_frame, uncleaned
+from ..render import uncleaned
 from ..settings import RenderSettings
 from ..stages.defects import mend_defects
+from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
 from .agree import CLIPPED, Frame, Reference, agreement, lit_evenly, shaded_alike, unclipped
@@ -187,8 +188,8 @@ def compare_frames(
         progress.stage("aligning", len(frames))
         # Samples are mended again: to keep those of all frames takes more memory than anything else
         # here.
-        cleaned = restore_frame(
-            mend_frame(shots[number], models[number], settings), settings, SILENT
+        cleaned = restore_highlights(
+            mend_frame(shots[number], models[number], settings), settings.highlights
         )
         luminance = recover_luminance(cleaned.mosaic, settings.luminance)
         base = replace(frames[number], luminance=luminance)

@@ -8,10 +8,9 @@ the block's channels c_i,
 
     confidence = 1 / (1 + (|l - sum_i gamma_i c_i| / (tolerance l + 1.9 s))^4),
 
-and a block takes as much of the chromaticity of its neighbours as it lacks in confidence. Beside
-clipped samples, where luminance is not known, the tolerance is smaller, and blocks are compared
-with one another, too: one that is darker than those around it, as under a stroke of over-exposed
-print, is not trusted. Blocks that do add up keep their colour, however saturated.
+and a block takes as much of the chromaticity of its neighbours as it lacks in confidence. A small
+thing of a colour of its own does not add up either, so that the tolerance is wide. Beside clipped
+samples, which hide strokes, it is narrow, for blocks that are darker than restored luminance.
 """
 
 from dataclasses import dataclass
@@ -36,14 +35,12 @@ class ConfidenceSettings(Switch):
         chromaticity is that of its neighbours, > 0.
     """
 
-    tolerance: Positive = 0.4
+    tolerance: Positive = 1.1
 
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
-_CLIPPED = 0.5  # of the tolerance, next to a clipped sample (0.3)
+_CLIPPED = 0.1  # tolerance of darker blocks beside a clipped sample (0.2)
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity (0.2)
-# next to a clipped sample: by which share of their light blocks may be darker than those around
-_SUNKEN = 0.05
 _STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
 # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs
 # loses up to 0.1 dB
@@ -51,60 +48,41 @@ _NOISE = 1.9
 _LEAST_DIVISOR = 1e-9  # keeps divisions by luminance and by confidence finite
 
 
-def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArray | None:
-    """Return confidence in the colour of each whole block, 0 to 1, float64 (rows, columns); None =
-    all are trusted, as where a channel has no sites, which Eq. 7 defines.
+def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArray:
+    """Return confidence in the colour of each whole block, 0 to 1, float64 (rows, columns).
 
     Parameters
     ----------
     frame : Cleaned
-        Its highlights not restored.
+        Its highlights restored.
     """
-    if not settings.used or frame.mosaic.pattern.derived is not None:
-        return None
-    around, total = frame.around, frame.sites.means(frame.samples) @ frame.gamma
+    sites, gamma = frame.sites, frame.gamma
+    around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
     light, clipped = mean_of_sites(around.filled), around.highest >= frame.clipping
-    # Clipped surroundings read too little: where all of them are clipped the block may exceed them.
-    apart = np.where(
-        around.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total)
-    )
-    tolerance = settings.tolerance * np.where(clipped, _CLIPPED, 1.0)
-    unsure = sum_noise(frame.sites, around.filled, frame.gamma, frame.noise) if frame.noise else 0.0
+    darker = light - sites.means(sites.of(frame.signal)) @ gamma
+    unsure = sum_noise(sites, around.filled, gamma, frame.noise) if frame.noise else 0.0
+    tolerance = np.where(clipped, _CLIPPED, settings.tolerance)
     usual = tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure
-    confidence = 1 / (1 + (apart / usual) ** _STEEPNESS)
-    if clipped.any():
-        confidence[clipped] *= brightness_agreement(total, unsure)[clipped]
+    apart = np.where(clipped, np.maximum(darker, 0), np.abs(darker))
+    confidence: DoubleArray = 1 / (1 + (apart / usual) ** _STEEPNESS)
     return confidence
 
 
-def brightness_agreement(total: DoubleArray, unsure: DoubleArray | float = 0.0) -> DoubleArray:
-    """Agreement of the brightness of each block with that of its surroundings, 0 to 1, float64
-    (rows, columns); brighter ones are: strokes are dark.
-
-    Parameters
-    ----------
-    total : DoubleArray
-        What the channels of a block add up to, scene units.
-    unsure : DoubleArray | float, optional
-        Standard deviation of its noise.
-    """
-    around = smoothed(total[None], _AROUND)[0].astype(np.float64)
-    usual = np.maximum(_SUNKEN * around + _NOISE * unsure, _LEAST_DIVISOR)
-    return 1 / (1 + (np.maximum(around - total, 0) / usual) ** _STEEPNESS)
-
-
-def replace_doubtful_colour(blocks: FloatArray, frame: Cleaned) -> FloatArray:
+def replace_doubtful_colour(
+    blocks: FloatArray, frame: Cleaned, settings: ConfidenceSettings
+) -> FloatArray:
     """Chromaticities of all blocks, float32 (block rows, block columns, C); those without
     confidence are replaced by their neighbours'.
 
     Parameters
     ----------
     blocks : FloatArray
-        As the result, which is `blocks` itself where `frame.confidence` is None.
+        As the result, which is `blocks` itself where all are trusted, as where a channel has no
+        sites, which Eq. 7 defines.
     """
-    confidence, sites = frame.confidence, frame.sites
-    if confidence is None:
+    if not settings.used or frame.mosaic.pattern.derived is not None:
         return blocks
+    confidence, sites = block_confidence(frame, settings), frame.sites
     whole = sites.whole(blocks).astype(np.float64)
     weight, *sums = smoothed(
         np.stack([confidence, *(confidence * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND

@@ -9,11 +9,10 @@ that the clipped samples around it would have read,
 
 where u_i is the reading of channel i, or what a white surface would read if that is clipped. Where
 all are clipped, the block is white, as bright as the channel that clips last allows. P is L,
-interpolated between blocks. A clipped panchromatic sample m becomes P and the mean difference from
-it of the unclipped samples m' nearby, but never less than m:
-
-    max(m, P + sum w (m' - P') / (sum w + w_0)),
-    w = Gaussian weight by distance x max(1 - |m' - P'| / tolerance, 0)
+interpolated between blocks, each of which counts by the darkest sample around it: what a block
+reads under a stroke or an edge is not the light of the clipped samples beside it. A clipped
+panchromatic sample m becomes P, and next to unclipped ones a mean with them, as where an edge
+passes through a pixel, but never less than m.
 
 A highlight smaller than the distance of two blocks, or the rim of one beside the dark, lies between
 blocks: none measures its light or its colour. Such places are lost, and the render reports them.
@@ -55,24 +54,18 @@ class HighlightsSettings(StageSettings):
     shoulder: Between = 0.05
 
 
-# Chosen; in brackets, by how many decibels half or twice changes a photograph over-exposed by a
-# stop. Periods: standard deviation of the weights with which unclipped samples correct
-# their surroundings (0.9)
-_WIDTH = 1 / 3
-# fraction of the limit: blocks with darker samples around them belong to another surface (0.8)
-_BRIGHT = 0.6
-# fraction of the limit: samples that differ more than this from the blocks' prediction do not count
-# (1.9)
-_TOLERANCE = 0.4
-# blocks: standard deviation of the neighbourhood whose light a dark block takes; it ends three
-# blocks away
-_LENDING_WIDTH = 0.75
+# Chosen on over-exposed photographs, lamps and print.
+# Fractions of the limit: the darkest sample around a block that knows nothing of the light of
+# clipped ones, and around one that knows it; the least count of a block
+_BRIGHT, _LEAST = (0.6, 0.8), 1e-3
+_LENDING_WIDTH = 1.0  # blocks: standard deviation of the neighbourhood whose light one takes
+_BLUR = 0.5  # pixels: standard deviation of the mean of a clipped sample and those beside it
 # Fractions of the limit: a block inside a highlight has no darker sample around it than the second,
 # one outside has one below the first. On shots of three photographs 0.85 and 0.97 turn up to four
 # times as many restored pixels white, and 0.6 and 0.8 leave a third more of the lost ones grey.
 _MEASURES = 0.65, 0.85
+_FARTHEST = 3  # blocks from which light reaches what clipped samples touch: it is lent as far
 _LEAST_COUNT = 1e-3  # keeps quotients finite: counts are at least a ninth
-_FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour (0.2)
 
 
 def clipping_level(mosaic: Mosaic) -> float:
@@ -119,10 +112,11 @@ def restore_highlights(
         total[rows], gone[rows] = raised @ gamma, clipped.prod(axis=2)
 
     in_strips(restore, len(total), BLOCK_ROWS)
-    light = replace_dark(total, frame.around.lowest >= _BRIGHT * clipping).astype(np.float32)
-    unknown = unmeasured(frame.around.lowest / clipping, gone).astype(np.float32)
+    lowest, highest = frame.around.lowest / clipping, frame.around.highest / clipping
+    light = lent(total, lowest).astype(np.float32)
+    unknown = unmeasured(lowest, highest, gone).astype(np.float32)
     lost, pattern = np.zeros(signal.shape, np.uint8), frame.mosaic.pattern
-    halo = len(gaussian(_WIDTH * pattern.period)) // 2
+    halo = len(gaussian(_BLUR)) // 2
 
     def spread(inner: slice) -> None:
         top = max(inner.start - halo, 0)
@@ -136,8 +130,9 @@ def restore_highlights(
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
         interpolate(light, first, pattern.period, plane)
-        known = np.where(clear & ~over, nearby, np.float32(np.nan))
-        raised = corrected(plane, known, _TOLERANCE * clipping, _WIDTH * pattern.period)
+        filled = np.where(over, np.maximum(plane, nearby), nearby)
+        mean, count = smoothed(np.stack([clear * filled, clear]).astype(np.float32), _BLUR)
+        raised = mean / np.where(over, count, 1)
         np.copyto(result[inner], np.maximum(raised, nearby)[kept], where=over[kept])
 
     in_strips(spread, len(signal), STRIP // 2)
@@ -145,54 +140,44 @@ def restore_highlights(
     return replace(frame.with_samples(result), lost=lost)
 
 
-def corrected(plane: FloatArray, samples: FloatArray, tolerance: float, width: float) -> FloatArray:
-    """Add to what the blocks predict, `plane`, the mean difference of nearby samples, float32 (H,
-    W).
-
-    Parameters
-    ----------
-    samples : FloatArray
-        NaN where they say nothing.
-    tolerance : float
-        Scene units; samples that differ more do not count.
-    width : float
-        Pixels.
-    """
-    apart = np.nan_to_num(samples - plane, nan=tolerance)
-    weight = np.maximum(1 - np.abs(apart) / np.float32(tolerance), 0)
-    total, weights = smoothed(np.stack([weight * apart, weight]), width)
-    return plane + total / (weights + np.float32(_FAINT) * gaussian(width).max() ** 2)
-
-
-def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
-    """`light` of blocks, (rows, columns), where every block that is not `bright` takes the mean of
-    the bright ones near it.
-
-    A dark block next to a clipped area lies beyond an edge: interpolating towards it would darken
-    the rim of the area.
-    """
-    weight, total = smoothed(np.stack([bright, np.where(bright, light, 0)]), _LENDING_WIDTH)
-    return np.where(bright | (weight == 0), light, total / np.where(weight > 0, weight, 1))
-
-
-def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
-    """Degree to which blocks do not measure the clipped light around them, 0 to 1, float64 (rows,
-    columns).
-
-    A block measures a highlight if it lies inside it, and its surroundings as far as the next
-    blocks. A dark block beside one whose channels are all clipped lies beyond the rim of a
-    burnt-out light: what is clipped between the two is burnt out too.
+def lent(light: DoubleArray, lowest: DoubleArray) -> DoubleArray:
+    """`light` of blocks, (rows, columns), where a block with a darker sample around it takes that
+    of those near it which have none.
 
     Parameters
     ----------
     lowest : DoubleArray
         The darkest panchromatic sample around each block, as a fraction of the limit.
+    """
+    none, full = _BRIGHT
+    known = np.clip((lowest - none) / (full - none), _LEAST, 1)
+    weight, total = smoothed(np.stack([known, known * light]), _LENDING_WIDTH)
+    return known * light + (1 - known) * total / weight
+
+
+def unmeasured(lowest: DoubleArray, highest: DoubleArray, gone: DoubleArray) -> DoubleArray:
+    """Degree to which blocks do not measure the clipped light around them, 0 to 1, float64 (rows,
+    columns).
+
+    A block measures a highlight if it lies inside it, and its surroundings as far as the next
+    blocks; farther where clipped samples touch the blocks in between, as on paper with small print.
+    A dark block beside one whose channels are all clipped lies beyond the rim of a burnt-out light:
+    what is clipped between the two is burnt out too.
+
+    Parameters
+    ----------
+    lowest, highest : DoubleArray
+        The darkest and the brightest panchromatic sample around each block, as fractions of the
+        limit.
     gone : DoubleArray
         How far all channels of each block are clipped, 0 to 1.
     """
     none, all_known = _MEASURES
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
-    near, beside = _largest_near(inside), _largest_near(inside * gone)
+    near, beside, wide = _largest_near(inside), _largest_near(inside * gone), inside * (1 - gone)
+    for _ in range(_FARTHEST):
+        wide = _largest_near(wide)
+    near = np.maximum(near, (highest >= 1) * wide)
     return 1 - near + near * (inside * gone + (1 - inside) * beside)
 
 
