@@ -33,11 +33,15 @@ class ColourLines:
         and to 1.
     share : FloatArray
         How far each line is believed, 0 to 1, float32 (rows, columns).
+    span : FloatArray
+        Lowest and highest luminance at the sites of the blocks around, float32 (2, rows, columns):
+        what is darker or brighter has the colour of that end.
     """
 
     offset: FloatArray
     slope: FloatArray
     share: FloatArray
+    span: FloatArray
 
     def at(self, luminance: FloatArray) -> FloatArray:
         """The channels at a `luminance`, (rows, columns), or (C, rows, columns) of places

@@ -10,19 +10,22 @@ Observation. In a block, channel i (of C, times gamma_i) has mean luminance x_i 
 reads y_i; x is the mean of x_i.
 
     y_i = o_i + s_i x_i + error of variance v,   sum o = 0,   sum s = 1,
-    v = 2 a^2 + u,   u = n + (EVEN x)^2
+    v = 2 (a^2 + e^2) + u,   u = n + (PAPER x)^2,   e = (sum y_i - x) / C
 
 a is the error of luminance under a block, STROKES times the range of the panchromatic samples
-around it, over C. n is the variance of the noise in y_i. Surfaces that look even differ by EVEN.
+around it, over C; e is what the block itself tells of that error, whatever its colour (Eq. 7). n is
+the variance of the noise in y_i. One paper differs by PAPER from place to place.
 
-Line. <.> is the mean over blocks, weighted by 1 / v and a Gaussian of WIDTH. The prior is one
+Line. <.> is the mean over blocks, weighted by w, 1 / v times a Gaussian of WIDTH. The prior is one
 chromaticity k_i ~ <y_i> / <x_i>.
 
     s = (cov(x_i, y_i) + <u> k_i) / (var(x_i) + <u>),   d = s / sum s - k,
     s' = k + d max(1 - SHRINK^2 E / |d|^2, 0)
 
 The slope by least squares is shrunk by what errors may cause (James and Stein); E is the variance
-of d. The line goes through <x>.
+of d, from the residuals of the blocks (White), sum w^2 (x_i - <x_i>)^2 r^2 over the square of
+sum w (x_i - <x_i>)^2. The line goes through <x>. Beyond the luminances of the sites of the blocks
+around, it keeps the colour of its end.
 
 Confidence. The estimated chromaticity z of a block lies t = z x - line(x) from the line, and its
 samples r = y_i - line(x_i), both less their mean over channels. Strokes explain a chi-square of
@@ -37,9 +40,11 @@ print, p = <a^2> / (<a^2> + PRINT n).
 Ink. A red word may stand between black ones, and one line for all would be black. So the line has a
 rival, which turns about the bright end b of the nearest blocks (INK) by h, their own least squares
 with a prior of deviation SLOPES: s' = s + h, o' = o - h b. By the logarithm of its likelihood ratio
-per block, L, it counts as 1 - 1 / (1 + (L / GAIN)^STEEPNESS); y_i is normal about a line with
-variance (C a s_i)^2 + u. Under black ink red samples are as uncertain as luminance, under red ink
-they are bright in any case.
+per block, L, it counts as 1 - 1 / (1 + (L / GAIN)^STEEPNESS). In L each block is judged by the h of
+the others: its own errors are an ink that explains them. y has Student's t distribution of FREEDOM
+degrees about a line, with covariance s_i s_j R_ij (C a)^2 + u: luminance is wrong alike at near
+sites (R of `site_errors.nearness`), and now and then by a whole stroke. Under black ink red samples
+are as uncertain as luminance, under red ink they are bright in any case.
 """
 
 from dataclasses import dataclass, replace
@@ -47,15 +52,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from ...shared.arrays import FloatArray, strips
+from ...shared.site_errors import nearness
 from ..bands import DARK, Band, RowStage
 from ..frame import Cleaned, Sites, unclipped_blocks
 from ..measured import EVEN, ColourLines
-from ..numerics.arrays import Floats1, Floats2, Floats3
-from ..numerics.compile import Chunks, parallel_kernel
+from ..numerics.arrays import Floats1, Floats2, Floats3, Scalar
+from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import unset
-from ..numerics.gaussian import TRUNCATE, smoothed
+from ..numerics.gaussian import TRUNCATE, gaussian, smoothed
 from ..stage import Switch
 
 
@@ -75,34 +82,42 @@ _STROKES = 0.1
 # standard errors that count as none: of a range, of a channel brighter than all light, of what
 # samples confirm
 _ERRORS = 3.0
-_SHRINK = 2.0  # standard errors by which slopes must differ from those of one chromaticity
+_SHRINK = 1.7  # standard errors by which slopes must differ from those of one chromaticity
 _LIMIT = 0.8  # chi-square per block at which a line is half believed
-_WORST = 3.0  # chi-square of a single block at most: outliers; with 4, print has more tint
+_WORST = 3.0  # chi-square of a single block at most: outliers; with 4, white print is tinted
 _STEEPNESS = 4  # power at which confidence falls; with 6, photographs lose
 # mean a^2 in units of n at which the noise of estimates is half expected; with 160, white print is
 # tinted
 _PRINT = 80.0
-_SLOPES = 0.1  # standard deviation of the slopes of inks on one paper
-# log likelihood ratio per block at which an ink counts by half; with 0.3, black print gains too
-_GAIN = 0.7
+# of the light; with 0.03, coloured print loses 4 dB, with 0.003, black print is tinted by a marker
+# beside it
+_PAPER = 0.01
+_SLOPES = 0.15  # standard deviation of the slopes of inks on one paper
+_FREEDOM = 3.0  # degrees of freedom of the errors
+# log likelihood ratio per block at which an ink counts by half; half of it tints black print, twice
+# of it takes the colour of single words
+_GAIN = 0.085
 
 # blocks: standard deviation of those that share an ink; with more, the lines of print beside it are
 # mixed in
 _INK = _WIDTH / 3
+# blocks: standard deviation of the neighbourhood in which inks have to explain the samples, and
+# distance of blocks whose luminances a line serves
+_PAGE = 1.5 * _WIDTH
 # of the mean panchromatic sample; of the sum of slopes, 1 without errors
 _LEAST_LIGHT, _LEAST_SLOPES = 1e-3, 0.3
 _CLIPPED = 1e-6  # weight of a block beside a clipped sample
 _LEAST_DIVISOR = 1e-20  # keeps quotients finite
 _STRIP = 512  # rows of blocks whose lines are computed together, for memory
 # rows of blocks: of a line, an ink, its gain
-_REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _INK, _WIDTH))
+_REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _INK, _PAGE))
 
 
 class _Blocks(NamedTuple):
     """Whole blocks of some rows, float32; C planes (C, rows, columns), others (rows, columns).
 
-    light, samples: x_i and y_i. estimate: z x. mean: x. strokes, noise: a^2 and n. weight: 1, or
-    little beside a clipped sample.
+    light, samples: x_i and y_i. estimate: z x. mean: x. strokes, short, noise: a^2, e^2 and n.
+    weight: 1, or little beside a clipped sample. span: of `ColourLines`, (2, rows, columns).
     """
 
     light: FloatArray
@@ -110,8 +125,10 @@ class _Blocks(NamedTuple):
     estimate: FloatArray
     mean: FloatArray
     strokes: FloatArray
+    short: FloatArray
     noise: FloatArray
     weight: FloatArray
+    span: FloatArray
 
     @property
     def surface(self) -> FloatArray:
@@ -119,9 +136,9 @@ class _Blocks(NamedTuple):
         return np.square(np.float32(EVEN) * self.mean)
 
     @property
-    def precision(self) -> FloatArray:
-        """1 / v."""
-        return self.weight / (2 * self.strokes + self.surface + self.noise)
+    def own(self) -> FloatArray:
+        """Return u."""
+        return self.noise + np.square(np.float32(_PAPER) * self.mean)
 
 
 def fit_colour_lines(
@@ -145,17 +162,23 @@ def fit_colour_lines(
     light, samples = (_means(sites, plane) for plane in (luminance, frame.signal))
     samples *= gamma
     mean = np.maximum(light.mean(axis=0), dark)
-    strokes, noise = _errors(frame, light, samples, mean)
+    strokes, short, noise = _errors(frame, light, samples, mean)
     unclipped, estimated = unclipped_blocks(frame), np.moveaxis(sites.whole(blocks), 2, 0)
     weight = np.maximum(unclipped.astype(np.float32), np.float32(_CLIPPED))
-    whole = _Blocks(light, samples, estimated * gamma * mean, mean, strokes, noise, weight)
-    result = ColourLines(np.empty_like(samples), np.empty_like(samples), np.empty_like(mean))
-    most = whole.precision.max(initial=_LEAST_DIVISOR)
+    at_sites, size = sites.of(luminance), 2 * int(_PAGE) + 1
+    ends = minimum_filter(at_sites.min(axis=2), size), maximum_filter(at_sites.max(axis=2), size)
+    colour, span = estimated * gamma * mean, np.stack(ends)
+    whole = _Blocks(light, samples, colour, mean, strokes, short, noise, weight, span)
+    result = ColourLines(*(np.empty_like(plane) for plane in (samples, samples, mean, span)))
+    most = _precision(whole).max(initial=_LEAST_DIVISOR)
+    means = sites.means(np.eye(len(sites.channels))[None])[0]
+    alike = means.T @ nearness(sites.pattern) @ means
+    alike = (alike / alike.max()).astype(np.float32)  # a is that of the fewest sites
     for rows in strips(len(mean), _STRIP):  # for memory
         top = max(rows.start - _REACH, 0)
         near = _Blocks(*(plane[..., top : rows.stop + _REACH, :] for plane in whole))
         lines = _fitted(near, dark, most)
-        lines = _inked(replace(lines, share=_confidence(lines, near, dark)), near)
+        lines = _inked(replace(lines, share=_confidence(lines, near, dark)), near, alike)
         for name, plane in vars(result).items():
             plane[..., rows, :] = getattr(lines, name)[..., rows.start - top : rows.stop - top, :]
     result.share[~unclipped] = 0
@@ -169,8 +192,8 @@ def _means(sites: Sites, plane: FloatArray) -> FloatArray:
 
 def _errors(
     frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return a^2 and n, float32 (rows, columns). light, samples, mean: see `_Blocks`."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a^2, e^2 and n, float32 (rows, columns). light, samples, mean: see `_Blocks`."""
     sites, noise, gamma, channels = frame.sites, frame.noise, frame.gamma, frame.sites.channels
     around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
     span = (around.highest - around.lowest).astype(np.float32)
@@ -188,7 +211,16 @@ def _errors(
     # A channel that is brighter than all light there shows by how much that is wrong, at least: a
     # star that meets no other pixel.
     beyond = (samples - light).max(axis=0) - np.float32(_ERRORS) * np.sqrt(deviation**2 + variance)
-    return (deviation / np.float32(len(gamma))) ** 2 + np.maximum(beyond, 0) ** 2, variance
+    number = np.float32(len(gamma))
+    strokes = (deviation / number) ** 2 + np.maximum(beyond, 0) ** 2
+    short = np.abs(samples.sum(axis=0) - light.mean(axis=0)) / number
+    short = np.maximum(short - np.float32(_ERRORS) * np.sqrt(variance / number), 0)
+    return strokes, short**2, variance
+
+
+def _precision(near: _Blocks) -> FloatArray:
+    """Return 1 / v, (rows, columns)."""
+    return near.weight / (2 * (near.strokes + near.short) + near.own)
 
 
 def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
@@ -197,8 +229,8 @@ def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
     dark: luminance without a colour. most: the largest precision of the frame, the unit of weights,
     whose squares are floats then.
     """
-    count, weight = len(near.light), near.precision / most
-    total, noise = smoothed(np.stack([weight, weight * (near.noise + near.surface)]), _WIDTH)
+    count, weight = len(near.light), _precision(near) / most
+    total, noise = smoothed(np.stack([weight, weight * near.own]), _WIDTH)
     noise /= total
     levels, means = (
         np.stack([smoothed(weight * plane, _WIDTH) / total for plane in planes])
@@ -214,23 +246,21 @@ def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
     for channel, (x, y, level_x, level_y, single) in enumerate(
         zip(*near[:2], levels, means, mixture, strict=True)
     ):
-        planes = (weight * plane for plane in (x**2, x * y, y**2))  # one at a time, for memory
-        square, product, power = (smoothed(plane, _WIDTH) / total for plane in planes)
+        square, product = (smoothed(weight * x * plane, _WIDTH) / total for plane in (x, y))
         spread, together = np.maximum(square - level_x**2, 0) + noise, product - level_x * level_y
         slope[channel] = (together + noise * single) / spread
-        rest = np.maximum(power - level_y**2 - slope[channel] * together, 0)
-        error += (rest + (np.float32(EVEN) * level) ** 2) / spread
-    # Number of blocks that a line rests on: the square of the weights' sum over the sum of their
-    # squares.
-    squares = np.maximum(smoothed(weight**2, _WIDTH / 2**0.5), np.float32(_LEAST_DIVISOR**1.5))
-    number = np.maximum(np.float32(4 * np.pi * _WIDTH**2) * total**2 / squares, 1)
+        # Squared, a Gaussian is 1 / (4 pi width^2) times one of less width.
+        rest = weight**2 * ((y - level_y - slope[channel] * (x - level_x)) ** 2 + near.surface)
+        zeroth, first, second = (smoothed(rest * x**power, _WIDTH / 2**0.5) for power in range(3))
+        rest = np.maximum(second - level_x * (2 * first - level_x * zeroth), 0)
+        error += rest / (np.float32(4 * np.pi * _WIDTH**2) * (spread * total) ** 2)
     sums = np.maximum(slope.sum(axis=0), np.float32(_LEAST_SLOPES))
     odd = slope / sums - mixture
     odd -= odd.mean(axis=0)
-    error /= number * sums**2
+    error /= sums**2
     power = np.maximum((odd**2).sum(axis=0), np.float32(_LEAST_DIVISOR))
     odd *= np.maximum(1 - np.float32(_SHRINK**2) * error / power, 0)
-    return ColourLines(-odd * level, mixture + odd, np.ones_like(total))
+    return ColourLines(-odd * level, mixture + odd, np.ones_like(total), near.span)
 
 
 def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArray:
@@ -254,32 +284,46 @@ def _confidence(lines: ColourLines, near: _Blocks, dark: np.float32) -> FloatArr
     return _believed(confirmed * chi / total, _LIMIT)
 
 
-def _inked(lines: ColourLines, near: _Blocks) -> ColourLines:
-    """Return lines with the ink of the nearest blocks, as far as it explains their samples, and
-    those around, better.
+def _inked(lines: ColourLines, near: _Blocks, alike: FloatArray) -> ColourLines:
+    """Return lines with the ink of the nearest blocks, as far as it explains the samples better
+    than they do.
+
+    alike: R, (C, C).
     """
-    rest, weight = _residuals(lines, near), near.precision
+    rest = _residuals(lines, near)
+    weight = near.weight / (2 * near.strokes + near.surface + near.noise)
     middle, square = (smoothed(weight * near.mean**power, _INK) for power in (1, 2))
     bright = square / (middle + np.float32(_LEAST_DIVISOR))
     darker = near.mean - bright
     sure = weight / (1 + weight * (np.float32(_SLOPES) * darker) ** 2)
     prior = np.float32(1 / (4 * np.pi * (_INK * _SLOPES) ** 2))
-    turn = smoothed(sure * darker * rest, _INK) / (smoothed(sure * darker**2, _INK) + prior)
+    product, square = sure * darker * rest, sure * darker**2
+    products, squares = smoothed(product, _INK), smoothed(square, _INK) + prior
+    itself = np.float32(gaussian(_INK).max() ** 2)
+    turn = (products - itself * product) / (squares - itself * square)
     rival = replace(lines, offset=lines.offset - turn * bright, slope=lines.slope + turn)
-    gain = _likelihood(rival, near) - _likelihood(lines, near)
-    turn *= 1 - _believed(np.minimum(smoothed(gain, _WIDTH), smoothed(gain, _INK)), _GAIN)
+    gain = _likelihood(rival, near, alike) - _likelihood(lines, near, alike)
+    gain = np.minimum(smoothed(gain, _PAGE), smoothed(gain, _INK))
+    turn = products / squares * (1 - _believed(gain, _GAIN))
     return replace(lines, offset=lines.offset - turn * bright, slope=lines.slope + turn)
 
 
-def _likelihood(lines: ColourLines, near: _Blocks) -> FloatArray:
+def _likelihood(lines: ColourLines, near: _Blocks, alike: FloatArray) -> FloatArray:
     """Return the logarithm of the likelihood of the samples of blocks, (rows, columns), but for a
     constant.
     """
-    of_light = near.strokes * np.float32(len(near.light) ** 2)
+    count = len(alike)
+    slope, rest = (
+        np.moveaxis(planes, 0, 2) for planes in (lines.slope, near.samples - lines.at(near.light))
+    )
+    of_light = slope * (np.sqrt(near.strokes) * np.float32(count))[..., None]
+    covariance = of_light[..., None] * of_light[..., None, :] * alike
     own = (near.noise + near.surface) / near.weight
-    variance = lines.slope**2 * of_light + own
-    squares = np.square(near.samples - lines.at(near.light))
-    return -(np.log(variance) + squares / variance).sum(axis=0) / 2
+    covariance += own[..., None, None] * np.eye(count, dtype=np.float32)
+    root = np.linalg.cholesky(covariance.astype(np.float64))
+    squares = np.square(np.linalg.solve(root, rest[..., None])[..., 0]).sum(axis=2)
+    size = np.log(np.einsum("yxii->yxi", root)).sum(axis=2)
+    return -(size + (_FREEDOM + count) / 2 * np.log1p(squares / _FREEDOM)).astype(np.float32)
 
 
 def _residuals(lines: ColourLines, near: _Blocks) -> FloatArray:
@@ -314,8 +358,10 @@ class LineProjection(RowStage):
 
     @cached_property
     def _planes(self) -> FloatArray:
-        share, offset, slope = self.lines.share, self.lines.offset, self.lines.slope
-        return np.concatenate([share[None], share * offset, share * slope])
+        lines, share = self.lines, self.lines.share
+        return np.concatenate(
+            [share[None], share * lines.offset, share * lines.slope, share * lines.span]
+        )
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows."""
@@ -334,8 +380,8 @@ class LinePlanes(NamedTuple):
     Attributes
     ----------
     values : Floats3
-        Confidence of each line, then that times its offsets and times its slopes, (1 + 2 C, block
-        rows, block columns).
+        Confidence of each line, then that times its offsets, its slopes and its span, (3 + 2 C,
+        block rows, block columns).
     first : tuple[float, float]
         Row and column of the first block in a band of the picture, pixels; it may lie outside.
     period : int
@@ -384,13 +430,16 @@ def lead_to_lines(
         for column in range(width):
             left = before[column]
             right, near = min(left + 1, across - 1), np.float32(at[column] - left)
-            share = row_of_lines[0, left] + near * (row_of_lines[0, right] - row_of_lines[0, left])
-            total, bright = ZERO, light[row, column]
+            share, bright = _between(row_of_lines[0], left, right, near), light[row, column]
+            total = ZERO
             if share > _LEAST_SHARE and bright > _DARK:
+                # its ends have been seen, what lies beyond them has not
+                bright = max(bright, _between(row_of_lines[parts - 2], left, right, near) / share)
+                bright = min(bright, _between(row_of_lines[parts - 1], left, right, near) / share)
                 for channel in range(count):
-                    offset, slope = row_of_lines[1 + channel], row_of_lines[1 + count + channel]
-                    value = offset[left] + near * (offset[right] - offset[left])
-                    value += bright * (slope[left] + near * (slope[right] - slope[left]))
+                    value = _between(row_of_lines[1 + channel], left, right, near)
+                    slope = _between(row_of_lines[1 + count + channel], left, right, near)
+                    value += bright * slope
                     # A line has positive colours: beyond the darkest one it is that of the channels
                     # that are left.
                     target[channel] = max(value, ZERO)
@@ -408,3 +457,9 @@ def lead_to_lines(
                 out[row, column, channel] = colour[row, column, channel] + (
                     share * target[channel] if on_line else ZERO
                 )
+
+
+@kernel
+def _between(line: Floats1, left: int, right: int, near: Scalar) -> Scalar:
+    """Return the value between two places of a line."""
+    return line[left] + near * (line[right] - line[left])

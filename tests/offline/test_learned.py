@@ -219,7 +219,7 @@ def test_what_colour_lines_explain_is_left_alone() -> None:
     band, sites = measured(rgb, pattern)
     line = np.zeros((3, *sites.unclipped.shape), np.float32)
     for share in (0.0, 1.0):
-        lines = ColourLines(line, line, np.full_like(line[0], share))
+        lines = ColourLines(line, line, np.full_like(line[0], share), line[:2])
         found = learned(pattern, replace(sites, lines=lines))(band, (0, 120)).chromaticity
         inner = slice(
             pattern.period, -pattern.period

@@ -4,6 +4,7 @@ colours.
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -100,11 +101,13 @@ def test_a_pixel_in_the_middle_of_a_block_gets_the_colour_of_its_line_as_far_as_
     sites = sampled(mosaic, light).sites
     slope = random.uniform(0.2, 0.4, (3, *sites.shape)).astype(np.float32)
     share = random.uniform(0, 1, sites.shape).astype(np.float32)
-    lines = ColourLines(np.full_like(slope, 0.01), slope, share)
+    span = np.array([0.6, 0.9], np.float32)[:, None, None] * np.ones_like(share)
+    lines = ColourLines(np.full_like(slope, 0.01), slope, share, span)
     colour = np.broadcast_to(np.array([1, 0, 0], np.float32) / gamma, (*shape, 3))
     result = LineProjection(sites, lines, gamma)(Band(0, light, colour), (0, shape[0])).chromaticity
     place = np.ix_(sites.grid.whole_rows, sites.grid.whole_columns + 1)
-    target = np.moveaxis(lines.at(light[place]), 0, 2)
+    # what is darker or brighter than the sites around has the colour of that end
+    target = np.moveaxis(lines.at(light[place].clip(0.6, 0.9)), 0, 2)
     target /= target.sum(axis=2, keepdims=True) * gamma
     assert_close(result[place], colour[place] + share[..., None] * (target - colour[place]), 1e-4)
     assert_close(result @ gamma, np.ones(shape), 1e-5)  # Eq. 7
@@ -232,3 +235,66 @@ def test_a_small_white_lamp_in_green_light_is_white() -> None:
         simulate_additive(scene, BAYER, SensorCalibration(), 0.0, np.random.default_rng(0))
     ).rgb
     assert np.abs(rgb[69:75, 69:75] - 1).max() < 0.5  # 0.45 without lines
+
+
+def lettered(size: int, inks: list[DoubleArray], paper: DoubleArray, font: int) -> DoubleArray:
+    """Words in one of OpenCV's fonts, capitals `size` pixels high, the inks in turn, (H, W, 3)."""
+    scene, words = (
+        np.tile(paper, (150, 240, 1)),
+        ["Hand", "of", "xylem", "quiz", "job", "47", "wavy", "pack"],
+    )
+    scale, place, count = size * 4 / 22, [4, size + 6], 0  # drawn four times as large
+    while place[1] < 146:
+        word = words[count % len(words)]
+        wide = cv2.getTextSize(word, font, scale, 4)[0][0] // 4 + size // 2
+        if place[0] + wide > 236:
+            place = [4, place[1] + int(1.8 * size) + 3]
+            continue
+        covered = np.zeros((600, 960), np.uint8)
+        cv2.putText(covered, word, (4 * place[0], 4 * place[1]), font, scale, 255, 5, cv2.LINE_AA)
+        share = covered.reshape(150, 4, 240, 4).mean(axis=(1, 3))[..., None] / 255
+        scene = scene + share * (inks[count % len(inks)] - scene)
+        place[0] += wide
+        count += 1
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("letters", "sigma", "font", "size"),
+    [
+        ("K=4", 0.0, cv2.FONT_HERSHEY_COMPLEX, 6),
+        ("K=4", 0.01, cv2.FONT_HERSHEY_DUPLEX, 10),
+        ("K=5", 0.01, cv2.FONT_HERSHEY_SCRIPT_COMPLEX, 13),
+        ("K=6", 0.01, cv2.FONT_HERSHEY_SIMPLEX, 6),
+        ("K=8", 0.03, cv2.FONT_HERSHEY_TRIPLEX, 18),
+        ("kodak", 0.01, cv2.FONT_HERSHEY_TRIPLEX, 13),
+        ("RGWW/BWWW/WWWW/WWWW", 0.01, cv2.FONT_HERSHEY_DUPLEX, 6),
+    ],
+)
+def test_black_type_stays_black(letters: str, sigma: float, font: int, size: int) -> None:
+    """If blocks told of their own ink, or errors of luminance were normal, up to 0.15."""
+    scene = lettered(size, [BLACK], WHITE, font)
+    tint = np.abs(without_mean(render(noisy(scene, CfaPattern.of_letters(letters), sigma)).rgb))
+    assert np.quantile(tint.max(axis=2), 0.999) < 0.06
+
+
+@pytest.mark.parametrize(
+    ("letters", "sigma", "size", "least"),
+    [("K=6", 0.03, 14, 0.67), ("kodak", 0.01, 11, 0.81), ("K=4", 0.01, 18, 0.94)],
+)
+def test_words_keep_their_ink(letters: str, sigma: float, size: int, least: float) -> None:
+    """Black, red and blue in turn."""
+    inks = [BLACK, RED, np.array([0.05, 0.08, 0.45])]
+    scene = lettered(size, inks, WHITE, cv2.FONT_HERSHEY_TRIPLEX)
+    rgb = without_mean(render(noisy(scene, CfaPattern.of_letters(letters), sigma)).rgb)
+    true = without_mean(scene)
+    assert (rgb * true).sum() > least * (true * true).sum()
+
+
+def test_a_white_stroke_on_purple_is_nearly_white() -> None:
+    """A line is not drawn beyond what its blocks have seen."""
+    scene, purple = np.zeros((960, 960, 1), np.float32), np.array([0.19, 0.02, 0.26])
+    cv2.line(scene, (400, 500), (528, 470), 1.0, 8)
+    covered = scene.reshape(240, 4, 240, 4, 1).mean(axis=(1, 3)).astype(float)
+    rgb = render(noisy(covered * (0.85 - purple) + purple, BAYER, 0.0)).rgb
+    assert np.abs(without_mean(rgb))[covered[..., 0] > 0.9].mean() < 0.12

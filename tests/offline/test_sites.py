@@ -174,7 +174,7 @@ def test_a_bright_sample_of_a_dark_channel_is_no_proof_of_light() -> None:
     samples[sampled(mosaic, light).sites.places[red]][4, 4] += 0.1
     measured = sampled(replace(mosaic, samples=samples), light)
     slope = np.broadcast_to(colour[:, None, None] / light[0, 0], (3, *measured.sites.shape))
-    lines = ColourLines(np.zeros_like(slope), slope.copy(), np.ones_like(slope[0]))
+    lines = ColourLines(np.zeros_like(slope), slope.copy(), np.ones_like(slope[0]), slope[:2])
     grid = BAYER.grid(shape)
     blocks = np.broadcast_to(colour / light[0, 0], (len(grid.rows), len(grid.columns), 3))
     gamma = np.array(mosaic.calibration.gamma, np.float32)
