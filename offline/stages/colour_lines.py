@@ -96,7 +96,7 @@ _SLOPES = 0.15  # standard deviation of the slopes of inks on one paper
 _FREEDOM = 3.0  # degrees of freedom of the errors
 # log likelihood ratio per block at which an ink counts by half; half of it tints black print, twice
 # of it takes the colour of single words
-_GAIN = 0.085
+_GAIN = 0.08
 
 # blocks: standard deviation of those that share an ink; with more, the lines of print beside it are
 # mixed in

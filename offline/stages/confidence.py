@@ -35,7 +35,7 @@ class ConfidenceSettings(Switch):
         chromaticity is that of its neighbours, > 0.
     """
 
-    tolerance: Positive = 1.1
+    tolerance: Positive = 0.35
 
 
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
@@ -72,7 +72,7 @@ def replace_doubtful_colour(
     blocks: FloatArray, frame: Cleaned, settings: ConfidenceSettings
 ) -> FloatArray:
     """Chromaticities of all blocks, float32 (block rows, block columns, C); those without
-    confidence are replaced by their neighbours'.
+    confidence are replaced by their neighbours', which count by their luminance.
 
     Parameters
     ----------
@@ -84,8 +84,9 @@ def replace_doubtful_colour(
         return blocks
     confidence, sites = block_confidence(frame, settings), frame.sites
     whole = sites.whole(blocks).astype(np.float64)
+    bright = confidence * np.maximum(sites.means(frame.samples) @ frame.gamma, _LEAST_DIVISOR)
     weight, *sums = smoothed(
-        np.stack([confidence, *(confidence * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND
+        np.stack([bright, *(bright * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND
     )
     around = np.stack(sums, axis=2) / np.maximum(weight, _LEAST_DIVISOR)[..., None]
     around /= (around @ frame.gamma)[..., None]
