@@ -45,7 +45,8 @@ _STEEPNESS = 4  # power of the disagreement in units of the tolerance (0.1)
 # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs
 # loses up to 0.1 dB
 _NOISE = 1.9
-_LEAST_DIVISOR = 1e-9  # keeps divisions by luminance and by confidence finite
+_LEAST_DIVISOR, _LEAST_WEIGHT = 1e-9, 1e-6  # they keep quotients finite
+_DIM = 1e-3  # of the mean luminance: darker neighbours count no less
 
 
 def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArray:
@@ -84,10 +85,11 @@ def replace_doubtful_colour(
         return blocks
     confidence, sites = block_confidence(frame, settings), frame.sites
     whole = sites.whole(blocks).astype(np.float64)
-    bright = confidence * np.maximum(sites.means(frame.samples) @ frame.gamma, _LEAST_DIVISOR)
+    bright = np.maximum(sites.means(frame.samples) @ frame.gamma / frame.level, _DIM)
+    weights = (confidence + _LEAST_WEIGHT) * bright
     weight, *sums = smoothed(
-        np.stack([bright, *(bright * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND
+        np.stack([weights, *(weights * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND
     )
-    around = np.stack(sums, axis=2) / np.maximum(weight, _LEAST_DIVISOR)[..., None]
+    around = np.stack(sums, axis=2) / weight[..., None]
     around /= (around @ frame.gamma)[..., None]
     return sites.grid.extend((around + confidence[..., None] * (whole - around)).astype(np.float32))
