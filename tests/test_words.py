@@ -17,8 +17,7 @@ STAGES = [f"offline/stages/{name}.py" for name in _LATER]  # other work changes 
 RIGHT: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("cell", "core", "domain", "piece", "region"), ()),
     "part": ("tools/io/decoders.py", *STAGES),  # of an OpenEXR file
-    # the letters of a pattern that repeat; of the image in a TIFF or DNG file
-    "tile": ("shared", "device/preview/contract.py", "tools"),
+    "tile": ("shared", "device/preview/contract.py", "tools"),  # of a pattern; of a TIFF, of a DNG
     # a calibrated illuminant (`lights` of camera.json), what a pattern collects; `tools` make light
     "light": ("shared", "tools", *STAGES),
 }
