@@ -14,8 +14,9 @@ transcribes this literally.
 
 Not in the paper: medians remove fine detail of colour with the errors. An error of a block also
 violates Eq. 7 (its samples do not add up to its luminance), detail does not. With r the
-chromaticity that the medians removed, e the violation, n the variance of noise, all times light and
-averaged over the blocks around, the share max(0, 1 - (e^2 / detail + n) / r^2) of r is returned.
+chromaticity that the medians removed, e the violation, n the variance of noise, all times luminance
+and averaged over the blocks around, the share max(0, 1 - (e^2 / detail + n) / r^2) of r is
+returned.
 """
 
 from dataclasses import dataclass
@@ -51,7 +52,7 @@ class ChromaticitySettings(StageSettings):
     detail: NotNegative = 0.0
 
 
-# Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no
+# Least sigma_z of the regularisation, scene units: makes a dark block grey, and changes no
 # other.
 _LEAST_SIGMA = 1e-6
 # sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by
@@ -113,12 +114,12 @@ def _detail(
     removed: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, gain: float
 ) -> DoubleArray:
     """Return the share of what the medians removed that is detail, (rows, columns, C)."""
-    light, certain = sums.weight.mean(axis=2), sums.weight + sigma**2
+    mean, certain = sums.weight.mean(axis=2), sums.weight + sigma**2
     violation = ((sums.product + sigma**2 / gamma.sum()) / certain) @ gamma - 1
     energies = (
-        light * violation**2,
-        (sigma**2 * light[..., None] / certain).sum(axis=2),
-        light * (removed**2).sum(axis=2),
+        mean * violation**2,
+        (sigma**2 * mean[..., None] / certain).sum(axis=2),
+        mean * (removed**2).sum(axis=2),
     )
     error, noise, power = smoothed(np.stack(energies).astype(np.float32), _DETAIL_WIDTH)
     wrong = (error / gain + noise) / np.maximum(power, np.float32(_LEAST_DIVISOR))
@@ -138,9 +139,9 @@ def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
 
     def work(rows: slice) -> None:
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
-            light = luminance[place].astype(np.float64)
-            weight[rows, :, channel] += light**2
-            product[rows, :, channel] += light * signal[place]
+            filled = luminance[place].astype(np.float64)
+            weight[rows, :, channel] += filled**2
+            product[rows, :, channel] += filled * signal[place]
 
     in_strips(work, len(weight), BLOCK_ROWS)
     return BlockSums(weight, product)

@@ -79,7 +79,7 @@ _WIDTH = 4.0
 # error of luminance under a block, a fraction of the range of the samples around it; 0.07 and 0.14
 # double the tint
 _STROKES = 0.1
-# standard errors that count as none: of a range, of a channel brighter than all light, of what
+# standard errors that count as none: of a range, of a channel brighter than luminance, of what
 # samples confirm
 _ERRORS = 3.0
 _SHRINK = 1.7  # standard errors by which slopes must differ from those of one chromaticity
@@ -105,7 +105,7 @@ _INK = _WIDTH / 3
 # distance of blocks whose luminances a line serves
 _PAGE = 1.5 * _WIDTH
 # of the mean panchromatic sample; of the sum of slopes, 1 without errors
-_LEAST_LIGHT, _LEAST_SLOPES = 1e-3, 0.3
+_LEAST_LUMINANCE, _LEAST_SLOPES = 1e-3, 0.3
 _CLIPPED = 1e-6  # weight of a block beside a clipped sample
 _LEAST_DIVISOR = 1e-20  # keeps quotients finite
 _STRIP = 512  # rows of blocks whose lines are computed together, for memory
@@ -116,11 +116,11 @@ _REACH = sum(int(TRUNCATE * width + 0.5) for width in (_WIDTH, _INK, _PAGE))
 class _Blocks(NamedTuple):
     """Whole blocks of some rows, float32; C planes (C, rows, columns), others (rows, columns).
 
-    light, samples: x_i and y_i. estimate: z x. mean: x. strokes, short, noise: a^2, e^2 and n.
+    filled, samples: x_i and y_i. estimate: z x. mean: x. strokes, short, noise: a^2, e^2 and n.
     weight: 1, or little beside a clipped sample. span: of `ColourLines`, (2, rows, columns).
     """
 
-    light: FloatArray
+    filled: FloatArray
     samples: FloatArray
     estimate: FloatArray
     mean: FloatArray
@@ -158,17 +158,17 @@ def fit_colour_lines(
         return None
     sites = frame.sites
     gamma = frame.gamma.astype(np.float32)[:, None, None]
-    dark = np.float32(_LEAST_LIGHT * frame.level)
-    light, samples = (_means(sites, plane) for plane in (luminance, frame.signal))
+    dark = np.float32(_LEAST_LUMINANCE * frame.level)
+    filled, samples = (_means(sites, plane) for plane in (luminance, frame.signal))
     samples *= gamma
-    mean = np.maximum(light.mean(axis=0), dark)
-    strokes, short, noise = _errors(frame, light, samples, mean)
+    mean = np.maximum(filled.mean(axis=0), dark)
+    strokes, short, noise = _errors(frame, filled, samples, mean)
     unclipped, estimated = unclipped_blocks(frame), np.moveaxis(sites.whole(blocks), 2, 0)
     weight = np.maximum(unclipped.astype(np.float32), np.float32(_CLIPPED))
     at_sites, size = sites.of(luminance), 2 * int(_PAGE) + 1
     ends = minimum_filter(at_sites.min(axis=2), size), maximum_filter(at_sites.max(axis=2), size)
     colour, span = estimated * gamma * mean, np.stack(ends)
-    whole = _Blocks(light, samples, colour, mean, strokes, short, noise, weight, span)
+    whole = _Blocks(filled, samples, colour, mean, strokes, short, noise, weight, span)
     result = ColourLines(*(np.empty_like(plane) for plane in (samples, samples, mean, span)))
     most = _precision(whole).max(initial=_LEAST_DIVISOR)
     means = sites.means(np.eye(len(sites.channels))[None])[0]
@@ -191,9 +191,9 @@ def _means(sites: Sites, plane: FloatArray) -> FloatArray:
 
 
 def _errors(
-    frame: Cleaned, light: FloatArray, samples: FloatArray, mean: FloatArray
+    frame: Cleaned, filled: FloatArray, samples: FloatArray, mean: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a^2, e^2 and n, float32 (rows, columns). light, samples, mean: see `_Blocks`."""
+    """Return a^2, e^2 and n, float32 (rows, columns). filled, samples, mean: see `_Blocks`."""
     sites, noise, gamma, channels = frame.sites, frame.noise, frame.gamma, frame.sites.channels
     around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
     span = (around.highest - around.lowest).astype(np.float32)
@@ -208,12 +208,12 @@ def _errors(
     # A stroke hides two sites of a channel, errors of more average out: 2.4 dB with the six of
     # Kaizu's tile.
     deviation = np.float32(_STROKES / max(sites.pattern.site_counts.min() / 2, 1)) * span
-    # A channel that is brighter than all light there shows by how much that is wrong, at least: a
+    # A channel that is brighter than luminance there shows by how much that is wrong, at least: a
     # star that meets no other pixel.
-    beyond = (samples - light).max(axis=0) - np.float32(_ERRORS) * np.sqrt(deviation**2 + variance)
+    beyond = (samples - filled).max(axis=0) - np.float32(_ERRORS) * np.sqrt(deviation**2 + variance)
     number = np.float32(len(gamma))
     strokes = (deviation / number) ** 2 + np.maximum(beyond, 0) ** 2
-    short = np.abs(samples.sum(axis=0) - light.mean(axis=0)) / number
+    short = np.abs(samples.sum(axis=0) - filled.mean(axis=0)) / number
     short = np.maximum(short - np.float32(_ERRORS) * np.sqrt(variance / number), 0)
     return strokes, short**2, variance
 
@@ -229,7 +229,7 @@ def _fitted(near: _Blocks, dark: np.float32, most: np.float32) -> ColourLines:
     dark: luminance without a colour. most: the largest precision of the frame, the unit of weights,
     whose squares are floats then.
     """
-    count, weight = len(near.light), _precision(near) / most
+    count, weight = len(near.filled), _precision(near) / most
     total, noise = smoothed(np.stack([weight, weight * near.own]), _WIDTH)
     noise /= total
     levels, means = (
@@ -314,10 +314,10 @@ def _likelihood(lines: ColourLines, near: _Blocks, alike: FloatArray) -> FloatAr
     """
     count = len(alike)
     slope, rest = (
-        np.moveaxis(planes, 0, 2) for planes in (lines.slope, near.samples - lines.at(near.light))
+        np.moveaxis(planes, 0, 2) for planes in (lines.slope, near.samples - lines.at(near.filled))
     )
-    of_light = slope * (np.sqrt(near.strokes) * np.float32(count))[..., None]
-    covariance = of_light[..., None] * of_light[..., None, :] * alike
+    of_filled = slope * (np.sqrt(near.strokes) * np.float32(count))[..., None]
+    covariance = of_filled[..., None] * of_filled[..., None, :] * alike
     own = (near.noise + near.surface) / near.weight
     covariance += own[..., None, None] * np.eye(count, dtype=np.float32)
     root = np.linalg.cholesky(covariance.astype(np.float64))
@@ -328,7 +328,7 @@ def _likelihood(lines: ColourLines, near: _Blocks, alike: FloatArray) -> FloatAr
 
 def _residuals(lines: ColourLines, near: _Blocks) -> FloatArray:
     """Return r, (C, rows, columns)."""
-    rest = near.samples - lines.at(near.light)
+    rest = near.samples - lines.at(near.filled)
     rest -= rest.mean(axis=0)
     return rest
 
@@ -400,42 +400,42 @@ ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 @parallel_kernel()
 def lead_to_lines(
-    chunks: Chunks, light: Floats2, colour: Floats3, lines: LinePlanes, gamma: Floats1, out: Floats3
+    chunks: Chunks, level: Floats2, colour: Floats3, lines: LinePlanes, gamma: Floats1, out: Floats3
 ) -> None:
     """Take chromaticities to those of lines that are interpolated between blocks.
 
     Parameters
     ----------
-    light, colour : Floats2, Floats3
+    level, colour : Floats2, Floats3
         Luminance (rows, W) and chromaticity (rows, W, C) of a band of the picture.
     gamma : Floats1
         (C,).
     out : Floats3
         (rows, W, C), written.
     """
-    (parts, down, across), width, count = lines.values.shape, light.shape[1], len(gamma)
-    row_of_lines, target = unset(parts, across), unset(count)
+    (planes, down, across), width, count = lines.values.shape, level.shape[1], len(gamma)
+    row_of_lines, target = unset(planes, across), unset(count)
     at = np.clip((np.arange(width) - lines.first[1]) / lines.period, 0.0, across - 1.0)
     before = np.minimum(at.astype(np.intp), max(across - 2, 0))
     for row in range(chunks[0], chunks[1]):
         place = min(max((row - lines.first[0]) / lines.period, 0.0), down - 1.0)
         above = min(int(place), max(down - 2, 0))
         below, near = min(above + 1, down - 1), np.float32(place - above)
-        for part in range(parts):
+        for plane in range(planes):
             for column in range(across):
-                start = lines.values[part, above, column]
-                row_of_lines[part, column] = start + near * (
-                    lines.values[part, below, column] - start
+                start = lines.values[plane, above, column]
+                row_of_lines[plane, column] = start + near * (
+                    lines.values[plane, below, column] - start
                 )
         for column in range(width):
             left = before[column]
             right, near = min(left + 1, across - 1), np.float32(at[column] - left)
-            share, bright = _between(row_of_lines[0], left, right, near), light[row, column]
+            share, bright = _between(row_of_lines[0], left, right, near), level[row, column]
             total = ZERO
             if share > _LEAST_SHARE and bright > _DARK:
                 # its ends have been seen, what lies beyond them has not
-                bright = max(bright, _between(row_of_lines[parts - 2], left, right, near) / share)
-                bright = min(bright, _between(row_of_lines[parts - 1], left, right, near) / share)
+                bright = max(bright, _between(row_of_lines[planes - 2], left, right, near) / share)
+                bright = min(bright, _between(row_of_lines[planes - 1], left, right, near) / share)
                 for channel in range(count):
                     value = _between(row_of_lines[1 + channel], left, right, near)
                     slope = _between(row_of_lines[1 + count + channel], left, right, near)

@@ -59,11 +59,11 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
     """
     sites, gamma = frame.sites, frame.gamma
     around = sites.surroundings(frame.signal)  # not `frame.around`, which would stay in memory
-    light, clipped = mean_of_sites(around.filled), around.highest >= frame.clipping
-    darker = light - sites.means(sites.of(frame.signal)) @ gamma
+    filled, clipped = mean_of_sites(around.filled), around.highest >= frame.clipping
+    darker = filled - sites.means(sites.of(frame.signal)) @ gamma
     unsure = sum_noise(sites, around.filled, gamma, frame.noise) if frame.noise else 0.0
     tolerance = np.where(clipped, _CLIPPED, settings.tolerance)
-    usual = tolerance * np.maximum(light, _LEAST_DIVISOR) + _NOISE * unsure
+    usual = tolerance * np.maximum(filled, _LEAST_DIVISOR) + _NOISE * unsure
     apart = np.where(clipped, np.maximum(darker, 0), np.abs(darker))
     confidence: DoubleArray = 1 / (1 + (apart / usual) ** _STEEPNESS)
     return confidence

@@ -157,16 +157,16 @@ def _block_residuals(
     lines as far as these count.
     """
     sites = measured.sites
-    light = np.stack([luminance[place] for place in sites.at(rows)], axis=2)
+    filled = np.stack([luminance[place] for place in sites.at(rows)], axis=2)
     weight = np.take(sites.whole(blocks)[rows] * gamma, sites.channels, axis=2)
-    picture = weight * light
+    picture = weight * filled
     if (lines := measured.lines) is not None:
         offset, slope = (
             np.moveaxis(plane[:, rows][sites.channels], 0, 2)
             for plane in (lines.offset, lines.slope)
         )
-        apart = offset + slope * light - picture
-        least = np.float32(EVEN**2) * mean_of_sites(light, light)
+        apart = offset + slope * filled - picture
+        least = np.float32(EVEN**2) * mean_of_sites(filled, filled)
         far = np.maximum(mean_of_sites(apart, apart), np.maximum(least, np.float32(_LEAST_POWER)))
         share = (lines.share[rows] * (1 - least / far))[..., None]
         picture += share * apart
@@ -206,19 +206,19 @@ def estimate_errors(
     mean = signal_power(error, None if variance is None else mean_of_sites(variance))  # M
     share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
-    of_light = np.minimum(np.square(measured.fill_error[rows]), most)
-    of_colour = np.maximum(mean - of_light * share, np.float32(_TINT) * mean)
+    of_filled = np.minimum(np.square(measured.fill_error[rows]), most)
+    of_colour = np.maximum(mean - of_filled * share, np.float32(_TINT) * mean)
     of_colour /= np.float32(1 - 1 / len(gamma))
     if measured.lines is not None:
         confidence = measured.lines.share[rows]
         of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
-        of_light += confidence * (most - of_light)
+        of_filled += confidence * (most - of_filled)
     noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)
-    light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
+    change, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
     aside = (sites.channels[:, None] == np.arange(len(gamma))) - 1 / len(gamma)
-    given = SiteErrors(error, weight, noise, of_light, of_colour)
-    posterior_means(given, nearness(sites.pattern), aside @ aside.T, aside, light, tints)
-    return light, tints
+    given = SiteErrors(error, weight, noise, of_filled, of_colour)
+    posterior_means(given, nearness(sites.pattern), aside @ aside.T, aside, change, tints)
+    return change, tints
 
 
 class SiteErrors(NamedTuple):
@@ -228,14 +228,14 @@ class SiteErrors(NamedTuple):
     ----------
     error, weight, noise : Floats3
         e, w and v, (rows, columns, S).
-    light, colour : Floats2
+    luminance, colour : Floats2
         D and T, (rows, columns).
     """
 
     error: Floats3
     weight: Floats3
     noise: Floats3
-    light: Floats2
+    luminance: Floats2
     colour: Floats2
 
 
@@ -246,7 +246,7 @@ def posterior_means(
     near: Doubles2,
     alike: Doubles2,
     aside: Doubles2,
-    light: Floats3,
+    change: Floats3,
     tints: Floats4,
 ) -> None:
     """Compute E[d | e], (rows, columns, S), and E[t | e], (rows, columns, S, C).
@@ -258,26 +258,26 @@ def posterior_means(
     aside : Doubles2
         [c_s = i] - 1 / C, (S, C).
     """
-    (_, columns, count), channels = light.shape, aside.shape[1]
+    (_, columns, count), channels = change.shape, aside.shape[1]
     covariance, solution = np.empty((count, count)), np.empty(count)
     for row in range(chunks[0], chunks[1]):
         for column in range(columns):
-            of_light = np.float64(given.light[row, column])
+            of_filled = np.float64(given.luminance[row, column])
             of_colour = np.float64(given.colour[row, column])
-            weight, uncertain = given.weight[row, column], of_light + of_colour
+            weight, uncertain = given.weight[row, column], of_filled + of_colour
             ridge = _RIDGE * uncertain if uncertain > 0 else 1.0
             for s in range(count):
                 solution[s] = given.error[row, column, s]
                 for t in range(count):
                     both = max(weight[s], _ZERO) * np.float64(max(weight[t], _ZERO))
-                    covariance[s, t] = near[s, t] * (of_light * both + of_colour * alike[s, t])
+                    covariance[s, t] = near[s, t] * (of_filled * both + of_colour * alike[s, t])
                 covariance[s, s] += given.noise[row, column, s] + ridge
             _solve(covariance, solution)
             for s in range(count):
                 of_site = 0.0
                 for t in range(count):
                     of_site += near[s, t] * max(weight[t], _ZERO) * solution[t]
-                light[row, column, s] = of_light * of_site
+                change[row, column, s] = of_filled * of_site
                 for channel in range(channels):
                     of_site = 0.0
                     for t in range(count):
@@ -371,12 +371,12 @@ class Correction(RowStage):
         ]
         error = self.samples.residual(band, blocks)
         weight = np.stack(colours, axis=2)
-        light, tints = estimate_errors(error, weight, self.samples, blocks, gamma)
+        change, tints = estimate_errors(error, weight, self.samples, blocks, gamma)
         if self.samples.kept is not None:
             tints *= self.samples.kept[blocks, :, None, None]
         luminance, chromaticity = copy_array(band.luminance), copy_array(band.chromaticity)
         for site, place in enumerate(places):
-            before, after = luminance[place], luminance[place] + light[..., site]
+            before, after = luminance[place], luminance[place] + change[..., site]
             # what is not a number is to be seen, and refused
             lit = ~((after <= DARK) | (before <= DARK))
             luminance[place] = np.where(lit, after, before)

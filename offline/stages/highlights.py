@@ -113,7 +113,7 @@ def restore_highlights(
 
     in_strips(restore, len(total), BLOCK_ROWS)
     lowest, highest = frame.around.lowest / clipping, frame.around.highest / clipping
-    light = lent(total, lowest).astype(np.float32)
+    luminance = lent(total, lowest).astype(np.float32)
     unknown = unmeasured(lowest, highest, gone).astype(np.float32)
     lost, pattern = np.zeros(signal.shape, np.uint8), frame.mosaic.pattern
     halo = len(gaussian(_BLUR)) // 2
@@ -129,7 +129,7 @@ def restore_highlights(
         over = clear & (nearby >= clipping)
         interpolate(unknown, first, pattern.period, plane)
         lost[inner] = shown_at_sites(np.where(over, plane, 0), clear, pattern)[kept]
-        interpolate(light, first, pattern.period, plane)
+        interpolate(luminance, first, pattern.period, plane)
         filled = np.where(over, np.maximum(plane, nearby), nearby)
         mean, count = smoothed(np.stack([clear * filled, clear]).astype(np.float32), _BLUR)
         raised = mean / np.where(over, count, 1)
@@ -140,9 +140,9 @@ def restore_highlights(
     return replace(frame.with_samples(result), lost=lost)
 
 
-def lent(light: DoubleArray, lowest: DoubleArray) -> DoubleArray:
-    """`light` of blocks, (rows, columns), where a block with a darker sample around it takes that
-    of those near it which have none.
+def lent(luminance: DoubleArray, lowest: DoubleArray) -> DoubleArray:
+    """`luminance` of blocks, (rows, columns), where a block with a darker sample around it takes
+    that of those near it which have none.
 
     Parameters
     ----------
@@ -151,8 +151,8 @@ def lent(light: DoubleArray, lowest: DoubleArray) -> DoubleArray:
     """
     none, full = _BRIGHT
     known = np.clip((lowest - none) / (full - none), _LEAST, 1)
-    weight, total = smoothed(np.stack([known, known * light]), _LENDING_WIDTH)
-    return known * light + (1 - known) * total / weight
+    weight, total = smoothed(np.stack([known, known * luminance]), _LENDING_WIDTH)
+    return known * luminance + (1 - known) * total / weight
 
 
 def unmeasured(lowest: DoubleArray, highest: DoubleArray, gone: DoubleArray) -> DoubleArray:

@@ -102,7 +102,7 @@ class PoolingSettings(StageSettings):
 # These keep quotients and logarithms finite in the dark; no photograph changes.
 _LEAST_VARIANCE = 1e-12  # of a sample, share of the squared mean panchromatic one
 # share of the mean panchromatic sample: below it everything counts as equally dark
-_LEAST_LIGHT = 2e-3
+_LEAST_LUMINANCE = 2e-3
 # grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
 _FAINTEST, _STRONGEST = 0.06, 3.0
 # Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
@@ -149,15 +149,15 @@ def pool_blocks(
     progress.stage("pooling colour of blocks", len(settings.passes))
     sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey
     chromaticity = np.moveaxis(sites.whole(blocks), 2, 0)
-    sums, light = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
+    sums, filled = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
     if others is not None:
-        variances = noise.variance(np.float32(grey) * light[..., None], np.arange(len(gamma)))
+        variances = noise.variance(np.float32(grey) * filled[..., None], np.arange(len(gamma)))
         precision = 1 / np.maximum(variances, _LEAST_VARIANCE * frame.level**2)
         added = np.concatenate([others.weight * precision, others.product * precision], axis=2)
         sums += np.moveaxis(added, 2, 0)
     expected = _solved(smoothed(sums, _EXPECTED), frame)
-    unsure = np.float32(_UNSURE) * np.sqrt(noise.variance(light))
-    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level) + unsure) / np.float32(
+    unsure = np.float32(_UNSURE) * np.sqrt(noise.variance(filled))
+    brightness = np.log(filled.clip(_LEAST_LUMINANCE * frame.level) + unsure) / np.float32(
         2**0.5 * settings.light
     )
     surer = sites.pattern.site_counts.astype(np.float32)[:, None, None]
@@ -205,7 +205,7 @@ def precise_sums(
     """
     channels, noise, grey = len(frame.gamma), frame.noise, np.float32(frame.mosaic.calibration.grey)
     sums = np.zeros((2 * channels, *frame.sites.shape), np.float32)
-    light = np.zeros(frame.sites.shape, np.float32)
+    filled = np.zeros(frame.sites.shape, np.float32)
     sensitivity, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
 
     def work(rows: slice) -> None:
@@ -218,10 +218,10 @@ def precise_sums(
             precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
             sums[channel, rows] += value**2 * precision
             sums[channels + channel, rows] += value * signal[place] * precision
-            light[rows] += value / len(frame.sites.places)
+            filled[rows] += value / len(frame.sites.places)
 
-    in_strips(work, len(light), BLOCK_ROWS)
-    return sums, light
+    in_strips(work, len(filled), BLOCK_ROWS)
+    return sums, filled
 
 
 def chromaticity_variance(sums: FloatArray, sigma: float = 1.0) -> FloatArray:
@@ -277,7 +277,7 @@ def pool(chunks: Chunks, sums: Floats3, features: Floats3, near: Floats1, pooled
     pooled : Floats3
         (S, rows, columns), columns a multiple of `WIDTH`; 0, and then written.
     """
-    radius, light = len(near) - 1, len(features) - 2
+    radius, brightness = len(near) - 1, len(features) - 2
     for row in range(chunks[0], chunks[1]):
         for first in range(0, len(sums), _TOGETHER):
             for column in range(0, pooled.shape[2], WIDTH):
@@ -286,12 +286,12 @@ def pool(chunks: Chunks, sums: Floats3, features: Floats3, near: Floats1, pooled
                 for y in range(row, row + 2 * radius + 1):
                     for x in range(column, column + 2 * radius + 1):
                         distance = _squared_difference(features, 0, y, x, down, across)
-                        for plane in range(1, light):
+                        for plane in range(1, brightness):
                             distance += _squared_difference(features, plane, y, x, down, across)
-                        noise = load(features, (light + 1, y, x))
-                        noise += load(features, (light + 1, down, across))
+                        noise = load(features, (brightness + 1, y, x))
+                        noise += load(features, (brightness + 1, down, across))
                         distance = quotient(distance, noise)
-                        distance += _squared_difference(features, light, y, x, down, across)
+                        distance += _squared_difference(features, brightness, y, x, down, across)
                         weight = greater(_ONE - _SHARE * distance, _ZERO)
                         weight *= weight
                         weight *= weight
