@@ -313,16 +313,18 @@ def _likelihood(lines: ColourLines, near: _Blocks, alike: FloatArray) -> FloatAr
     constant.
     """
     count = len(alike)
-    slope, rest = (
-        np.moveaxis(planes, 0, 2) for planes in (lines.slope, near.samples - lines.at(near.filled))
-    )
-    of_filled = slope * (np.sqrt(near.strokes) * np.float32(count))[..., None]
-    covariance = of_filled[..., None] * of_filled[..., None, :] * alike
-    own = (near.noise + near.surface) / near.weight
-    covariance += own[..., None, None] * np.eye(count, dtype=np.float32)
-    root = np.linalg.cholesky(covariance.astype(np.float64))
-    squares = np.square(np.linalg.solve(root, rest[..., None])[..., 0]).sum(axis=2)
-    size = np.log(np.einsum("yxii->yxi", root)).sum(axis=2)
+    of_filled = lines.slope * np.sqrt(near.strokes) * np.float32(count)
+    covariance = np.einsum("iyx,jyx,ij->ijyx", of_filled, of_filled, alike).astype(np.float64)
+    covariance[range(count), range(count)] += (near.noise + near.surface) / near.weight
+    rest = (near.samples - lines.at(near.filled)).astype(np.float64)
+    size, squares = np.zeros((2, *near.mean.shape))
+    for first in range(count):  # Gaussian elimination of all blocks together
+        pivot, left = covariance[first, first], slice(first + 1, None)
+        size += np.log(pivot) / 2
+        squares += rest[first] ** 2 / pivot
+        factor = covariance[left, first] / pivot
+        rest[left] -= factor * rest[first]
+        covariance[left, left] -= factor[:, None] * covariance[first, left]
     return -(size + (_FREEDOM + count) / 2 * np.log1p(squares / _FREEDOM)).astype(np.float32)
 
 
