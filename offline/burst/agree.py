@@ -139,7 +139,7 @@ def shaded_alike(frame: Frame, shot: Mosaic, reference: Mosaic, motion: Motion) 
     )
 
 
-def agreement(reference: Reference, frame: Frame, seen: FloatArray, motion: Motion) -> ByteArray:
+def agreement(reference: Reference, frame: Frame, moved: FloatArray, motion: Motion) -> ByteArray:
     """Agreement of luminance and of the colours of blocks at each pixel, 0 to 255, uint8 (H, W).
 
     Where the reference is clipped, a frame agrees that is not clipped and at least as bright.
@@ -148,19 +148,19 @@ def agreement(reference: Reference, frame: Frame, seen: FloatArray, motion: Moti
     ----------
     frame : Frame
         In units of the reference.
-    seen : FloatArray
+    moved : FloatArray
         Its luminance as the reference would see it; NaN where it sees nothing.
     """
-    mask = reference.shot.pattern.panchromatic_mask(seen.shape).astype(np.float32)
+    mask = reference.shot.pattern.panchromatic_mask(moved.shape).astype(np.float32)
     # rather than interpolated, in both
     measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
-    deviation, result = colour_change(reference, frame, motion), np.empty(seen.shape, np.uint8)
-    for rows in strips(len(seen), _STRIP):
+    deviation, result = colour_change(reference, frame, motion), np.empty(moved.shape, np.uint8)
+    for rows in strips(len(moved), _STRIP):
         first = max(rows.start - _HALO, 0)
         near = slice(first, rows.stop + _HALO)
         own = replace(reference.frame, luminance=reference.frame.luminance[near])
         agrees = agreement_of_luminance(
-            own, View(seen[near], frame.noise, frame.limit), measured[near]
+            own, View(moved[near], frame.noise, frame.limit), measured[near]
         )
         agrees = agrees[rows.start - first : rows.stop - first]
         result[rows] = np.rint(

@@ -233,11 +233,11 @@ def judge(
     if isinstance(aligned, str):
         return Judged(aligned), None
     frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
-    seen, own = displaced(frame.luminance, aligned.motion), reference.frame
-    visible = np.isfinite(seen) & (seen < frame.limit) & (own.luminance < own.limit)
-    both = View(np.where(visible, seen, own.luminance), frame.noise, frame.limit)
+    moved, own = displaced(frame.luminance, aligned.motion), reference.frame
+    visible = np.isfinite(moved) & (moved < frame.limit) & (own.luminance < own.limit)
+    both = View(np.where(visible, moved, own.luminance), frame.noise, frame.limit)
     sharpness, uneven = _sharpness(own, both, visible), _unevenness(own, both, visible)
-    agrees = agreement(reference, frame, seen, aligned.motion)
+    agrees = agreement(reference, frame, moved, aligned.motion)
     share = float(agrees.mean()) / 255
     reason = ""
     if sharpness < _LEAST_SHARPNESS:

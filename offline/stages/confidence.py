@@ -85,7 +85,8 @@ def replace_doubtful_colour(
         return blocks
     confidence, sites = block_confidence(frame, settings), frame.sites
     whole = sites.whole(blocks).astype(np.float64)
-    bright = np.maximum(sites.means(frame.samples) @ frame.gamma / frame.level, _DIM)
+    samples = sites.of(frame.signal, np.float64)  # not `frame.samples`, which would stay in memory
+    bright = np.maximum(sites.means(samples) @ frame.gamma / frame.level, _DIM)
     weights = (confidence + _LEAST_WEIGHT) * bright
     weight, *sums = smoothed(
         np.stack([weights, *(weights * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND
