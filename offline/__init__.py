@@ -5,7 +5,7 @@
 from ..shared.processors import available_threads, threads, use_threads
 from .ahead import compile_kernel, kernels_to_compile
 from .bands import Band, Halo, RowStage
-from .measured import Measured
+from .frame import Frame
 from .memory import rendering_memory
 from .numerics.compile import compilation, kernel_cache
 from .render import (
@@ -28,8 +28,8 @@ __all__ = [
     "PRESETS",
     "UNLEARNED",
     "Band",
+    "Frame",
     "Halo",
-    "Measured",
     "RenderSettings",
     "Rendering",
     "RowStage",

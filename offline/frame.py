@@ -1,12 +1,13 @@
-"""A frame before it is a picture: its samples, noise and clipping, and its blocks: their sites,
-sums and surroundings.
+"""A frame: its samples, noise and clipping, its blocks with their sites, sums and surroundings, and
+what stages learn of it.
 
 Cleaning goes in two steps, because a burst compares its frames between them: first defects are
-mended, then highlights restored.
+mended, then highlights restored. Then luminance and the colour of blocks are estimated, from which
+the stages in rows make the picture.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,11 +17,19 @@ from numpy.typing import DTypeLike, NDArray
 from ..shared.arrays import BORDER, BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
 from ..shared.block_grid import BlockGrid
 from ..shared.calibration import NoiseModel
+from ..shared.errors import InputError
 from ..shared.mosaic import Mosaic
 from ..shared.pattern import CfaPattern
 from ..shared.shading import Shading
+from .bands import Band
 from .numerics.chunks import BLOCK_ROWS, in_strips
 
+EVEN = 0.01 / 3
+"""Distance of colours from their line, a share of the luminance, that even surfaces have: less of
+it is not taken off.
+
+Chosen: half or twice changes 0.1 dB.
+"""
 _LEAST_LEVEL = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
 # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
 _WIDEST = 4
@@ -118,10 +127,33 @@ class Sites:
         values = np.empty((*self.shape, len(self.places)), dtype or plane.dtype)
 
         def work(rows: slice) -> None:
-            np.stack([plane[place] for place in self.at(rows)], axis=2, out=values[rows])
+            values[rows] = self.in_rows(plane, rows)
 
         in_strips(work, self.shape[0], BLOCK_ROWS)
         return values
+
+    def in_rows(self, plane: NDArray[Any], rows: slice, first: int = 0) -> NDArray[Any]:
+        """The values of a plane, whose first row is the frame's row `first`, at the sites of these
+        rows of blocks, (rows, columns, S).
+        """
+        return np.stack([plane[place] for place in self.at(rows, first)], axis=2)
+
+    def within(self, band: Band) -> slice:
+        """The rows of blocks that lie wholly inside a band of the picture."""
+        first = self.grid.whole_rows - band.first
+        ends = first + self.grid.block_shape[0]
+        inside = np.flatnonzero((first >= 0) & (ends <= len(band.luminance)))
+        return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, 0)
+
+    def residual(self, band: Band, rows: slice) -> FloatArray:
+        """Residual of a band at the sites of these rows of blocks, (rows, columns, S)."""
+        if band.residual is None:
+            raise InputError(
+                "no stage has measured the residual of the picture at the colour sites: the "
+                "stage 'residual' has to come before, and "
+                "stages of one's own keep Band.residual, as dataclasses.replace does"
+            )
+        return self.in_rows(band.residual, rows, band.first)
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
         """The means of values, (*B, S), over the sites of each channel, (*B, C); a channel without
@@ -311,16 +343,51 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
 
 
 @dataclass(frozen=True, eq=False)
-class Cleaned:
-    """The samples of a frame, and what is known of them.
+class ColourLines:
+    """Colour as a linear function of luminance, around each whole block (see
+    `stages.colour_lines`).
+
+    Attributes
+    ----------
+    offset, slope : FloatArray
+        Of gamma_i times channel i, in units of luminance, float32 (C, rows, columns); they sum to 0
+        and to 1.
+    share : FloatArray
+        How far each line is believed, 0 to 1, float32 (rows, columns).
+    span : FloatArray
+        Lowest and highest luminance at the sites of the blocks around, float32 (2, rows, columns):
+        what is darker or brighter has the colour of that end.
+    """
+
+    offset: FloatArray
+    slope: FloatArray
+    share: FloatArray
+    span: FloatArray
+
+    def at(self, luminance: FloatArray) -> FloatArray:
+        """The channels at a `luminance`, (rows, columns), or (C, rows, columns) of places
+        of each channel.
+        """
+        return self.offset + self.slope * luminance
+
+
+def unknown() -> FloatArray:
+    """What has not been estimated: an empty plane."""
+    return np.empty((0, 0), np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The samples of a frame, what is known of them, and what stages learn of it: in scene units.
 
     Attributes
     ----------
     mosaic : Mosaic
-        float32 samples in scene units; its calibration has no shading, and the noise model if one
-        is known or estimated.
+        float32 samples; its calibration has no shading, and the noise model if one is known or
+        estimated. With `shading`, light still falls off as of the panchromatic plane, equally for
+        all filters.
     clipping : float
-        Scene units from which on a sample was saturated.
+        From which on a sample was saturated.
     lost : ByteArray | None
         Where a clipped shot does not tell how bright it was, nor of which colour: a picture to look
         at is white there. uint8 (H, W), 255 = nothing is known; None = all is known.
@@ -328,6 +395,29 @@ class Cleaned:
         Whether the noise model is an estimate from the samples.
     shading : Shading | None
         By which the picture gets its shading, see `Mosaic.evenly_shaded`; None = there is none.
+    luminance : FloatArray
+        Of every pixel, float32 (H, W); empty until it is estimated.
+    blocks : FloatArray
+        Chromaticity of every block, float32 (block rows, block columns, C); empty until it is
+        estimated.
+    fill_error : FloatArray
+        Standard deviation of the error of filled luminance in each of the B whole blocks, float32
+        B; empty where the settings do nothing with the sites.
+    kept : FloatArray | None
+        Share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1;
+        None = all of them. A burst corrects the rest itself, with the samples of all frames;
+        `fill_error` says the same of luminance.
+    lines : ColourLines | None
+        Colour as a function of luminance around the blocks; None = not asked for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from panchroma.offline import measure
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> measure(grey).shape
+    (30, 40)
     """
 
     mosaic: Mosaic
@@ -335,6 +425,26 @@ class Cleaned:
     lost: ByteArray | None = None
     estimated: bool = False
     shading: Shading | None = None
+    luminance: FloatArray = field(default_factory=unknown)
+    blocks: FloatArray = field(default_factory=unknown)
+    fill_error: FloatArray = field(default_factory=unknown)
+    kept: FloatArray | None = None
+    lines: ColourLines | None = None
+
+    @property
+    def pattern(self) -> CfaPattern:
+        """The filters."""
+        return self.mosaic.pattern
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W)."""
+        return self.mosaic.shape
+
+    @property
+    def grid(self) -> BlockGrid:
+        """The blocks."""
+        return self.sites.grid
 
     @cached_property
     def sites(self) -> Sites:
@@ -377,6 +487,39 @@ class Cleaned:
         """The weights of Eq. 7, (C,)."""
         return np.array(self.mosaic.calibration.gamma)
 
+    @property
+    def gamma32(self) -> FloatArray:
+        """The same in float32, for stages in rows."""
+        return self.gamma.astype(np.float32)
+
+    @cached_property
+    def unclipped(self) -> BoolArray:
+        """The whole blocks that have no sample of `clipping` or more in or next to them, bool
+        (rows, columns); all of them where highlights are restored: they are samples like others
+        then.
+        """
+        unclipped = np.ones(self.sites.shape, np.bool_)
+        if self.lost is None and self.signal.max() >= self.clipping:
+            height, width = self.sites.grid.block_shape
+            steps = [(down - 1, across - 1) for down, across in np.ndindex(height + 2, width + 2)]
+
+            def work(rows: slice) -> None:
+                for values in self.sites.beside(self.signal, rows, steps):
+                    unclipped[rows] &= ~(values >= self.clipping)
+
+            in_strips(work, len(unclipped), BLOCK_ROWS)
+        return unclipped
+
+    def scaled_variance(self, rows: slice) -> FloatArray | None:
+        """Variance of the noise at the sites of these rows of blocks, times gamma^2, float32 (rows,
+        columns, S); None = no noise.
+        """
+        if self.noise is None or not self.noise.of_colours:
+            return None
+        channels = self.sites.channels
+        samples = self.sites.in_rows(self.signal, rows)
+        return self.noise.variance(samples, channels) * self.gamma32[channels] ** 2
+
     def colour_gains(self, rows: slice, channels: IndexArray) -> NDArray[Any]:
         """Gains by which samples of some channels in rows of whole blocks have the shading of
         panchromatic ones, float64 (rows, columns, channels); (1,) where there is no shading.
@@ -389,24 +532,7 @@ class Cleaned:
         )
         return np.stack(gains, axis=2, dtype=np.float64) / panchromatic[..., None]
 
-    def with_samples(self, signal: FloatArray) -> "Cleaned":
+    def with_samples(self, signal: FloatArray) -> "Frame":
         """The frame with other samples, which become read-only."""
         signal.flags.writeable = False
         return replace(self, mosaic=replace(self.mosaic, samples=signal))
-
-
-def unclipped_blocks(frame: Cleaned) -> BoolArray:
-    """The whole blocks that have no sample of `frame.clipping` or more in or next to them, bool
-    (rows, columns); all of them where highlights are restored: they are samples like others then.
-    """
-    unclipped = np.ones(frame.sites.shape, np.bool_)
-    if frame.lost is None and frame.signal.max() >= frame.clipping:
-        height, width = frame.sites.grid.block_shape
-        steps = [(down - 1, across - 1) for down, across in np.ndindex(height + 2, width + 2)]
-
-        def work(rows: slice) -> None:
-            for values in frame.sites.beside(frame.signal, rows, steps):
-                unclipped[rows] &= ~(values >= frame.clipping)
-
-        in_strips(work, len(unclipped), BLOCK_ROWS)
-    return unclipped

@@ -10,7 +10,7 @@ from .settings import BEST, RenderSettings
 # light is lost
 _PLANES = 9.0
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated
-# per colour site, kept until the picture is finished: samples and what is known of them
+# per colour site, kept until the picture is finished: what is known of them
 _SITE = 10.0
 # Bytes per pixel of a band, for luminance and for each channel, while it goes through the stages in
 # rows, by what is used of them: the paper's, the corrections at the sites, pinning, and the network

@@ -17,8 +17,7 @@ from ..shared.mosaic import Mosaic
 from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages
-from .frame import BlockSums, Cleaned
-from .measured import Measured
+from .frame import BlockSums, Frame
 from .numerics.chunks import copy_together
 from .patches import band_rows
 from .settings import BEST, RenderSettings
@@ -26,7 +25,7 @@ from .stages.chromaticity import estimate_chromaticities
 from .stages.colour_lines import LineProjection, fit_colour_lines
 from .stages.colour_network import ColourNetwork
 from .stages.confidence import replace_doubtful_colour
-from .stages.correction import Correction, SiteResidual, block_samples, update_luminance
+from .stages.correction import Correction, SiteResidual, fill_error, update_luminance
 from .stages.defects import mend_defects
 from .stages.denoising import denoise_luminance
 from .stages.highlights import clipping_level, restore_highlights
@@ -39,7 +38,7 @@ from .stages.refinement import Refinement
 from .stages.shading import ShadingCorrection
 from .units import check_finite, check_frames
 
-Stages = Callable[[Measured, RenderSettings], list[RowStage]]
+Stages = Callable[[Frame, RenderSettings], list[RowStage]]
 """Makes the list of stages in rows, as `row_stages` does."""
 
 
@@ -77,7 +76,7 @@ class Rendering:
     lost: ByteArray | None = None
 
 
-def row_stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
+def row_stages(frame: Frame, settings: RenderSettings) -> list[RowStage]:
     """The stages that make a picture of what was measured, in their order. Every choice among them
     is made here.
 
@@ -90,27 +89,26 @@ def row_stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
     >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
     'propagation'
     """
-    samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage | None] = [
-        Propagation(measured, settings.affinity, settings.propagation),  # c, Eqs. 10-14
+        Propagation(frame, settings.affinity, settings.propagation),  # c, Eqs. 10-14
         # c+, Eqs. 15-16
-        Refinement(measured, settings.refinement) if settings.refinement.used else None,
+        Refinement(frame, settings.refinement) if settings.refinement.used else None,
     ]
-    if samples is not None:
-        lines, pinned = samples.lines, measured.pattern.is_scattered and settings.pinning.used
+    if frame.fill_error.size:
+        lines, pinned = frame.lines, frame.pattern.is_scattered and settings.pinning.used
         stages += [
-            LineProjection(samples.sites, lines, gamma)
+            LineProjection(frame.sites, lines, frame.gamma32)
             if lines is not None and settings.lines.used
             else None,
-            SiteResidual(samples, gamma),
-            Pinning(measured, samples) if pinned else None,
-            Correction(samples, gamma) if settings.correction.used and not pinned else None,
-            ColourNetwork(network, samples, gamma)
-            if settings.learned.used and (network := network_for(measured.pattern))
+            SiteResidual(frame),
+            Pinning(frame) if pinned else None,
+            Correction(frame) if settings.correction.used and not pinned else None,
+            ColourNetwork(network, frame)
+            if settings.learned.used and (network := network_for(frame.pattern))
             else None,
         ]
-    if (shading := measured.calibration.shading) is not None:
-        stages.append(ShadingCorrection(shading, measured.shape))
+    if frame.shading is not None:
+        stages.append(ShadingCorrection(frame.shading, frame.shape))
     return [stage for stage in stages if stage is not None]
 
 
@@ -169,9 +167,9 @@ def render_bands(
     """Yield the rows of `render(mosaic, settings).rgb` from top to bottom, identical to the bit, as
     bands float32 (rows, W, C).
 
-    Memory: about 11 bytes per pixel while luminance is measured, then 5 (luminance, block samples);
+    Memory: about 11 bytes per pixel while luminance is measured, then 9 (samples, luminance);
     all else exists for one band at a time (see `rendering_memory`). Call `measure`
-    and `colour_bands` instead of this to learn which light is lost (`Measured.lost`).
+    and `colour_bands` instead of this to learn which light is lost (`Frame.lost`).
 
     Examples
     --------
@@ -188,7 +186,7 @@ def render_bands(
 
 
 def colour_bands(
-    measured: Measured,
+    measured: Frame,
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
@@ -213,9 +211,7 @@ def colour_bands(
         yield _apply_luminance(band, np.empty_like(band.chromaticity))
 
 
-def measure(
-    mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT
-) -> Measured:
+def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Frame:
     """Everything that looks at a single frame as a whole.
 
     Examples
@@ -235,7 +231,7 @@ def measure(
 
 def clean_frame(
     mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT
-) -> Cleaned:
+) -> Frame:
     """The samples of a single frame without what is wrong with them: defects, clipping.
 
     With shading the frame stays darker towards its corners, equally for all filters, so that noise
@@ -270,22 +266,22 @@ def clean_frame(
     )
 
 
-def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Cleaned:
+def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Frame:
     """The samples of a mosaic in scene units, shaded equally for all filters, with what the mosaic
     says of them.
     """
     estimated, limit = mosaic.calibration.noise is None, clipping_level(mosaic)
-    return Cleaned(samples, limit, estimated=estimated, shading=mosaic.calibration.shading)
+    return Frame(samples, limit, estimated=estimated, shading=mosaic.calibration.shading)
 
 
 def estimate_colour(
-    frame: Cleaned,
+    frame: Frame,
     luminance: FloatArray,
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     others: BlockSums | None = None,
     alone: FloatArray | None = None,
-) -> Measured:
+) -> Frame:
     """The colour of every block of a frame, and the luminance that this makes most probable.
 
     Parameters
@@ -312,19 +308,19 @@ def estimate_colour(
     >>> estimate_colour(clean_frame(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
     3
     """
-    luminance = _checked_luminance(luminance, frame.mosaic.shape)
+    luminance = _checked_luminance(luminance, frame.shape)
     # c_j, Eqs. 6-9
     blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, others)
     blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, others)
     blocks = replace_doubtful_colour(blocks, frame, settings.confidence)
-    calibration = replace(frame.mosaic.calibration, shading=frame.shading)
-    measured = Measured(frame.mosaic.pattern, calibration, luminance, blocks, None, frame.lost)
+    frame = replace(frame, luminance=luminance, blocks=blocks)
     if not settings.asks_for_sites:
-        return measured
+        return frame
     lines = fit_colour_lines(frame, luminance, blocks, settings.lines)
-    samples = replace(block_samples(frame, luminance, alone), lines=lines)
-    luminance = update_luminance(luminance, blocks, samples, measured.gamma, settings.posterior)
-    return replace(measured, luminance=luminance, samples=samples)
+    error = fill_error(luminance, frame.sites)
+    error = error if alone is None else error * alone
+    frame = replace(frame, fill_error=error, kept=alone, lines=lines)
+    return replace(frame, luminance=update_luminance(frame, settings.posterior))
 
 
 def _checked_luminance(luminance: FloatArray, shape: tuple[int, int]) -> FloatArray:
@@ -341,7 +337,7 @@ def _checked_luminance(luminance: FloatArray, shape: tuple[int, int]) -> FloatAr
 
 
 def run_row_stages(
-    measured: Measured,
+    measured: Frame,
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
@@ -355,11 +351,11 @@ def run_row_stages(
     return iter(run_stages(grey, made, measured.shape[0], progress, check_halos=check_halos))
 
 
-def _grey_bands(measured: Measured, progress: Progress, *, whole: bool) -> Iterator[Band]:
+def _grey_bands(measured: Frame, progress: Progress, *, whole: bool) -> Iterator[Band]:
     """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one
     value for all pixels.
     """
-    steps, grey = band_rows(measured.grid), np.float32(measured.calibration.grey)
+    steps, grey = band_rows(measured.grid), np.float32(measured.mosaic.calibration.grey)
     progress.stage("colouring pixels", len(steps))
     for first, end in steps:
         luminance = measured.luminance[first:end]
@@ -375,7 +371,7 @@ def _apply_luminance(band: Band, rgb: FloatArray) -> FloatArray:
     return rgb
 
 
-def _make_stages(stages: Stages, measured: Measured, settings: RenderSettings) -> list[RowStage]:
+def _make_stages(stages: Stages, measured: Frame, settings: RenderSettings) -> list[RowStage]:
     """The list that `stages` makes. Raises InputError if it is no function, or makes something else
     than stages.
     """

@@ -16,7 +16,7 @@ from ...shared.errors import InputError
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..bands import RowStage
-from ..measured import Measured
+from ..frame import Frame
 from ..memory import burst_memory
 from ..render import colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
@@ -57,19 +57,19 @@ class MergedBurst:
     noise_ratio : FloatArray
         float32 (H, W), variance of the noise of the merged luminance, relative to the reference's:
         1 where it is alone.
-    measured, samples : Measured, ColourSamples
+    measured, samples : Frame, ColourSamples
         What `render_burst_bands` needs.
     """
 
     reference: int
     frames: tuple[Judged, ...]
     noise_ratio: FloatArray
-    measured: Measured
+    measured: Frame
     samples: ColourSamples
 
     @property
     def lost(self) -> ByteArray | None:
-        """Pixels where all frames are clipped, uint8 (H, W), see `offline.frame.Cleaned`; None =
+        """Pixels where all frames are clipped, uint8 (H, W), see `offline.frame.Frame`; None =
         nowhere.
         """
         return self.measured.lost
@@ -145,7 +145,7 @@ def render_burst_bands(
         Rather than yield a value that is not finite.
     """
 
-    def stages(measured: Measured, settings: RenderSettings) -> list[RowStage]:
+    def stages(measured: Frame, settings: RenderSettings) -> list[RowStage]:
         stages = row_stages(measured, settings)
         place = len(stages) - isinstance(stages[-1], ShadingCorrection)  # shading is undone last
         stages.insert(place, Spreading(merged.samples, measured))
@@ -156,7 +156,7 @@ def render_burst_bands(
 
 def _merged(
     comparison: Comparison, settings: RenderSettings
-) -> tuple[FloatArray, Measured, ColourSamples]:
+) -> tuple[FloatArray, Frame, ColourSamples]:
     """`MergedBurst.noise_ratio`, `measured` and `samples`."""
     cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
     fine, noise_ratio = merge_luminance(kept, sites)

@@ -14,7 +14,7 @@ the same to a single block, so a deviation counts where four blocks together sho
 neighbourhood.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -62,25 +62,6 @@ _HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FR
 
 
 @dataclass(frozen=True, eq=False)
-class Frame(View):
-    """A frame with its defects mended.
-
-    Attributes
-    ----------
-    colours : FloatArray
-        (block rows, block columns, S), the samples of its whole blocks.
-    """
-
-    colours: FloatArray = field(kw_only=True)
-
-    def darker(self, gain: float) -> "Frame":
-        """Return the frame as if it had been exposed `gain` times less."""
-        noise, unit = self.noise and self.noise.in_units_of(gain), np.float32(gain)
-        limit, colours = self.limit / gain, self.colours / unit
-        return Frame(self.luminance / unit, noise, limit, colours=colours)
-
-
-@dataclass(frozen=True, eq=False)
 class Reference:
     """The frame that others are compared with.
 
@@ -91,7 +72,7 @@ class Reference:
     """
 
     shot: Mosaic
-    frame: Frame
+    frame: View
 
     @cached_property
     def lit_evenly(self) -> View:
@@ -116,7 +97,7 @@ def lit_evenly(view: View, shot: Mosaic) -> View:
     return View(view.luminance * gain, noise, view.limit * float(gain.min()))
 
 
-def shaded_alike(frame: Frame, shot: Mosaic, reference: Mosaic, motion: Motion) -> Frame:
+def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -> View:
     """A frame in which each point has the shading that it has in the reference.
 
     Its noise is that of the mean over the frame: shading differs little over a motion.
@@ -131,22 +112,22 @@ def shaded_alike(frame: Frame, shot: Mosaic, reference: Mosaic, motion: Motion) 
         down, across = np.arange(rows.start, rows.stop)[:, None], np.arange(width)
         places = in_reference(motion, down, across, shot.shape)
         ratio[rows] /= map_coordinates(gain, places, order=1, mode="nearest")
-    return Frame(
+    return View(
         frame.luminance * ratio,
         frame.noise and frame.noise.in_units_of(1 / float(ratio.mean())),
         frame.limit * min(float(ratio.min()), 1.0),
-        colours=frame.colours * Sites.in_frame(shot).of(ratio),
+        frame.colours * Sites.in_frame(shot).of(ratio),
     )
 
 
-def agreement(reference: Reference, frame: Frame, moved: FloatArray, motion: Motion) -> ByteArray:
+def agreement(reference: Reference, frame: View, moved: FloatArray, motion: Motion) -> ByteArray:
     """Agreement of luminance and of the colours of blocks at each pixel, 0 to 255, uint8 (H, W).
 
     Where the reference is clipped, a frame agrees that is not clipped and at least as bright.
 
     Parameters
     ----------
-    frame : Frame
+    frame : View
         In units of the reference.
     moved : FloatArray
         Its luminance as the reference would see it; NaN where it sees nothing.
@@ -279,7 +260,7 @@ class _BlockColours(NamedTuple):
     noise: DoubleArray
 
 
-def colour_change(reference: Reference, frame: Frame, motion: Motion) -> FloatArray:
+def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArray:
     """Squared deviation of each whole block of the frame, (block rows, block columns), in units of
     the tolerance.
     """
@@ -330,7 +311,7 @@ def _on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slic
     return map_coordinates(worst, at, order=0, mode="nearest")
 
 
-def _block_colours(frame: Frame, mosaic: Mosaic) -> _BlockColours:
+def _block_colours(frame: View, mosaic: Mosaic) -> _BlockColours:
     """The colours of the blocks of a frame, which is in units of the reference. mosaic: the
     reference.
     """

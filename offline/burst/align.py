@@ -9,7 +9,7 @@ gives local shifts.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ import numpy as np
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.calibration import NoiseModel
 from ...shared.processors import threads
+from ..frame import unknown
 from ..numerics.gaussian import smoothed
 from .motion import Motion, displaced
 
@@ -70,7 +71,7 @@ _MOST_ERROR = 0.5  # pixels
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Luminance as one frame shows it.
+    """Luminance as one frame shows it, its defects mended.
 
     Attributes
     ----------
@@ -80,15 +81,24 @@ class View:
         Of its samples; None = there is none, or it is unknown.
     limit : float
         Scene units from which on it is clipped.
+    colours : FloatArray
+        (block rows, block columns, S), the samples of its whole blocks; empty where nothing looks
+        at them.
     """
 
     luminance: FloatArray
     noise: NoiseModel | None = None
     limit: float = np.inf
+    colours: FloatArray = field(default_factory=unknown)
 
     def variance(self, signal: Any) -> Any:
         """Variance of panchromatic samples at a mean signal."""
         return self.noise.variance(np.asarray(signal)) if self.noise else np.zeros_like(signal)
+
+    def darker(self, gain: float) -> "View":
+        """Return the frame as if it had been exposed `gain` times less."""
+        noise, unit = self.noise and self.noise.in_units_of(gain), np.float32(gain)
+        return View(self.luminance / unit, noise, self.limit / gain, self.colours / unit)
 
 
 @dataclass(frozen=True, eq=False)

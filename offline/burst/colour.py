@@ -21,8 +21,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from ...shared.arrays import ByteArray, FloatArray, IndexArray
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import BlockSums, Cleaned, Sites
-from ..measured import Measured
+from ..frame import BlockSums, Frame, Sites
 from ..numerics.gaussian import smoothed
 from ..numerics.linked import SIDE, Extent, Prior, Samples, fitted
 from .agree import FILL_ERROR, NEIGHBOURHOOD
@@ -197,7 +196,7 @@ class ColourSamples:
         return BlockSums(*(np.asarray(plane, np.float64).reshape(full) for plane in sums))
 
 
-def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Cleaned:
+def relit_sites(frame: Frame, luminance: FloatArray, sums: BlockSums) -> Frame:
     """The reference with saturated colour samples replaced by what other frames saw around their
     blocks.
 
@@ -234,12 +233,12 @@ class Spreading(RowStage):
     ----------
     samples : ColourSamples
         Of all frames.
-    measured : Measured
+    measured : Frame
         The reference.
     """
 
     samples: ColourSamples
-    measured: Measured
+    measured: Frame
 
     name = "samples"
 
@@ -255,7 +254,7 @@ class Spreading(RowStage):
         """
         error, order = self.samples.error, np.argsort(self.samples.places[:, 0], kind="stable")
         precision = error / (
-            error + self.samples.variance * np.square(self.measured.gamma[self.samples.channels])
+            error + self.samples.variance * np.square(self.measured.gamma32[self.samples.channels])
         )
         return order, self.samples.places[order, 0], precision
 
@@ -267,7 +266,7 @@ class Spreading(RowStage):
         ConvergenceError
             When conjugate gradients do not reach their tolerance.
         """
-        gamma, shown = self.measured.gamma, band.rows(*rows)
+        gamma, shown = self.measured.gamma32, band.rows(*rows)
         order, down, precision = self._in_rows
         first, end = np.searchsorted(down, band.first), np.searchsorted(down, band.end - 1, "right")
         near = order[first:end]

@@ -12,7 +12,7 @@ from ...shared.arrays import BoolArray, ByteArray, FloatArray
 from ...shared.calibration import NoiseModel
 from ...shared.mosaic import Mosaic
 from ...shared.progress import Progress
-from ..frame import Cleaned
+from ..frame import Frame
 from ..numerics.gaussian import gaussian, smoothed
 from ..render import uncleaned
 from ..settings import RenderSettings
@@ -20,7 +20,7 @@ from ..stages.defects import mend_defects
 from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
-from .agree import CLIPPED, Frame, Reference, agreement, lit_evenly, shaded_alike, unclipped
+from .agree import CLIPPED, Reference, agreement, lit_evenly, shaded_alike, unclipped
 from .align import TINY, Alignment, View, align
 from .motion import Motion, displaced
 
@@ -92,7 +92,7 @@ class Kept:
 
     Attributes
     ----------
-    frame : Frame
+    frame : View
         In units of the reference.
     motion : Motion
         How it lies against the reference.
@@ -100,7 +100,7 @@ class Kept:
         With the reference at each pixel, 0 to 255, uint8 (H, W).
     """
 
-    frame: Frame
+    frame: View
     motion: Motion
     agreement: ByteArray
 
@@ -113,7 +113,7 @@ class Comparison:
     ----------
     reference : int
         Its index.
-    cleaned : Cleaned
+    cleaned : Frame
         Its samples, defects mended and highlights restored; `lost` where no other frame has seen
         its light.
     frames : list[Judged]
@@ -123,7 +123,7 @@ class Comparison:
     """
 
     reference: int
-    cleaned: Cleaned
+    cleaned: Frame
     frames: list[Judged]
     kept: list[Kept]
 
@@ -179,7 +179,7 @@ def compare_frames(
     """
     models = noise_models(shots, settings.noise)
     frames = [
-        frame_of(mend_frame(shot, model, settings), settings)
+        view_of(mend_frame(shot, model, settings), settings)
         for shot, model in zip(shots, models, strict=True)
     ]
     known: Sequence[Motion | None] = motions or [None] * len(shots)
@@ -214,7 +214,7 @@ def compare_frames(
 
 
 def judge(
-    reference: Reference, shot: Mosaic, frame: Frame, motion: Motion | None
+    reference: Reference, shot: Mosaic, frame: View, motion: Motion | None
 ) -> tuple[Judged, Kept | None]:
     """Return the verdict on a frame, and what is merged of it; None = nothing.
 
@@ -271,7 +271,7 @@ def misfit(frame: Mosaic, reference: Mosaic) -> str:
     return ""
 
 
-def emptiness(frame: Frame) -> str:
+def emptiness(frame: View) -> str:
     """Why a frame shows nothing; "" if it shows something."""
     if (share := float((frame.luminance >= CLIPPED * frame.limit).mean())) > _GONE:
         return f"is overexposed: {100 * share:.0f} % of it is clipped"
@@ -280,7 +280,7 @@ def emptiness(frame: Frame) -> str:
     return ""
 
 
-def candidates_of(frames: Sequence[Frame]) -> list[int]:
+def candidates_of(frames: Sequence[View]) -> list[int]:
     """The frames that may be the reference, the best first: neither clipped nor dark, and sharp; of
     frames that tie, the first.
     """
@@ -394,7 +394,7 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 
-def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Cleaned:
+def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Frame:
     """A frame without defects, shaded equally for all filters (`Mosaic.evenly_shaded`), as in
     `clean_frame`.
 
@@ -408,9 +408,7 @@ def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSetting
     return mend_defects(uncleaned(mosaic, samples), settings.defects)
 
 
-def frame_of(cleaned: Cleaned, settings: RenderSettings) -> Frame:
+def view_of(frame: Frame, settings: RenderSettings) -> View:
     """A frame as it is compared and merged."""
-    luminance = recover_luminance(cleaned.mosaic, settings.luminance)
-    return Frame(
-        luminance, cleaned.noise, cleaned.clipping, colours=cleaned.sites.of(cleaned.signal)
-    )
+    luminance = recover_luminance(frame.mosaic, settings.luminance)
+    return View(luminance, frame.noise, frame.clipping, frame.sites.of(frame.signal))

@@ -25,7 +25,7 @@ import numpy as np
 
 from ...shared.arrays import BORDER, DoubleArray, FloatArray
 from ...shared.progress import SILENT, Progress
-from ..frame import BlockSums, Cleaned
+from ..frame import BlockSums, Frame
 from ..numerics.arrays import Bools1, Doubles1, Doubles3
 from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
@@ -65,7 +65,7 @@ _DETAIL_WIDTH = 2.0
 
 
 def estimate_chromaticities(
-    frame: Cleaned,
+    frame: Frame,
     luminance: FloatArray,
     settings: ChromaticitySettings,
     progress: Progress = SILENT,
@@ -126,7 +126,7 @@ def _detail(
     return np.clip(1 - wrong, 0, 1)[..., None] * removed
 
 
-def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
+def block_sums(frame: Frame, luminance: FloatArray) -> BlockSums:
     """The sums of Eqs. 8-9 of each whole block.
 
     Parameters
@@ -147,7 +147,7 @@ def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
     return BlockSums(weight, product)
 
 
-def sigma_z(frame: Cleaned) -> float:
+def sigma_z(frame: Frame) -> float:
     """sigma_z of Eqs. 8-9, scene units: the noise of all channels at the mean sample of the whole
     blocks.
 

@@ -57,8 +57,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from ...shared.arrays import FloatArray, strips
 from ...shared.site_errors import nearness
 from ..bands import DARK, Band, RowStage
-from ..frame import Cleaned, Sites, unclipped_blocks
-from ..measured import EVEN, ColourLines
+from ..frame import EVEN, ColourLines, Frame, Sites
 from ..numerics.arrays import Floats1, Floats2, Floats3, Scalar
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import unset
@@ -142,7 +141,7 @@ class _Blocks(NamedTuple):
 
 
 def fit_colour_lines(
-    frame: Cleaned, luminance: FloatArray, blocks: FloatArray, settings: Switch
+    frame: Frame, luminance: FloatArray, blocks: FloatArray, settings: Switch
 ) -> ColourLines | None:
     """Return the lines around all whole blocks, and their confidence; None where the settings do
     not use them, or a channel has no sites.
@@ -163,7 +162,7 @@ def fit_colour_lines(
     samples *= gamma
     mean = np.maximum(filled.mean(axis=0), dark)
     strokes, short, noise = _errors(frame, filled, samples, mean)
-    unclipped, estimated = unclipped_blocks(frame), np.moveaxis(sites.whole(blocks), 2, 0)
+    unclipped, estimated = frame.unclipped, np.moveaxis(sites.whole(blocks), 2, 0)
     weight = np.maximum(unclipped.astype(np.float32), np.float32(_CLIPPED))
     at_sites, size = sites.of(luminance), 2 * int(_PAGE) + 1
     ends = minimum_filter(at_sites.min(axis=2), size), maximum_filter(at_sites.max(axis=2), size)
@@ -191,7 +190,7 @@ def _means(sites: Sites, plane: FloatArray) -> FloatArray:
 
 
 def _errors(
-    frame: Cleaned, filled: FloatArray, samples: FloatArray, mean: FloatArray
+    frame: Frame, filled: FloatArray, samples: FloatArray, mean: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a^2, e^2 and n, float32 (rows, columns). filled, samples, mean: see `_Blocks`."""
     sites, noise, gamma, channels = frame.sites, frame.noise, frame.gamma, frame.sites.channels

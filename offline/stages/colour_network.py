@@ -38,8 +38,7 @@ from ...shared.arrays import FloatArray, IndexArray, mirrored
 from ...shared.networks import Block, load_network, network_for
 from ...shared.pattern import CfaPattern
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import Sites, mean_of_sites
-from ..measured import BlockSamples
+from ..frame import Frame, Sites, mean_of_sites
 from ..numerics.arrays import Floats1, Floats2, Floats3, Floats4, Ints1
 from ..numerics.chunks import copy_array, in_chunks
 from ..numerics.compile import Chunks, parallel_kernel
@@ -111,15 +110,12 @@ class ColourNetwork(RowStage):
     path : Path
         One of `models/`, read when the first rows are computed: raises InputError if that is
         impossible.
-    samples : BlockSamples
-        Of a frame whose pattern has the network's block and period.
-    gamma : FloatArray
-        (C,), the weights of Eq. 7.
+    frame : Frame
+        Its pattern has the network's block and period.
     """
 
     path: Path
-    samples: BlockSamples
-    gamma: FloatArray
+    frame: Frame
 
     name = "learned"
 
@@ -131,12 +127,12 @@ class ColourNetwork(RowStage):
 
     @cached_property
     def _grid(self) -> "Superpixels":
-        return Superpixels.of(self.samples.sites)
+        return Superpixels.of(self.frame.sites)
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows with their chromaticity corrected; they end where chunks do."""
-        grid, network, gamma = self._grid, load_network(self.path), self.gamma
-        residuals, size = Residuals(grid, band, self.samples, gamma), _SIDE * grid.period
+        grid, network, gamma = self._grid, load_network(self.path), self.frame.gamma32
+        residuals, size = Residuals(grid, band, self.frame), _SIDE * grid.period
         first, last = ((row - grid.origin[0]) // size for row in (rows[0], rows[1] - 1))
         # an even number of chunks in a row: two threads end together
         count = 2 * -(-grid.shape[1] // (2 * _WIDEST))
@@ -513,26 +509,18 @@ def add_answer(
 
 
 class Residuals:
-    """Residuals of the blocks in a band of a picture, by superpixels.
+    """Residuals of the blocks in a band of a picture, by superpixels."""
 
-    Parameters
-    ----------
-    gamma : FloatArray
-        (C,), float32.
-    """
-
-    def __init__(
-        self, grid: Superpixels, band: Band, samples: BlockSamples, gamma: FloatArray
-    ) -> None:
-        rows = samples.within(band)
-        error = samples.residual(band, rows)[..., grid.sites]
-        noise = samples.scaled_variance(gamma, rows)
+    def __init__(self, grid: Superpixels, band: Band, frame: Frame) -> None:
+        rows = frame.sites.within(band)
+        error = frame.sites.residual(band, rows)[..., grid.sites]
+        noise = frame.scaled_variance(rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
-        variance = np.where(samples.unclipped[rows], variance, np.float32(UNKNOWN))
+        variance = np.where(frame.unclipped[rows], variance, np.float32(UNKNOWN))
         # In photographs the network also corrects what a colour line explains, in print lines are
         # certain: 8 costs 0.02 dB.
         unexplained = (
-            np.ones_like(variance) if samples.lines is None else 1 - samples.lines.share[rows] ** 32
+            np.ones_like(variance) if frame.lines is None else 1 - frame.lines.share[rows] ** 32
         )
         self._grid, self._first = grid, (grid.blocks[0] + rows.start, grid.blocks[1])
         self._values = np.concatenate([error, variance[..., None], unexplained[..., None]], axis=2)

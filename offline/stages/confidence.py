@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shared.arrays import DoubleArray, FloatArray
-from ..frame import Cleaned, mean_of_sites, sum_noise
+from ..frame import Frame, mean_of_sites, sum_noise
 from ..numerics.gaussian import smoothed
 from ..stage import Positive, Switch
 
@@ -49,12 +49,12 @@ _LEAST_DIVISOR, _LEAST_WEIGHT = 1e-9, 1e-6  # they keep quotients finite
 _DIM = 1e-3  # of the mean luminance: darker neighbours count no less
 
 
-def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArray:
+def block_confidence(frame: Frame, settings: ConfidenceSettings) -> DoubleArray:
     """Return confidence in the colour of each whole block, 0 to 1, float64 (rows, columns).
 
     Parameters
     ----------
-    frame : Cleaned
+    frame : Frame
         Its highlights restored.
     """
     sites, gamma = frame.sites, frame.gamma
@@ -70,7 +70,7 @@ def block_confidence(frame: Cleaned, settings: ConfidenceSettings) -> DoubleArra
 
 
 def replace_doubtful_colour(
-    blocks: FloatArray, frame: Cleaned, settings: ConfidenceSettings
+    blocks: FloatArray, frame: Frame, settings: ConfidenceSettings
 ) -> FloatArray:
     """Chromaticities of all blocks, float32 (block rows, block columns, C); those without
     confidence are replaced by their neighbours', which count by their luminance.

@@ -36,8 +36,7 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from ...shared.site_errors import nearness
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import Cleaned, Sites, curvature, mean_of_sites, unclipped_blocks
-from ..measured import EVEN, BlockSamples
+from ..frame import EVEN, Frame, Sites, curvature, mean_of_sites
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
@@ -79,26 +78,6 @@ def site_reach(period: int) -> int:
     return (len(gaussian(_WIDTH)) // 2 + 1) * period
 
 
-def block_samples(
-    frame: Cleaned, luminance: FloatArray, alone: FloatArray | None = None
-) -> BlockSamples:
-    """Return the samples of all whole blocks.
-
-    Parameters
-    ----------
-    luminance : FloatArray
-        (H, W), filled in, scene units.
-    alone : FloatArray | None, optional
-        How far no other frame of a burst measures luminance at the sites, 0 to 1, (rows, columns);
-        None = there is no other.
-    """
-    error = fill_error(luminance, frame.sites)
-    if alone is not None:
-        error = error * alone
-    samples, unclipped = frame.sites.of(frame.signal), unclipped_blocks(frame)
-    return BlockSamples(frame.sites, samples, frame.noise, unclipped, error, alone)
-
-
 def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
     """Return f, the error of filled luminance in each whole block, scene units, float32 (rows,
     columns).
@@ -113,32 +92,21 @@ def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
     return error
 
 
-def update_luminance(
-    luminance: FloatArray,
-    blocks: FloatArray,
-    measured: BlockSamples,
-    gamma: FloatArray,
-    settings: Switch,
-) -> FloatArray:
-    """Return luminance, float32 (H, W), with its expected error at the colour sites added.
-
-    Parameters
-    ----------
-    blocks : FloatArray
-        Chromaticity of every block of the grid, (block rows, block columns, C).
-    gamma : FloatArray
-        (C,), the weights of Eq. 7.
+def update_luminance(frame: Frame, settings: Switch) -> FloatArray:
+    """Return the luminance of a frame, float32 (H, W), with its expected error at the colour sites
+    added.
     """
     if not settings.used:
-        return luminance
-    updated, height = copy_array(luminance), measured.sites.shape[0]
-    reach = len(gaussian(_WIDTH)) // 2
+        return frame.luminance
+    updated, unclipped = copy_array(frame.luminance), frame.unclipped
+    height, reach = len(unclipped), len(gaussian(_WIDTH)) // 2
 
     def work(inner: slice) -> None:
         rows = slice(max(inner.start - reach, 0), min(inner.stop + reach, height))
-        error, weight = _block_residuals(luminance, blocks, measured, rows, gamma)
-        delta = estimate_errors(error, weight, measured, rows, gamma)[0][inner.start - rows.start :]
-        for site, place in enumerate(measured.sites.at(inner)):
+        error, weight = _block_residuals(frame, rows)
+        error *= unclipped[rows, :, None]
+        delta = estimate_errors(error, weight, frame, rows)[0][inner.start - rows.start :]
+        for site, place in enumerate(frame.sites.at(inner)):
             at_site = updated[place]
             at_site += delta[: len(at_site), :, site]
 
@@ -146,21 +114,15 @@ def update_luminance(
     return updated
 
 
-def _block_residuals(
-    luminance: FloatArray,
-    blocks: FloatArray,
-    measured: BlockSamples,
-    rows: slice,
-    gamma: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+def _block_residuals(frame: Frame, rows: slice) -> tuple[FloatArray, FloatArray]:
     """Return e and w, float32 (rows, columns, S), by the chromaticities of blocks, and by colour
     lines as far as these count.
     """
-    sites = measured.sites
-    filled = np.stack([luminance[place] for place in sites.at(rows)], axis=2)
-    weight = np.take(sites.whole(blocks)[rows] * gamma, sites.channels, axis=2)
+    sites, gamma = frame.sites, frame.gamma32
+    filled = sites.in_rows(frame.luminance, rows)
+    weight = np.take(sites.whole(frame.blocks)[rows] * gamma, sites.channels, axis=2)
     picture = weight * filled
-    if (lines := measured.lines) is not None:
+    if (lines := frame.lines) is not None:
         offset, slope = (
             np.moveaxis(plane[:, rows][sites.channels], 0, 2)
             for plane in (lines.offset, lines.slope)
@@ -171,8 +133,7 @@ def _block_residuals(
         share = (lines.share[rows] * (1 - least / far))[..., None]
         picture += share * apart
         weight += share * (slope - weight)
-    error = measured.samples[rows] * gamma[sites.channels] - picture
-    error = error * measured.unclipped[rows, :, None]
+    error = sites.in_rows(frame.signal, rows) * gamma[sites.channels] - picture
     return error.astype(np.float32, copy=False), weight
 
 
@@ -192,7 +153,7 @@ def signal_power(error: FloatArray, variance: FloatArray | None) -> FloatArray:
 
 
 def estimate_errors(
-    error: FloatArray, weight: FloatArray, measured: BlockSamples, rows: slice, gamma: FloatArray
+    error: FloatArray, weight: FloatArray, frame: Frame, rows: slice
 ) -> tuple[FloatArray, FloatArray]:
     """Return E[d | e], float32 (rows, columns, S), and E[t | e], (rows, columns, S, C), at the
     sites of these rows of blocks.
@@ -202,20 +163,20 @@ def estimate_errors(
     error, weight : FloatArray
         e and w, (rows, columns, S).
     """
-    sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
+    sites, variance, count = frame.sites, frame.scaled_variance(rows), len(frame.gamma)
     mean = signal_power(error, None if variance is None else mean_of_sites(variance))  # M
     share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
-    of_filled = np.minimum(np.square(measured.fill_error[rows]), most)
+    of_filled = np.minimum(np.square(frame.fill_error[rows]), most)
     of_colour = np.maximum(mean - of_filled * share, np.float32(_TINT) * mean)
-    of_colour /= np.float32(1 - 1 / len(gamma))
-    if measured.lines is not None:
-        confidence = measured.lines.share[rows]
+    of_colour /= np.float32(1 - 1 / count)
+    if frame.lines is not None:
+        confidence = frame.lines.share[rows]
         of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
         of_filled += confidence * (most - of_filled)
     noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)
-    change, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
-    aside = (sites.channels[:, None] == np.arange(len(gamma))) - 1 / len(gamma)
+    change, tints = np.empty_like(error), np.empty((*error.shape, count), np.float32)
+    aside = (sites.channels[:, None] == np.arange(count)) - 1 / count
     given = SiteErrors(error, weight, noise, of_filled, of_colour)
     posterior_means(given, nearness(sites.pattern), aside @ aside.T, aside, change, tints)
     return change, tints
@@ -305,26 +266,17 @@ def _solve(matrix: Doubles2, right: Doubles1) -> None:
 
 @dataclass(eq=False)
 class SiteResidual(RowStage):
-    """Measure the residuals of the picture at the colour sites (`Band.residual`).
+    """Measure the residuals of the picture at the colour sites (`Band.residual`)."""
 
-    Attributes
-    ----------
-    gamma : FloatArray
-        (C,), the weights of Eq. 7.
-    """
-
-    samples: BlockSamples
-    gamma: FloatArray
+    frame: Frame
 
     name = "residual"
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, with their residual."""
-        picture, sites = band.rows(*rows), self.samples.sites
+        picture, frame, sites = band.rows(*rows), self.frame, self.frame.sites
         residual = np.zeros(picture.luminance.shape, np.float32)
-        for site, (channel, (down, across)) in enumerate(
-            zip(sites.channels, sites.places, strict=True)
-        ):
+        for channel, (down, across) in zip(sites.channels, sites.places, strict=True):
             # rows of blocks
             first, end = (
                 min(max(-(-(row - down.start) // down.step), 0), sites.shape[0]) for row in rows
@@ -334,46 +286,39 @@ class SiteResidual(RowStage):
                 picture.chromaticity[place][: end - first, :, channel]
                 * picture.luminance[place][: end - first]
             )
-            error = (self.samples.samples[first:end, :, site] - colour) * self.gamma[channel]
-            residual[place][: end - first] = error * self.samples.unclipped[first:end]
+            error = (frame.signal[down, across][first:end] - colour) * frame.gamma32[channel]
+            residual[place][: end - first] = error * frame.unclipped[first:end]
         return replace(picture, residual=residual)
 
 
 @dataclass(eq=False)
 class Correction(RowStage):
-    """Add the expected errors of luminance and colour at the sites of all whole blocks.
+    """Add the expected errors of luminance and colour at the sites of all whole blocks."""
 
-    Attributes
-    ----------
-    gamma : FloatArray
-        (C,), the weights of Eq. 7.
-    """
-
-    samples: BlockSamples
-    gamma: FloatArray
+    frame: Frame
 
     name = "correction"
 
     @property
     def halo(self) -> Halo:
         """The blocks around a site."""
-        return Halo(site_reach(self.samples.sites.grid.period))
+        return Halo(site_reach(self.frame.grid.period))
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, corrected."""
-        blocks, gamma = self.samples.within(band), self.gamma
+        frame, sites, gamma = self.frame, self.frame.sites, self.frame.gamma32
+        blocks = sites.within(band)
         if blocks.start >= blocks.stop:
             return band.rows(*rows)
-        places, channels = self.samples.inside(band, blocks), self.samples.sites.channels
+        places = sites.at(blocks, band.first)
         colours = [
             band.chromaticity[place][..., channel] * gamma[channel]
-            for place, channel in zip(places, channels, strict=True)
+            for place, channel in zip(places, sites.channels, strict=True)
         ]
-        error = self.samples.residual(band, blocks)
-        weight = np.stack(colours, axis=2)
-        change, tints = estimate_errors(error, weight, self.samples, blocks, gamma)
-        if self.samples.kept is not None:
-            tints *= self.samples.kept[blocks, :, None, None]
+        error, weight = sites.residual(band, blocks), np.stack(colours, axis=2)
+        change, tints = estimate_errors(error, weight, frame, blocks)
+        if frame.kept is not None:
+            tints *= frame.kept[blocks, :, None, None]
         luminance, chromaticity = copy_array(band.luminance), copy_array(band.chromaticity)
         for site, place in enumerate(places):
             before, after = luminance[place], luminance[place] + change[..., site]

@@ -38,7 +38,7 @@ from ...shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArr
 from ...shared.calibration import NoiseModel
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
-from ..frame import Cleaned, sum_noise
+from ..frame import Frame, sum_noise
 from ..numerics.chunks import copy_array, in_strips
 from ..numerics.functions import ORIENTATIONS
 from ..stage import NotNegative, Positive, StageSettings
@@ -80,7 +80,7 @@ _FLAT, _TINY = 1e-8, 1e-30
 _ROWS, _TOGETHER = STRIP // 2, 1 << 14
 
 
-def mend_defects(frame: Cleaned, settings: DefectsSettings, progress: Progress = SILENT) -> Cleaned:
+def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = SILENT) -> Frame:
     """Replace defective samples; return the frame itself where there are none.
 
     Defects are those in the calibration's list (places outside the frame are ignored) and isolated
@@ -121,7 +121,7 @@ def _listed(mosaic: Mosaic) -> BoolArray:
     return bad
 
 
-def find_outliers(frame: Cleaned, settings: DefectsSettings, bad: BoolArray) -> BoolArray:
+def find_outliers(frame: Frame, settings: DefectsSettings, bad: BoolArray) -> BoolArray:
     """Mark panchromatic samples that differ from all their neighbours by more than contrast and
     noise explain; bool (H, W).
 
@@ -148,14 +148,14 @@ class _Strip:
     bad, or outside the frame. coloured: bool, as `luminance`.
     """
 
-    frame: Cleaned
+    frame: Frame
     settings: DefectsSettings
     luminance: FloatArray
     coloured: BoolArray
     halo: int
 
     @classmethod
-    def of(cls, frame: Cleaned, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
+    def of(cls, frame: Frame, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
         """Rows of a frame. bad: bool (H, W)."""
         (height, width), halo = bad.shape, max(frame.mosaic.pattern.period, 2) + 1
         first = rows.start - halo
@@ -272,7 +272,7 @@ def _mean(values: FloatArray, axis: int | tuple[int, int]) -> FloatArray:
     )
 
 
-def predicted(frame: Cleaned, bad: BoolArray, places: tuple[IndexArray, IndexArray]) -> FloatArray:
+def predicted(frame: Frame, bad: BoolArray, places: tuple[IndexArray, IndexArray]) -> FloatArray:
     """Predict panchromatic samples, float32 (N,), from the good ones around them.
 
     A place without an opposite pair of good neighbours gets the mean of the nearest good samples,
@@ -303,7 +303,7 @@ def predicted(frame: Cleaned, bad: BoolArray, places: tuple[IndexArray, IndexArr
 
 
 def _window(
-    frame: Cleaned, bad: BoolArray, row: IndexArray, column: IndexArray, reach: int
+    frame: Frame, bad: BoolArray, row: IndexArray, column: IndexArray, reach: int
 ) -> FloatArray:
     """The good panchromatic samples in the squares around N places, (N, size, size); NaN
     elsewhere.
@@ -315,12 +315,12 @@ def _window(
     return np.where(good, frame.signal[place], np.float32(np.nan))
 
 
-def _panchromatic(frame: Cleaned, row: IndexArray, column: IndexArray) -> BoolArray:
+def _panchromatic(frame: Frame, row: IndexArray, column: IndexArray) -> BoolArray:
     period = frame.mosaic.pattern.period
     return frame.mosaic.pattern.panchromatic_mask((period, period))[row % period, column % period]
 
 
-def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
+def _find_in_blocks(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> None:
     """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around
     it.
     """
@@ -356,7 +356,7 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -
     bad[rows[certain], columns[certain], site[certain]] = True
 
 
-def _find_above_luminance(frame: Cleaned, bad: BoolArray, settings: DefectsSettings) -> None:
+def _find_above_luminance(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> None:
     """Mark in `bad`, (*B, S), each site that reads more than luminance there: where a channel has
     no sites, Eq. 7 defines it, and tells no more than that it is not negative.
     """
@@ -379,7 +379,7 @@ def _find_above_luminance(frame: Cleaned, bad: BoolArray, settings: DefectsSetti
     bad[rows[certain], columns[certain], site[certain]] = True
 
 
-def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
+def _predicted_in_blocks(frame: Frame, bad: BoolArray) -> FloatArray:
     """Values for the bad sites: what the rest of the block predicts, else what the neighbouring
     blocks predict.
     """
@@ -409,7 +409,7 @@ def _predicted_in_blocks(frame: Cleaned, bad: BoolArray) -> FloatArray:
 
 
 def _ratios_around(
-    frame: Cleaned, bad: BoolArray, rows: IndexArray, columns: IndexArray
+    frame: Frame, bad: BoolArray, rows: IndexArray, columns: IndexArray
 ) -> DoubleArray:
     """Ratios c / l of each site in the eight neighbours of N blocks, (8, N, S); NaN where there is
     none, or it is bad or dark.
@@ -422,6 +422,6 @@ def _ratios_around(
     return np.stack([wide[rows + down, columns + across] for down, across in around])
 
 
-def _median(frame: Cleaned, near: DoubleArray) -> DoubleArray:
+def _median(frame: Frame, near: DoubleArray) -> DoubleArray:
     """Median of the ratios of neighbouring blocks, (N, S); grey without any."""
     return np.nanmedian(np.where(np.isnan(near).all(axis=0), 1 / frame.gamma.sum(), near), axis=0)

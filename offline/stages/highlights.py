@@ -29,7 +29,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
 from ...shared.white_balance import clipped_share, raised_to_white
-from ..frame import Cleaned
+from ..frame import Frame
 from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
 from ..numerics.gaussian import filtered, gaussian, smoothed
 from ..numerics.interpolation import interpolate
@@ -78,14 +78,14 @@ def clipping_level(mosaic: Mosaic) -> float:
 
 
 def restore_highlights(
-    frame: Cleaned, settings: HighlightsSettings, progress: Progress = SILENT
-) -> Cleaned:
+    frame: Frame, settings: HighlightsSettings, progress: Progress = SILENT
+) -> Frame:
     """Replace saturated samples by estimates above them, and note where light is lost; without such
     samples, the frame itself.
 
     Parameters
     ----------
-    frame : Cleaned
+    frame : Frame
         Free of defects: a single hot colour sample would pass for light.
     """
     signal, clipping, sites = frame.signal, frame.clipping, frame.sites

@@ -26,8 +26,7 @@ import numpy as np
 from ...shared.arrays import BoolArray, FloatArray
 from ...shared.calibration import derived_channel
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import mean_of_sites
-from ..measured import BlockSamples, Measured
+from ..frame import Frame, mean_of_sites
 from ..numerics.gaussian import smoothed
 from ..numerics.interpolation import interpolate
 from ..numerics.linked import SIDE, Extent, Prior, Samples, fitted
@@ -71,30 +70,27 @@ class Pinning(RowStage):
 
     Attributes
     ----------
-    measured : Measured
-        The frame.
-    samples : BlockSamples
-        Of all its whole blocks.
+    frame : Frame
+        With what was learned of its sites.
     """
 
-    measured: Measured
-    samples: BlockSamples
+    frame: Frame
 
     name = "pinning"
 
     @property
     def halo(self) -> Halo:
         """Dependence of a pixel: its neighbours, and the blocks around those."""
-        period = self.measured.pattern.period
+        period = self.frame.pattern.period
         return Halo(HALO + site_reach(period) + _TAPS * period, SIDE)
 
     @cached_property
     def _edge(self) -> float:
-        return max(_EDGE * float(self.measured.luminance.mean()), _LEAST_EDGE)
+        return max(_EDGE * float(self.frame.luminance.mean()), _LEAST_EDGE)
 
     @cached_property
     def _around(self) -> FloatArray:
-        return np.ascontiguousarray(smoothed(np.moveaxis(self.measured.blocks, 2, 0), _AROUND))
+        return np.ascontiguousarray(smoothed(np.moveaxis(self.frame.blocks, 2, 0), _AROUND))
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows.
@@ -104,28 +100,28 @@ class Pinning(RowStage):
         ConvergenceError
             When conjugate gradients do not reach their tolerance.
         """
-        samples, gamma = self.samples, self.measured.gamma
-        blocks = samples.within(band)
+        frame, sites = self.frame, self.frame.sites
+        blocks = sites.within(band)
         if blocks.start >= blocks.stop:
             return band.rows(*rows)
-        variance = samples.scaled_variance(gamma, blocks)
+        variance = frame.scaled_variance(blocks)
         noise = None if variance is None else mean_of_sites(variance)
-        power = signal_power(samples.residual(band, blocks), noise)
-        confidence = _confidence(power, noise) * samples.unclipped[blocks]
-        places = samples.inside(band, blocks)
-        luminance = np.stack([band.luminance[place] for place in places], axis=2)
+        power = signal_power(sites.residual(band, blocks), noise)
+        confidence = _confidence(power, noise) * frame.unclipped[blocks]
+        luminance = sites.in_rows(band.luminance, blocks, band.first)
         # A ratio is the less certain the darker its site is.
         mean = np.square(luminance).mean(axis=2, dtype=np.float32, keepdims=True)
         squared = np.square(luminance) / mean.clip(np.float32(DARK**2))
         weight = _confidence(power[..., None] * squared, variance) * np.minimum(squared, 1)
-        weight *= samples.unclipped[blocks, :, None]
-        if samples.lines is not None:
-            apart = 1 - samples.lines.share[blocks]
+        weight *= frame.unclipped[blocks, :, None]
+        if frame.lines is not None:
+            apart = 1 - frame.lines.share[blocks]
             confidence, weight = confidence * apart, weight * apart[..., None]
         ratios, weights = np.zeros_like(band.luminance), np.zeros_like(band.luminance)
-        for site, place in enumerate(places):
+        samples = sites.in_rows(frame.signal, blocks)
+        for site, place in enumerate(sites.at(blocks, band.first)):
             lit = luminance[..., site] > DARK
-            ratio = samples.samples[blocks, :, site] / np.where(lit, luminance[..., site], 1)
+            ratio = samples[..., site] / np.where(lit, luminance[..., site], 1)
             ratios[place] = np.where(lit, ratio, 0)
             weights[place] = np.where(lit, weight[..., site], 0)
         return self._pinned(band, rows, self._base(band, confidence, blocks), ratios, weights)
@@ -134,7 +130,7 @@ class Pinning(RowStage):
         """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a
         wide neighbourhood.
         """
-        grid = self.measured.grid
+        grid = self.frame.grid
         trusted, plane = np.empty_like(band.luminance), np.empty_like(band.luminance)
         half = (grid.period - 1) / 2
         down, across = float(grid.whole_rows[blocks.start]), float(grid.whole_columns[0])
@@ -154,7 +150,7 @@ class Pinning(RowStage):
         ratios: FloatArray,
         weights: FloatArray,
     ) -> Band:
-        filters = self.measured.pattern.filter_map(band.luminance.shape, (band.first, 0))
+        filters = self.frame.pattern.filter_map(band.luminance.shape, (band.first, 0))
         of_channel = np.arange(base.shape[2])[:, None, None] == filters
         apart = weights * (ratios - np.moveaxis(base, 2, 0))
         samples = Samples(of_channel * weights, of_channel * apart)
@@ -162,7 +158,7 @@ class Pinning(RowStage):
         prior = Prior(_SMOOTHNESS, _FADING, self._edge)
         change = fitted(band.luminance, samples, prior, extent, "pinning")
         own, pinned = band.rows(*rows), base[extent.first : extent.end] + np.moveaxis(change, 0, 2)
-        gamma, derived = self.measured.gamma, self.measured.pattern.derived
+        gamma, derived = self.frame.gamma32, self.frame.pattern.derived
         if derived is not None:  # Eq. 7
             pinned[..., derived] = derived_channel(1, pinned, gamma, derived).clip(0)
         total = (pinned @ gamma)[..., None]

@@ -37,7 +37,7 @@ import numpy as np
 
 from ...shared.arrays import FloatArray
 from ...shared.progress import SILENT, Progress
-from ..frame import BlockSums, Cleaned, curvature
+from ..frame import BlockSums, Frame, curvature
 from ..numerics.arrays import Floats1, Floats3
 from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
@@ -125,7 +125,7 @@ _APART = 0.42
 
 def pool_blocks(
     blocks: FloatArray,
-    frame: Cleaned,
+    frame: Frame,
     luminance: FloatArray,
     settings: PoolingSettings,
     progress: Progress = SILENT,
@@ -190,7 +190,7 @@ def _pooled(sums: FloatArray, features: FloatArray, near: FloatArray) -> FloatAr
 
 
 def precise_sums(
-    frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float
+    frame: Frame, luminance: FloatArray, chromaticity: FloatArray, error: float
 ) -> tuple[FloatArray, FloatArray]:
     """A and B of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows,
     columns).
@@ -239,7 +239,7 @@ def chromaticity_variance(sums: FloatArray, sigma: float = 1.0) -> FloatArray:
 
 
 def _solved(
-    sums: FloatArray, frame: Cleaned, sigma: float = 1.0, expected: FloatArray | None = None
+    sums: FloatArray, frame: Frame, sigma: float = 1.0, expected: FloatArray | None = None
 ) -> FloatArray:
     """Chromaticities, float32 (rows, columns, C), from sums of blocks, float32 (2 C, rows,
     columns); see `BlockSums.solved`.

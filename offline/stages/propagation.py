@@ -17,7 +17,7 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from ...shared.pattern import CfaPattern
 from ..bands import Band, Halo, RowStage
-from ..measured import Measured
+from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3, Single
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import unset
@@ -44,7 +44,7 @@ class PropagationSettings(StageSettings):
 class Propagation(RowStage):
     """Spread the chromaticity of the blocks of a frame to its pixels (Eqs. 10-14)."""
 
-    measured: Measured
+    frame: Frame
     affinity: AffinitySettings
     settings: PropagationSettings
 
@@ -53,7 +53,7 @@ class Propagation(RowStage):
     @property
     def halo(self) -> Halo:
         """No rows around, but whole rows of chunks (`patches`)."""
-        grid = self.measured.grid
+        grid = self.frame.grid
         return Halo(
             alignment=chunk_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
         )
@@ -66,11 +66,11 @@ class Propagation(RowStage):
         ConvergenceError
             When conjugate gradients do not reach their tolerance.
         """
-        luminance, pattern = self.measured.luminance, self.measured.pattern
+        luminance, pattern = self.frame.luminance, self.frame.pattern
         # alpha, Eqs. 11-13
         fields = solve_affinities(luminance, pattern, self.affinity, rows)
         # c, Eqs. 10 and 14
-        colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)
+        colour = propagate(self.frame.blocks, fields, luminance, pattern, self.settings, rows)
         return Band(rows[0], band.rows(*rows).luminance, colour)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from ...shared.arrays import FloatArray, mirrored
 from ...shared.calibration import NoiseModel
 from ..bands import Band, Halo, RowStage
-from ..measured import Measured
+from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
 from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
@@ -61,7 +61,7 @@ class Refinement(RowStage):
     more.
     """
 
-    measured: Measured
+    frame: Frame
     settings: RefinementSettings
 
     name = "refinement"
@@ -69,16 +69,16 @@ class Refinement(RowStage):
     @property
     def halo(self) -> Halo:
         """Half a window for each repetition."""
-        return Halo(self.settings.repetitions * (self.measured.pattern.period // 2))
+        return Halo(self.settings.repetitions * (self.frame.pattern.period // 2))
 
     @cached_property
     def sigma(self) -> float:
         """sigma_z of Eq. 16, scene units."""
-        return noise_level(self.measured.luminance, self.measured.calibration.noise)
+        return noise_level(self.frame.luminance, self.frame.noise)
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows with their chromaticity refined."""
-        luminance, period = self.measured.luminance, self.measured.pattern.period
+        luminance, period = self.frame.luminance, self.frame.pattern.period
         refined = refine(band, rows, luminance, period, self.sigma, self.settings)
         return Band(rows[0], band.rows(*rows).luminance, refined)
 

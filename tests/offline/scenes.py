@@ -2,12 +2,13 @@
 channels, scattered sites.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from panchroma.offline.frame import Cleaned
-from panchroma.offline.measured import BlockSamples
-from panchroma.offline.stages.correction import block_samples
+from panchroma.offline.frame import Frame
+from panchroma.offline.stages.correction import fill_error
 from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.reference.sensor import observe
@@ -65,11 +66,12 @@ def shot(
     )
 
 
-def cleaned(mosaic: Mosaic, clipping: float = np.inf) -> Cleaned:
+def cleaned(mosaic: Mosaic, clipping: float = np.inf) -> Frame:
     """The mosaic as it is: nothing is wrong with it."""
-    return Cleaned(mosaic, clipping)
+    return Frame(mosaic, clipping)
 
 
-def sampled(mosaic: Mosaic, luminance: FloatArray, clipping: float = np.inf) -> BlockSamples:
-    """The samples of its whole blocks."""
-    return block_samples(cleaned(mosaic, clipping), luminance)
+def sampled(mosaic: Mosaic, luminance: FloatArray, clipping: float = np.inf) -> Frame:
+    """The same, with luminance."""
+    frame = cleaned(mosaic, clipping)
+    return replace(frame, luminance=luminance, fill_error=fill_error(luminance, frame.sites))

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from panchroma.offline import BEST, Band, Measured, RenderSettings, RowStage, measure, row_stages
+from panchroma.offline import BEST, Band, Frame, RenderSettings, RowStage, measure, row_stages
 from panchroma.offline.bands import run_stages
 from panchroma.offline.stages.propagation import Propagation
 from panchroma.shared import CfaPattern, Mosaic
@@ -77,7 +77,7 @@ class RowStageTests(StageTests):
     name: str
     pattern = CfaPattern.bayer(6, origin=(1, 2))
 
-    def stages(self, measured: Measured) -> list[RowStage]:
+    def stages(self, measured: Frame) -> list[RowStage]:
         """Return the stages as far as this one; all of them where a frame does not need it."""
         stages = row_stages(measured, self.settings)
         names = [stage.name for stage in stages]
@@ -90,7 +90,7 @@ class RowStageTests(StageTests):
         """Return colour after the stage, (H, W, C), from bands that end at these rows."""
         measured = measure(mosaic, self.settings)
         grey = np.full(
-            (*measured.shape, len(measured.gamma)), measured.calibration.grey, np.float32
+            (*measured.shape, len(measured.gamma)), measured.mosaic.calibration.grey, np.float32
         )
         whole = Band(0, measured.luminance, grey)
         first, *others = self.stages(measured)

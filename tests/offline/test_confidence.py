@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import minimum_filter
 
 from panchroma.offline import BEST, PAPER, render
-from panchroma.offline.frame import Cleaned
+from panchroma.offline.frame import Frame
 from panchroma.offline.stages.confidence import block_confidence, replace_doubtful_colour
 from panchroma.offline.stages.highlights import clipping_level, restore_highlights
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
@@ -24,7 +24,7 @@ SETTINGS = BEST.confidence
 FONTS = Path(matplotlib.get_data_path()) / "fonts/ttf"
 
 
-def silent(mosaic: Mosaic) -> Cleaned:
+def silent(mosaic: Mosaic) -> Frame:
     """A frame of sensor codes, its highlights restored, as if it had no noise."""
     calibration = replace(mosaic.calibration, noise=None)
     frame = cleaned(replace(mosaic, calibration=calibration), clipping_level(mosaic))

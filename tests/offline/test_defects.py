@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER, render
-from panchroma.offline.frame import Cleaned, Sites
+from panchroma.offline.frame import Frame, Sites
 from panchroma.offline.stages.chromaticity import ChromaticitySettings
 from panchroma.offline.stages.defects import DefectsSettings, mend_defects
 from panchroma.offline.stages.luminance import recover_luminance
@@ -22,7 +22,7 @@ FULL = 3.0
 
 
 def mend(mosaic: Mosaic, settings: DefectsSettings = SETTINGS) -> Mosaic:
-    return mend_defects(Cleaned(mosaic, np.inf), settings).mosaic
+    return mend_defects(Frame(mosaic, np.inf), settings).mosaic
 
 
 def photographed(scene: FloatArray, sigma: float = 0.0) -> Mosaic:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panchroma.offline.frame import sum_noise, unclipped_blocks
+from panchroma.offline import BEST, PAPER, RenderSettings, colour_bands, measure
+from panchroma.offline.frame import sum_noise
 from panchroma.offline.render import clean_frame
 from panchroma.shared import CfaPattern, NoiseModel
 from tests.offline.scenes import cleaned, every_case, shot
@@ -20,7 +21,7 @@ def test_blocks_see_the_panchromatic_samples_in_and_next_to_them(
     grid, (height, width) = frame.sites.grid, pattern.block_shape
     light, lowest, highest = frame.around
     clipping = float(np.median(frame.signal))
-    unclipped = unclipped_blocks(replace(frame, clipping=clipping))
+    unclipped = replace(frame, clipping=clipping).unclipped
     for i, j in np.ndindex(frame.sites.shape):
         top, left = int(grid.whole_rows[i]), int(grid.whole_columns[j])
         near = np.s_[max(top - 1, 0) : top + height + 1, max(left - 1, 0) : left + width + 1]
@@ -30,6 +31,13 @@ def test_blocks_see_the_panchromatic_samples_in_and_next_to_them(
         assert (light[i, j] >= samples.min()).all()
         assert (light[i, j] <= samples.max()).all()
         assert unclipped[i, j] == (frame.signal[near] < clipping).all()
+
+
+@pytest.mark.parametrize("settings", [BEST, PAPER])
+def test_no_site_stays_in_memory_in_double_precision(settings: RenderSettings) -> None:
+    measured = measure(shot(CfaPattern.of_letters("kodak"), (90, 100)), settings)
+    list(colour_bands(measured, settings))
+    assert not {"samples", "around"} & vars(measured).keys()
 
 
 def test_on_a_slope_luminance_at_a_site_is_that_of_its_place() -> None:

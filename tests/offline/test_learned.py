@@ -10,7 +10,7 @@ import pytest
 
 from panchroma.offline import BEST, memory, network_name, render, rendering_memory
 from panchroma.offline.bands import Band
-from panchroma.offline.measured import BlockSamples, ColourLines
+from panchroma.offline.frame import ColourLines, Frame
 from panchroma.offline.stages import colour_network as module
 from panchroma.offline.stages.colour_network import (
     REACH,
@@ -49,19 +49,19 @@ def scene(height: int, width: int) -> FloatArray:
     return LEAVES[:height, :width]
 
 
-def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Band, BlockSamples]:
+def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Band, Frame]:
     """A picture that is blurred in colour, and what the sites measured."""
     mosaic = simulate_additive(rgb, pattern, GREY, sigma, np.random.default_rng(0))
     light = np.ascontiguousarray(rgb.sum(axis=2))
     grey = np.full(rgb.shape, 1 / 3, np.float32)
     colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
     samples = sampled(mosaic, light)
-    return SiteResidual(samples, ONES)(Band(0, light, colour), (0, len(light))), samples
+    return SiteResidual(samples)(Band(0, light, colour), (0, len(light))), samples
 
 
-def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES) -> ColourNetwork:
+def learned(pattern: CfaPattern, frame: Frame) -> ColourNetwork:
     """The network for a pattern as a stage."""
-    return ColourNetwork(network_for(pattern), samples, gamma)
+    return ColourNetwork(network_for(pattern), frame)
 
 
 def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
@@ -174,13 +174,13 @@ def test_every_superpixel_holds_its_own_block(
     band = Band(0, light, rgb / light[..., None])
     sites = sampled(simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0)), light)
     black = Band(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
-    band = replace(band, residual=SiteResidual(sites, ONES)(black, (0, shape[0])).residual)
+    band = replace(band, residual=SiteResidual(sites)(black, (0, shape[0])).residual)
     grid = Superpixels.of(sites.sites)
     whole = (0, grid.shape[0]), (0, grid.shape[1])
     picture = grid.cut(band, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
         3, period, period, *grid.shape
     )
-    error, variance, _ = Residuals(grid, band, sites, ONES).of(*whole)
+    error, variance, _ = Residuals(grid, band, sites).of(*whole)
     assert len(error) == len(places)
     for number, (channel, row, column) in enumerate(places):
         known = variance < UNKNOWN
@@ -232,9 +232,12 @@ def test_gamma_only_scales_the_channels() -> None:
     scaled = np.array(gamma, np.float32)
     band, sites = measured(rgb, pattern)
     other = replace(band, chromaticity=band.chromaticity / scaled)
-    seen = replace(sites, samples=sites.samples / scaled[sites.sites.channels])
+    signal = sites.signal.copy()
+    for channel, place in zip(sites.sites.channels, sites.sites.places, strict=True):
+        signal[place] /= scaled[channel]
+    seen = replace(sites, mosaic=Mosaic(signal, pattern, SensorCalibration(gamma=gamma)))
     expected = learned(pattern, sites)(band, (0, 100)).chromaticity
-    found = learned(pattern, seen, np.array(gamma, np.float32))(other, (0, 100)).chromaticity
+    found = learned(pattern, seen)(other, (0, 100)).chromaticity
     assert_close(found * scaled, expected, 1e-5)
 
 

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 
 from panchroma.offline import BEST, measure, render
 from panchroma.offline.bands import Band
-from panchroma.offline.measured import ColourLines
+from panchroma.offline.frame import ColourLines
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.colour_lines import (
     _REACH,
@@ -175,7 +175,7 @@ def test_dark_colours_without_strokes_are_on_no_line(side: int, level: float, si
     colours = np.random.default_rng(0).uniform(0.1, 1.9, (count, count, 3))
     colours *= level / colours.sum(axis=2, keepdims=True)
     scene = colours.repeat(side, axis=0).repeat(side, axis=1)
-    lines = measure(noisy(scene, BAYER, sigma), WITHOUT_NETWORK).samples.lines
+    lines = measure(noisy(scene, BAYER, sigma), WITHOUT_NETWORK).lines
     assert lines.share.mean() < 0.05
 
 

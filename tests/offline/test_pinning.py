@@ -7,7 +7,7 @@ import pytest
 
 from panchroma.offline import BEST, render
 from panchroma.offline.bands import Band, apply_stage
-from panchroma.offline.measured import BlockSamples, Measured
+from panchroma.offline.frame import Frame
 from panchroma.offline.stages.correction import SiteResidual
 from panchroma.offline.stages.pinning import Pinning
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
@@ -29,7 +29,7 @@ TILES = [
 HOLES = 5e-3
 
 
-def pictured(mosaic: Mosaic) -> tuple[Band, Measured]:
+def pictured(mosaic: Mosaic) -> tuple[Band, Frame]:
     """The picture before it is pinned: true luminance, and one colour everywhere; with what is
     known of the frame.
     """
@@ -38,26 +38,24 @@ def pictured(mosaic: Mosaic) -> tuple[Band, Measured]:
     count = len(mosaic.pattern.channels)
     grey = np.float32(1 / sum(mosaic.calibration.gamma))
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, count), grey)
-    measured = Measured(mosaic.pattern, mosaic.calibration, light, blocks, sampled(mosaic, light))
+    measured = replace(sampled(mosaic, light), blocks=blocks)
     return Band(0, light, np.full((*mosaic.shape, count), grey)), measured
 
 
-def pinned(band: Band, measured: Measured, samples: BlockSamples) -> FloatArray:
-    """Its chromaticity after it has been pinned by these samples."""
-    missed = SiteResidual(samples, measured.gamma)(band, (band.first, band.end))
-    return Pinning(measured, samples)(missed, (band.first, band.end)).chromaticity
+def pinned(band: Band, measured: Frame) -> FloatArray:
+    """Its chromaticity after it has been pinned by the samples of the frame."""
+    missed = SiteResidual(measured)(band, (band.first, band.end))
+    return Pinning(measured)(missed, (band.first, band.end)).chromaticity
 
 
 @pytest.mark.parametrize("sigma", [None, 0.05])
 @pytest.mark.parametrize("height", [40, 70, 333])
 def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height: int) -> None:
     band, measured = pictured(shot(KODAK, (333, 37), sigma))
-    whole = pinned(band, measured, measured.samples)
-    missed = SiteResidual(measured.samples, measured.gamma)(band, (0, 333))
+    whole = pinned(band, measured)
+    missed = SiteResidual(measured)(band, (0, 333))
     bands = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
-    found = [
-        band.chromaticity for band in apply_stage(bands, Pinning(measured, measured.samples), 333)
-    ]
+    found = [band.chromaticity for band in apply_stage(bands, Pinning(measured), 333)]
     assert np.array_equal(np.concatenate(found), whole)
     assert np.abs(whole - band.chromaticity).max() > 0.1
 
@@ -95,19 +93,13 @@ def test_colour_that_changes_within_a_block_is_seen() -> None:
 
 def test_noise_alone_moves_nothing() -> None:
     band, measured = pictured(shot(KODAK, (90, 90), None))
-    samples = measured.samples
-    seen = np.stack(
-        [
-            band.luminance[place] * band.chromaticity[*place, channel]
-            for channel, place in zip(samples.sites.channels, samples.sites.places, strict=True)
-        ],
-        axis=2,
-    )
-    noise: FloatArray = (seen + np.random.default_rng(1).normal(0, 0.01, seen.shape)).astype(
-        np.float32
-    )
-    noisy = replace(samples, samples=noise, noise=NoiseModel.gaussian(0.01, 4))
-    assert np.abs(pinned(band, measured, noisy) - band.chromaticity).max() < 1e-6
+    seen = band.luminance.copy()
+    for channel, place in zip(measured.sites.channels, measured.sites.places, strict=True):
+        seen[place] *= band.chromaticity[*place, channel]
+    seen += np.random.default_rng(1).normal(0, 0.01, seen.shape).astype(np.float32)
+    known = replace(measured.mosaic.calibration, noise=NoiseModel.gaussian(0.01, 4))
+    noisy = replace(measured, mosaic=Mosaic(seen, measured.pattern, known))
+    assert np.abs(pinned(band, noisy) - band.chromaticity).max() < 1e-6
 
 
 def test_blocks_beside_clipped_samples_keep_their_colour() -> None:
@@ -116,5 +108,5 @@ def test_blocks_beside_clipped_samples_keep_their_colour() -> None:
     """
     band, measured = pictured(shot(KODAK, (90, 90), None))
     measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
-    clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))
-    assert np.abs(pinned(band, measured, clipped) - band.chromaticity).max() < 1e-6
+    clipped = replace(measured, clipping=-np.inf)
+    assert np.abs(pinned(band, clipped) - band.chromaticity).max() < 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import clean_frame, render
-from panchroma.offline.frame import BlockSums, unclipped_blocks
+from panchroma.offline.frame import BlockSums
 from panchroma.offline.settings import BEST
 from panchroma.offline.stages.chromaticity import estimate_chromaticities
 from panchroma.offline.stages.pooling import chromaticity_variance, pool_blocks, precise_sums
@@ -139,7 +139,7 @@ def test_the_variance_of_a_chromaticity_is_its_squared_error(level: float) -> No
     found = BlockSums(weight, product).solved(1 / deviation, frame.gamma, expected)
     error = np.square(found - truth[rows, columns][:, :, 0]).mean(axis=2)
     variance = chromaticity_variance(sums, 1 / deviation)
-    unclipped = unclipped_blocks(replace(frame, lost=None))
+    unclipped = replace(frame, lost=None).unclipped
     assert 0.1 < np.mean(~unclipped) < 0.3
     gains = gain[rows, columns][:, :, 0]
     for low, high in ((1, 1.7), (1.7, 2.4), (2.4, 4)):

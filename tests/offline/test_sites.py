@@ -7,8 +7,7 @@ import pytest
 
 from panchroma.offline import BEST
 from panchroma.offline.bands import Band
-from panchroma.offline.frame import unclipped_blocks
-from panchroma.offline.measured import ColourLines
+from panchroma.offline.frame import ColourLines
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
@@ -24,22 +23,17 @@ BAYER = CfaPattern.bayer(6, origin=(1, 2))
 
 def corrected(band: Band, mosaic: Mosaic, clipping: float = np.inf) -> Band:
     """The picture corrected by the samples of a mosaic."""
-    samples = sampled(mosaic, band.luminance, clipping)
-    gamma = np.array(mosaic.calibration.gamma, np.float32)
-    rows = band.first, band.end
-    return Correction(samples, gamma)(SiteResidual(samples, gamma)(band, rows), rows)
+    frame, rows = sampled(mosaic, band.luminance, clipping), (band.first, band.end)
+    return Correction(frame)(SiteResidual(frame)(band, rows), rows)
 
 
 def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArray:
     """Luminance settled with the chromaticities that Eqs. 8-9 find in it."""
-    frame = cleaned(mosaic)
+    frame = sampled(mosaic, light)
     blocks = extend(
         block_sums(frame, light).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape
     )
-    gamma = np.array(mosaic.calibration.gamma, np.float32)
-    return update_luminance(
-        light, blocks.astype(np.float32), sampled(mosaic, light), gamma, BEST.posterior
-    )
+    return update_luminance(replace(frame, blocks=blocks.astype(np.float32)), BEST.posterior)
 
 
 def true_light(mosaic: Mosaic) -> FloatArray:
@@ -80,7 +74,7 @@ def test_a_block_is_unclipped_with_all_that_is_next_to_it(
         for row in grid.whole_rows
     ]
     expected = [[(mosaic.signal[place] < frame.clipping).all() for place in row] for row in around]
-    assert np.array_equal(unclipped_blocks(frame), expected)
+    assert np.array_equal(frame.unclipped, expected)
 
 
 def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> None:
@@ -91,8 +85,7 @@ def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> Non
     grid = BAYER.grid(mosaic.shape)
     places = np.ix_(grid.rows.clip(0, 89), grid.columns.clip(0, 95))
     blocks = (scene / true[..., None])[places].astype(np.float32)
-    gamma, samples = np.array(mosaic.calibration.gamma, np.float32), sampled(mosaic, light)
-    result = update_luminance(light, blocks, samples, gamma, BEST.posterior)
+    result = update_luminance(replace(sampled(mosaic, light), blocks=blocks), BEST.posterior)
     assert np.square(result - true).mean() < 0.5 * np.square(light - true).mean()
 
 
@@ -177,10 +170,8 @@ def test_a_bright_sample_of_a_dark_channel_is_no_proof_of_light() -> None:
     lines = ColourLines(np.zeros_like(slope), slope.copy(), np.ones_like(slope[0]), slope[:2])
     grid = BAYER.grid(shape)
     blocks = np.broadcast_to(colour / light[0, 0], (len(grid.rows), len(grid.columns), 3))
-    gamma = np.array(mosaic.calibration.gamma, np.float32)
-    result = update_luminance(
-        light, blocks.astype(np.float32), replace(measured, lines=lines), gamma, BEST.posterior
-    )
+    measured = replace(measured, blocks=blocks.astype(np.float32), lines=lines)
+    result = update_luminance(measured, BEST.posterior)
     assert 0 < np.abs(result - light).max() < 0.1
 
 

@@ -94,14 +94,12 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     random = np.random.default_rng(seed)
     scene, mosaic = photographed(source, [pattern], _CLEAN, random)
     settings = replace(BEST, learned=replace(BEST.learned, used=False))
-    gamma = np.ones(3, np.float32)
     measured = measure(mosaic, settings)
     corrected = Band.joined(list(run_row_stages(measured, settings)))
-    assert measured.samples is not None  # BEST uses them
-    grid = Superpixels.of(measured.samples.sites)
+    grid = Superpixels.of(measured.sites)
     # superpixels that lie wholly inside the frame
     rows, columns = ((1, count - 1) for count in grid.shape)
-    error, variance, _ = Residuals(grid, corrected, measured.samples, gamma).of(rows, columns)
+    error, variance, _ = Residuals(grid, corrected, measured).of(rows, columns)
     truth = Band(0, np.ones(mosaic.shape, np.float32), scene)
     return [
         _picture(grid, corrected, rows, columns).astype(_KIND),

@@ -18,7 +18,7 @@ from panchroma.offline.burst import (
     render_burst_bands,
 )
 from panchroma.offline.burst.colour import relit_sites
-from panchroma.offline.frame import BlockSums, Cleaned
+from panchroma.offline.frame import BlockSums, Frame
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import BoolArray, FloatArray
 from panchroma.shared.errors import ConvergenceError, InputError, RangeError
@@ -281,7 +281,7 @@ def test_saturated_samples_take_the_colour_that_other_frames_saw() -> None:
     coloured = ~frame.pattern.panchromatic_mask(frame.shape)
     clipping = float(np.sort(frame.signal[coloured])[-200])
     clipped = replace(frame, samples=np.minimum(frame.signal, np.float32(clipping)))
-    luminance, first = np.full(frame.shape, 2.0, np.float32), Cleaned(clipped, clipping)
+    luminance, first = np.full(frame.shape, 2.0, np.float32), Frame(clipped, clipping)
     shape = (*first.sites.shape, 3)
     sums = BlockSums(np.full(shape, 4.0), np.full(shape, 4.0) * [0.9, 0.6, 0.3])
     seen = relit_sites(first, luminance, sums).signal

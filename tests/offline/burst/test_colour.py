@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panchroma.offline import Band, Measured
+from panchroma.offline import Band, Frame
 from panchroma.offline.bands import apply_stage
 from panchroma.offline.burst.colour import ColourSamples, Spreading
 from panchroma.offline.numerics.linked import SIDE
-from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 
-LETTERS = "RGBCMY"
+LETTERS = "ACDEF"
 
 
 def edge(shape: tuple[int, int]) -> FloatArray:
@@ -55,8 +55,8 @@ def spread(
     """The corrected chromaticity. rows: of each band that it is computed in."""
     channels = before.shape[2]
     calibration = SensorCalibration(LETTERS[:channels], gamma=tuple(gamma_of(channels).tolist()))
-    pattern, blocks = CfaPattern.with_block((LETTERS[:channels],), 8), (0, 0, channels)
-    measured = Measured(pattern, calibration, luminance, np.empty(blocks, np.float32))
+    pattern = CfaPattern.with_block((LETTERS[:channels],), 8)
+    measured = Frame(Mosaic(luminance, pattern, calibration), np.inf)
     stage = Spreading(samples, measured)
     height, whole = len(luminance), Band(0, luminance, before)
     bands = (whole.rows(top, min(top + rows, height)) for top in range(0, height, rows))

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER
-from panchroma.offline.burst import copies, merge_burst
-from panchroma.offline.burst.agree import Frame
+from panchroma.offline.burst import View, copies, merge_burst
 from panchroma.offline.burst.select import candidates_of, noise_models
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
@@ -121,11 +120,11 @@ def test_rounding_is_noise_where_there_is_any() -> None:
     assert noise_models([frame(1, 0.0)] * 2, PAPER.noise) == [None, None]
 
 
-def candidate(detail: float, level: float = 1.0) -> Frame:
+def candidate(detail: float, level: float = 1.0) -> View:
     """A frame of a random texture."""
     texture = np.random.default_rng(0).normal(0, 0.1, (64, 96))
     light = (level * (1 + detail * texture)).astype(np.float32)
-    return Frame(light, None, 2.0, colours=np.empty((0, 0, 3), np.float32))
+    return View(light, None, 2.0)
 
 
 def test_the_first_of_frames_that_are_nearly_as_sharp_is_the_reference() -> None:
