@@ -16,8 +16,8 @@ from ..shared.progress import SILENT, Progress
 from .numerics.chunks import copy_together
 
 DARK = 1e-6
-"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected. No
-photograph changes.
+"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected, and a
+difference is no edge. No photograph changes.
 """
 _ROUNDING = 1e-4  # of the largest value: what a filter may differ by from band to band
 

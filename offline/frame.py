@@ -21,7 +21,7 @@ from ..shared.errors import InputError
 from ..shared.mosaic import Mosaic
 from ..shared.pattern import CfaPattern
 from ..shared.shading import Shading
-from .bands import Band
+from .bands import DARK, Band
 from .numerics.chunks import BLOCK_ROWS, in_strips
 
 EVEN = 0.01 / 3
@@ -30,7 +30,6 @@ it is not taken off.
 
 Chosen: half or twice changes 0.1 dB.
 """
-_LEAST_LEVEL = 1e-6  # scene units: the level of a black frame, which keeps shares of it above 0
 # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
 _WIDEST = 4
 
@@ -468,14 +467,14 @@ class Frame:
 
     @cached_property
     def level(self) -> float:
-        """Mean of the panchromatic ones, more than 0: thresholds that are a share of it do not
+        """Mean of the panchromatic ones, `DARK` or more: thresholds that are a share of it do not
         depend on the exposure.
         """
         coloured = [self.signal[rows, columns] for _, rows, columns in self.mosaic.pattern.lattices]
         sums = (samples.sum(dtype=np.float64) for samples in coloured)
         total = float(self.signal.sum(dtype=np.float64) - sum(sums))
         count = self.signal.size - sum(samples.size for samples in coloured)
-        return max(total / count, _LEAST_LEVEL)
+        return max(total / count, DARK)
 
     @property
     def noise(self) -> NoiseModel | None:

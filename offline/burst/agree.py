@@ -321,7 +321,7 @@ def _block_colours(frame: View, mosaic: Mosaic) -> _BlockColours:
     rough = smoothed(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
     # in the dark ratios are noise
-    luminance = np.maximum(luminance, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)
+    luminance = np.maximum(luminance, max(DEVIATIONS * frame.floor, TINY))
     values = sites.means(frame.colours.astype(np.float64))
     channels, noise = gamma * values, np.zeros_like(values)
     if frame.noise:

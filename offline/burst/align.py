@@ -95,6 +95,11 @@ class View:
         """Variance of panchromatic samples at a mean signal."""
         return self.noise.variance(np.asarray(signal)) if self.noise else np.zeros_like(signal)
 
+    @property
+    def floor(self) -> float:
+        """Standard deviation of the noise in black."""
+        return self.noise.sigma(0.0) if self.noise else 0.0
+
     def darker(self, gain: float) -> "View":
         """Return the frame as if it had been exposed `gain` times less."""
         noise, unit = self.noise and self.noise.in_units_of(gain), np.float32(gain)

@@ -275,7 +275,7 @@ def emptiness(frame: View) -> str:
     """Why a frame shows nothing; "" if it shows something."""
     if (share := float((frame.luminance >= CLIPPED * frame.limit).mean())) > _GONE:
         return f"is overexposed: {100 * share:.0f} % of it is clipped"
-    if _level(frame) <= _DARK * _floor(frame):
+    if _level(frame) <= _DARK * frame.floor:
         return "is black: there is no light beyond noise"
     return ""
 
@@ -287,7 +287,7 @@ def candidates_of(frames: Sequence[View]) -> list[int]:
     usable, sharpness = np.zeros((2, len(frames)))
     for number, frame in enumerate(frames):
         plane = frame.luminance
-        usable[number] = ((plane < CLIPPED * frame.limit) & (plane > _floor(frame))).mean()
+        usable[number] = ((plane < CLIPPED * frame.limit) & (plane > frame.floor)).mean()
         power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
         amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5 / max(_level(frame), TINY)
         sharpness[number] = 0 if emptiness(frame) else amplitude
@@ -305,11 +305,6 @@ def candidates_of(frames: Sequence[View]) -> list[int]:
 def _level(frame: View) -> float:
     """Mean luminance."""
     return float(frame.luminance.mean(dtype=np.float64))
-
-
-def _floor(frame: View) -> float:
-    """Standard deviation of the noise in black."""
-    return frame.noise.sigma(0.0) if frame.noise else 0.0
 
 
 def _detail(view: View, visible: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -345,7 +340,7 @@ def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
     share, own, other = (
         _window_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance)
     )
-    lit = (share > 0.5) & (own > _LIT * _floor(reference) * share) & (other > 0)
+    lit = (share > 0.5) & (own > _LIT * reference.floor * share) & (other > 0)
     if not lit.any():
         return 0.0
     ratio = np.log(other[lit] / own[lit])

@@ -36,7 +36,6 @@ from .correction import signal_power, site_reach
 # Of the solution, relative to the precision of a sample (0.1, 0.1).
 _SMOOTHNESS, _FADING = 0.1, 1e-3
 _EDGE = 0.05  # difference of luminance that is an edge, a share of the mean luminance (0.2)
-_LEAST_EDGE = 1e-6  # scene units: the least difference that is an edge
 # blocks: standard deviation of the neighbourhood whose chromaticity is the base where sites are
 # trusted (0.1)
 _AROUND = 2.0
@@ -86,7 +85,7 @@ class Pinning(RowStage):
 
     @cached_property
     def _edge(self) -> float:
-        return max(_EDGE * float(self.frame.luminance.mean()), _LEAST_EDGE)
+        return max(_EDGE * float(self.frame.luminance.mean()), DARK)
 
     @cached_property
     def _around(self) -> FloatArray:

@@ -2,14 +2,18 @@
 found by a sign of its own.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from panchroma.offline.burst import View
+from panchroma.offline.burst import Motion, View
 from panchroma.offline.burst import agree as module
-from panchroma.offline.burst.agree import agreement_of_luminance
-from panchroma.shared import NoiseModel
+from panchroma.offline.burst.agree import agreement_of_luminance, lit_evenly, shaded_alike
+from panchroma.offline.frame import Sites
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray
+from tests.scenes import darker_corners
 
 SHAPE = (90, 120)
 INSIDE = np.s_[35:55, 45:75]
@@ -31,6 +35,38 @@ def agrees(reference: DoubleArray, frame: DoubleArray, sigma: float) -> float:
     )
     agreement = agreement_of_luminance(first, second, np.ones(SHAPE, np.float32))
     return float(agreement[INSIDE].mean()) / 255
+
+
+EVEN = Mosaic(np.ones((210, 300), np.float32), CfaPattern.bayer(6), SensorCalibration())
+SHADED = EVEN.calibrated(SensorCalibration(shading=darker_corners(EVEN.shape)))
+
+
+@pytest.mark.parametrize(
+    "correct",
+    [
+        lambda view: view.darker(0.3),
+        lambda view: lit_evenly(view, SHADED),
+        lambda view: shaded_alike(view, SHADED, EVEN, Motion((2, -3))),
+        lambda view: shaded_alike(view, EVEN, SHADED, Motion((2, -3))),
+    ],
+    ids=["exposure", "shading", "shaded frame", "shaded reference"],
+)
+def test_what_scales_samples_scales_their_noise_and_their_limit(
+    correct: Callable[[View], View],
+) -> None:
+    noise, sites = NoiseModel((1e-3,) * 4, (0.02,) * 4), Sites.in_frame(EVEN)
+    error = np.random.default_rng(0).normal(0, noise.sigma(1), EVEN.shape).astype(np.float32)
+    noisy, clean, full = (
+        correct(View(plane, noise, 3.0, sites.of(plane)))
+        for plane in (EVEN.signal + error, EVEN.signal, 3 * EVEN.signal)
+    )
+    assert noisy.noise is not None
+    for seen, true in (noisy.luminance, clean.luminance), (noisy.colours, clean.colours):
+        if seen.size:
+            stated = noisy.noise.variance(true).mean()
+            assert np.square(seen - true).mean() == pytest.approx(stated, rel=0.2)
+    assert not np.allclose(clean.luminance.mean(), 1, rtol=0.3)
+    assert 0.7 * full.luminance.min() < noisy.limit < 1.001 * full.luminance.min()
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
