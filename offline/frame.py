@@ -371,7 +371,7 @@ class ColourLines:
 
 
 def unknown() -> FloatArray:
-    """What has not been estimated: an empty plane."""
+    """Make an empty plane, which stands for what has not been estimated."""
     return np.empty((0, 0), np.float32)
 
 

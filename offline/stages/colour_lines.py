@@ -153,7 +153,7 @@ def fit_colour_lines(
     blocks : FloatArray
         Chromaticity of every block, (block rows, block columns, C).
     """
-    if not settings.used or frame.mosaic.pattern.derived is not None:
+    if not settings.used or frame.pattern.derived is not None:
         return None
     sites = frame.sites
     gamma = frame.gamma.astype(np.float32)[:, None, None]

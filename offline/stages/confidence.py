@@ -81,7 +81,7 @@ def replace_doubtful_colour(
         As the result, which is `blocks` itself where all are trusted, as where a channel has no
         sites, which Eq. 7 defines.
     """
-    if not settings.used or frame.mosaic.pattern.derived is not None:
+    if not settings.used or frame.pattern.derived is not None:
         return blocks
     confidence, sites = block_confidence(frame, settings), frame.sites
     whole = sites.whole(blocks).astype(np.float64)

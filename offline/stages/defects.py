@@ -89,7 +89,7 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     if not settings.used:
         return frame
     progress.stage("replacing defects", 2)
-    bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.mosaic.shape, np.bool_)
+    bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.shape, np.bool_)
     if settings.contrast:
         outliers = find_outliers(frame, settings, bad)
         if np.count_nonzero(outliers) <= _MOST_OUTLIERS * bad.size:
@@ -157,10 +157,10 @@ class _Strip:
     @classmethod
     def of(cls, frame: Frame, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
         """Rows of a frame. bad: bool (H, W)."""
-        (height, width), halo = bad.shape, max(frame.mosaic.pattern.period, 2) + 1
+        (height, width), halo = bad.shape, max(frame.pattern.period, 2) + 1
         first = rows.start - halo
         within = slice(max(rows.start - halo, 0), min(rows.stop + halo, height))
-        filters = frame.mosaic.pattern.filter_map(
+        filters = frame.pattern.filter_map(
             (rows.stop + halo - first, width + 2 * halo), (first, -halo)
         )
         place = np.s_[within.start - first : within.stop - first, halo : halo + width]
@@ -213,7 +213,7 @@ class _Strip:
         )
         # The usual brightness of the colour sites beside a sample is their mean one period above,
         # below, left and right.
-        period, black = self.frame.mosaic.pattern.period, floor * np.float32(_CHANNEL)
+        period, black = self.frame.pattern.period, floor * np.float32(_CHANNEL)
         steps = (-period, 0), (period, 0), (0, -period), (0, period)
         repeats = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
         usual = _mean(repeats, 0).clip(0) + black
@@ -316,15 +316,15 @@ def _window(
 
 
 def _panchromatic(frame: Frame, row: IndexArray, column: IndexArray) -> BoolArray:
-    period = frame.mosaic.pattern.period
-    return frame.mosaic.pattern.panchromatic_mask((period, period))[row % period, column % period]
+    period = frame.pattern.period
+    return frame.pattern.panchromatic_mask((period, period))[row % period, column % period]
 
 
 def _find_in_blocks(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> None:
     """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around
     it.
     """
-    pattern, channels = frame.mosaic.pattern, frame.sites.channels
+    pattern, channels = frame.pattern, frame.sites.channels
     if pattern.derived is not None:
         _find_above_luminance(frame, bad, settings)
         return

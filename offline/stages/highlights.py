@@ -115,7 +115,7 @@ def restore_highlights(
     lowest, highest = frame.around.lowest / clipping, frame.around.highest / clipping
     luminance = lent(total, lowest).astype(np.float32)
     unknown = unmeasured(lowest, highest, gone).astype(np.float32)
-    lost, pattern = np.zeros(signal.shape, np.uint8), frame.mosaic.pattern
+    lost, pattern = np.zeros(signal.shape, np.uint8), frame.pattern
     halo = len(gaussian(_BLUR)) // 2
 
     def spread(inner: slice) -> None:
