@@ -54,8 +54,7 @@ _KNOWN_COLOUR = 0.005
 CONFIDENCE = 0.95
 WORST_INTERVAL = 0.05  # half width over gamma: beyond it a calibration would do harm
 # Share by which panchromatic levels differ from Eq. 7: above the first that is said, above the
-# second pictures suffer. `best` pictures of photographs lose 0.6 dB with 1.6 %, and have 0.1 % more
-# wrong hues; 1.1 dB and 0.8 % with 2.5 %; 2.2 dB and 3.4 % with 4 %.
+# second pictures suffer (figures in README.md).
 FOLLOWS, SUFFERS = 0.005, 0.02
 # with a channel that Eq. 7 defines: the colour matrix makes up for other weights; and where it does
 # not hold, as other weights do nearly as well

@@ -62,9 +62,8 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     The scene is neither rotated nor white-balanced. rgb is (sample - black) / (white - black) of
     the visible area, with the two greens averaged and an odd last row or column left out. There is
     one black level per colour; white is the camera's saturation level. Values below black, which
-    noise causes, become 0: light is not negative, and on the evaluation scenes this changes no
-    figure by 0.01 dB. Samples above the white level exceed 1. Clipped samples become white (see
-    `clipped`), and a note says so.
+    noise causes, become 0: light is not negative. Samples above the white level exceed 1. Clipped
+    samples become white (see `clipped`), and a note says so.
 
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files
     without sensor samples.
