@@ -45,38 +45,33 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
     numbers = _ENDING if threading.current_thread() is threading.main_thread() else ()
     free = [number for number in numbers if signal.getsignal(number) in _DEFAULT]
     _received.clear()
-    hook, before = sys.unraisablehook, [signal.signal(number, _terminate) for number in free]
+    hook = sys.unraisablehook
+    sys.unraisablehook = partial(_send_again, hook)
+    before = {number: signal.signal(number, _terminate) for number in free}
     try:
         yield
     except Exception:
         raise_lost_signal()
         raise
     finally:
-        for number, handler in zip(free, before, strict=True):
-            signal.signal(number, _leave if last else handler)
+        for number, handler in before.items():
+            signal.signal(number, (lambda number, _: os._exit(128 + number)) if last else handler)
         sys.unraisablehook = hook
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
-    """Raise Terminated, and have the signal sent again if that is lost: inside a callback from C
-    (Numba loading a kernel) it is dropped, with a traceback.
-    """
-    # `orderly_end` restores it
-    sys.unraisablehook = partial(_send_again, number, sys.unraisablehook)
+def _terminate(number: int, _: FrameType | None) -> None:
     _received.append(Terminated(number))
     raise _received[-1]
 
 
-def _send_again(number: int, usual: Callable[[Any], object], lost: Any) -> None:
-    if issubclass(lost.exc_type, KeyboardInterrupt | SystemExit):
-        main = threading.main_thread().ident
-        threading.Timer(_AGAIN, signal.pthread_kill, (main, number)).start()
-    else:
-        usual(lost)
-
-
-def _leave(number: int, frame: FrameType | None) -> None:
-    os._exit(128 + number)
+def _send_again(usual: Callable[[Any], object], lost: Any) -> None:
+    """Send a signal again that is lost: inside a callback from C (Numba loading a kernel) Python
+    drops what it raises, with a traceback.
+    """
+    if not issubclass(lost.exc_type, Terminated):
+        return usual(lost)
+    again = threading.main_thread().ident, _received[-1].code - 128
+    return threading.Timer(_AGAIN, signal.pthread_kill, again).start()
 
 
 def raise_lost_signal() -> None:
@@ -94,9 +89,6 @@ class Stopping:
 
     def __init__(self) -> None:
         self._signal = 0
-        self._before = {
-            number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)
-        }
 
     def __call__(self) -> bool:
         """True if the command has to stop."""
@@ -110,8 +102,8 @@ class Stopping:
         return INTERRUPTED if self._signal == signal.SIGINT else 0
 
     def __enter__(self) -> "Stopping":
-        for number in self._before:
-            signal.signal(number, self._stop)
+        numbers = signal.SIGINT, signal.SIGTERM
+        self._before = {number: signal.signal(number, self._stop) for number in numbers}
         return self
 
     def __exit__(self, *_: object) -> None:
