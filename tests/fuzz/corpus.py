@@ -25,9 +25,9 @@ from panchroma.tools.calibration.dark_frames import measure_dark
 from panchroma.tools.calibration.files import read_known
 from panchroma.tools.calibration.measure import Measurements, measure_chart
 from panchroma.tools.calibration.reference import read_reference
-from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.development import Development
 from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.simulation.drawn.charts import color_checker_xyz
 from panchroma.tools.simulation.load import load_scene
 from tests.device.packer import pack, random_codes
 from tests.fuzz.forged import npy

@@ -6,7 +6,7 @@ import pytest
 from panchroma.shared import read_camera
 from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.reference import read_reference
-from panchroma.tools.commands.calibrate import color_checker_xyz
+from panchroma.tools.simulation.drawn.charts import color_checker_xyz
 from panchroma.tools.simulation.pattern_text import read_pattern
 from tests.tools.calibration.known_camera import cgats
 

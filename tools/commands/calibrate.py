@@ -13,17 +13,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...shared import Camera
-from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import Matrix
 from ...shared.errors import InputError
 from ...shared.lights import check_apart, illuminant_xy
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
-from ..io.colour import lab_to_xyz
 from ..io.versions import program_version
+from ..simulation.drawn.charts import color_checker_xyz
 from .options import add, numbers, text, value
 
 if TYPE_CHECKING:
@@ -147,13 +144,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             return FAILED
         console.say(f"{path}: {result.words}")
     return code
-
-
-def color_checker_xyz() -> DoubleArray:
-    """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
-    from ..simulation.drawn.charts import COLOR_CHECKER_LAB
-
-    return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 
 
 def _lights(arguments: argparse.Namespace, old: Camera | None) -> dict[str, list[str]]:

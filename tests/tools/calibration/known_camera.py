@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
 from panchroma.tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
 from panchroma.tools.calibration.gamma import Assumed
-from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.scene import Scene
-from panchroma.tools.simulation.drawn.charts import CORNERS, chart_scene
+from panchroma.tools.simulation.drawn.charts import CORNERS, chart_scene, color_checker_xyz
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.perspective import apply_homography, homography, rectangle
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor

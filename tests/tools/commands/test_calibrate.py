@@ -19,8 +19,8 @@ from panchroma.tools.batch import jobs
 from panchroma.tools.calibration.files import sort_files, write_camera
 from panchroma.tools.calibration.reference import read_reference
 from panchroma.tools.commands import calibrate
-from panchroma.tools.commands.calibrate import color_checker_xyz
 from panchroma.tools.io.colour import xyz_to_lab
+from panchroma.tools.simulation.drawn.charts import color_checker_xyz
 from panchroma.tools.simulation.sensor import simulate_sensor, typical_noise
 from tests.tools.calibration.known_camera import (
     BLIND,

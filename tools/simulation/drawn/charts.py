@@ -156,11 +156,16 @@ def _near(x: DoubleArray, y: DoubleArray, start: Point, end: Point) -> BoolArray
     return np.hypot(x - start[0] - along * across, y - start[1] - along * down) < _PEN
 
 
+def color_checker_xyz() -> DoubleArray:
+    """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
+    return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
+
+
 def color_checker() -> DoubleArray:
     """Return the 24 patches in linear sRGB, (4, 6, 3); cyan's red and yellow's blue are raised to
     DARKEST.
     """
-    xyz = lab_to_xyz(np.array(COLOR_CHECKER_LAB).reshape(4, 6, 3))
+    xyz = color_checker_xyz().reshape(4, 6, 3)
     return np.clip(xyz @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T, DARKEST, BRIGHTEST)
 
 
