@@ -127,8 +127,8 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
 def render_file(shot: Path, preset: str) -> None:
     """Render a DNG to a TIFF of 16 bits beside it."""
     from panchroma.offline import PRESETS, render_bands, threads
-    from panchroma.tools.io.development import Development, write_picture
-    from panchroma.tools.io.kind import PictureKind
+    from panchroma.tools.io.development import Development
+    from panchroma.tools.io.kind import PictureKind, write_picture
 
     mosaic, kind = read_dng(shot), PictureKind.of("tif")
     development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)

@@ -17,7 +17,8 @@ from ...shared.arrays import ByteArray, FloatArray
 from ...shared.errors import InputError, OutputError, PanchromaError
 from ...shared.processors import threads
 from ..io.backup import keep_old
-from ..io.development import Development, write_picture
+from ..io.development import Development
+from ..io.kind import write_picture
 from .checks import check_memory
 from .compilation import announced_compilation, compile_ahead
 from .jobs import Job, Outcome, State, file_status, identity, refuse_existing

@@ -1,12 +1,12 @@
 """Progress of long work on a terminal or in a log."""
 
+import logging
 import sys
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Self
 
 from ...shared.progress import Progress
-from .console import LOG, to_stderr
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -18,6 +18,7 @@ REMARKS = 1000
 shots.
 """
 
+_LOG = logging.getLogger(__name__.partition(".")[0])
 _BETWEEN_REMARKS = 60.0  # seconds, where each is a line of its own
 
 
@@ -59,7 +60,7 @@ class StageProgress(Progress):
 
     def _end(self) -> None:
         if self._stage:
-            LOG.info("%s: %.1f s", self._label(), time.monotonic() - self._since)
+            _LOG.info("%s: %.1f s", self._label(), time.monotonic() - self._since)
 
 
 class LineProgress(StageProgress):
@@ -76,7 +77,7 @@ class LineProgress(StageProgress):
         """Print the remark, if the last one is a minute old."""
         if time.monotonic() - self._remarked >= _BETWEEN_REMARKS:
             self._remarked = time.monotonic()
-            to_stderr(f"{self._label()}, {text}")
+            self.note(f"{self._label()}, {text}")
 
 
 class BarProgress(StageProgress):

@@ -30,9 +30,9 @@ from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..evaluation.metrics import quality
 from ..evaluation.rivals.bilinear import demosaic_bilinear
-from ..io.development import Development, write_picture
+from ..io.development import Development
 from ..io.display import ColourTransform
-from ..io.kind import PictureKind
+from ..io.kind import PictureKind, write_picture
 from ..io.scene import Scene
 from ..simulation.bayer import sample_bayer
 from ..simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames

@@ -34,8 +34,8 @@ from ..batch.folders import plan, search
 from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
-from ..io.development import Development, write_picture
-from ..io.kind import PictureKind
+from ..io.development import Development
+from ..io.kind import PictureKind, write_picture
 from ..simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
 from ..simulation.lens import Lens
 from ..simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside

@@ -1,24 +1,44 @@
 """Conversion of a rendering to a picture file: its kind, its colours, its capture data."""
 
-from collections.abc import Iterable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ...shared import CaptureMetadata, SensorCalibration
 from ...shared.arrays import ByteArray, FloatArray
 from ...shared.tiff import Directory
-from ...shared.writing import OnComplete, durable_file
 from .display import ColourTransform
 from .embedded import picture_directory
 from .icc import icc_profile
 
-if TYPE_CHECKING:
-    from .kind import PictureKind
-
 CAMERA = "camera"
 """The space of measurements: the scene units of a rendering."""
+
+
+@dataclass(frozen=True)
+class FileKind(ABC):
+    """A kind of picture file, see `kind.PictureKind`.
+
+    Attributes
+    ----------
+    format : str
+        A key of `FORMATS`.
+    bits : int
+        8 or 16 = integers (in "exr" half floats), 32 = floating point.
+    space : str
+        A key of `SPACES`, or "camera".
+    quality : int | None
+        Of a format that has one, 1 to 100; None = the usual one.
+    """
+
+    format: str
+    bits: int
+    space: str
+    quality: int | None = None
+
+    @abstractmethod
+    def check(self, development: "Development") -> None:
+        """Raise InputError if this rendering cannot become such a file."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +47,7 @@ class Development:
 
     Attributes
     ----------
-    kind : PictureKind
+    kind : FileKind
         Format, bits and space of the file.
     shape : tuple[int, int]
         (H, W) of the rendering.
@@ -41,7 +61,7 @@ class Development:
         See `ColourTransform.to_space`.
     """
 
-    kind: "PictureKind"
+    kind: FileKind
     shape: tuple[int, int]
     calibration: SensorCalibration
     metadata: CaptureMetadata
@@ -52,10 +72,7 @@ class Development:
         """Raise InputError if such a rendering cannot become such a file. Call it before
         rendering.
         """
-        self.kind.check_exposure(self.exposure)
-        if self.kind.space != CAMERA:
-            _ = self.shown
-        self.kind.kept_as.check(self)
+        self.kind.check(self)
 
     @cached_property
     def shown(self) -> ColourTransform:
@@ -111,42 +128,3 @@ class Development:
     def written_shape(self) -> tuple[int, int]:
         """(rows, columns) of the file."""
         return self.shape[::-1] if self.turn >= 5 else self.shape
-
-
-def write_picture(
-    path: Path | str,
-    bands: Iterable[FloatArray],
-    development: Development,
-    *,
-    overwrite: bool = False,
-    on_complete: OnComplete | None = None,
-    threads: int = 1,
-) -> None:
-    """Write the bands of a rendering as they arrive, atomically; the file does not depend on how
-    the picture is divided into bands.
-
-    The bands are taken in this thread. Others convert, compress and write those that have arrived.
-
-    Pictures in bands that must be rotated or flipped vertically are assembled in an anonymous
-    temporary file in the same folder. Exceptions raised by `bands` pass through, and leave no file.
-
-    Parameters
-    ----------
-    path : Path | str
-        The file.
-    bands : Iterable[FloatArray]
-        floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom;
-        any size from 1 x 1.
-    overwrite, on_complete : bool, OnComplete | None, optional
-        See `durable_file`.
-    threads : int, optional
-        Number of threads that convert and compress.
-
-    Raises
-    ------
-    InputError
-        As `Development.check` does, and if a band is no such picture.
-    """
-    development.check()
-    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        development.kind.kept_as.write(file, bands, development, threads, Path(path).parent)

@@ -7,10 +7,14 @@ so that one can be subtracted from another; the orientation is noted if the form
 it. Capture data are written to every format that has fields for them.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
+from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
-from .development import CAMERA
+from ...shared.writing import OnComplete, durable_file
+from .development import CAMERA, Development, FileKind
 from .display import check_exposure
 from .formats import FORMATS, Format
 from .formats.jpg import check_quality
@@ -20,30 +24,14 @@ AS_MEASURED = "this is the scene as measured; choose another format or space, su
 
 
 @dataclass(frozen=True)
-class PictureKind:
-    """A kind of picture file.
-
-    Attributes
-    ----------
-    format : str
-        A key of `FORMATS`.
-    bits : int
-        8 or 16 = integers (in "exr" half floats), 32 = floating point.
-    space : str
-        A key of `SPACES`, or "camera".
-    quality : int | None
-        Of a format that has one, 1 to 100; None = the usual one.
+class PictureKind(FileKind):
+    """A kind of picture file that one of `FORMATS` holds; for the attributes see `FileKind`.
 
     Raises
     ------
     InputError
         For a kind that its format does not hold, and names those that it holds.
     """
-
-    format: str
-    bits: int
-    space: str
-    quality: int | None = None
 
     def __post_init__(self) -> None:
         kept_as = _known(self.format)
@@ -94,6 +82,13 @@ class PictureKind:
         """
         return self.space != CAMERA or self.format == "dng"
 
+    def check(self, development: Development) -> None:
+        """Raise InputError if this rendering cannot become such a file."""
+        self.check_exposure(development.exposure)
+        if self.space != CAMERA:
+            _ = development.shown
+        self.kept_as.check(development)
+
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
@@ -106,3 +101,43 @@ def _known(name: str) -> Format:
     if name not in FORMATS:
         raise InputError(f"unknown picture format {name!r}; there are {', '.join(FORMATS)}")
     return FORMATS[name]
+
+
+def write_picture(
+    path: Path | str,
+    bands: Iterable[FloatArray],
+    development: Development,
+    *,
+    overwrite: bool = False,
+    on_complete: OnComplete | None = None,
+    threads: int = 1,
+) -> None:
+    """Write the bands of a rendering as they arrive, atomically; the file does not depend on how
+    the picture is divided into bands.
+
+    The bands are taken in this thread. Others convert, compress and write those that have arrived.
+
+    Pictures in bands that must be rotated or flipped vertically are assembled in an anonymous
+    temporary file in the same folder. Exceptions raised by `bands` pass through, and leave no file.
+
+    Parameters
+    ----------
+    path : Path | str
+        The file.
+    bands : Iterable[FloatArray]
+        floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom;
+        any size from 1 x 1.
+    overwrite, on_complete : bool, OnComplete | None, optional
+        See `durable_file`.
+    threads : int, optional
+        Number of threads that convert and compress.
+
+    Raises
+    ------
+    InputError
+        As `Development.check` does, and if a band is no such picture.
+    """
+    development.check()
+    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
+        kept_as = FORMATS[development.kind.format]
+        kept_as.write(file, bands, development, threads, Path(path).parent)

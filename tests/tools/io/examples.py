@@ -11,10 +11,10 @@ import rawpy
 
 from panchroma.shared import SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
-from panchroma.tools.io.development import Development, write_picture
+from panchroma.tools.io.development import Development
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.io.formats import FORMATS
-from panchroma.tools.io.kind import PictureKind
+from panchroma.tools.io.kind import PictureKind, write_picture
 from panchroma.tools.io.samples import upright
 from tests.shared.dng import examples
 

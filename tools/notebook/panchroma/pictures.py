@@ -199,9 +199,9 @@ class Picture:
         overwrite : bool, optional
             Replace an existing file. The file is whole or absent at any moment.
         """
-        from .tools.io.development import Development, write_picture
+        from .tools.io.development import Development
         from .tools.io.formats import OTHER_NAMES
-        from .tools.io.kind import PictureKind
+        from .tools.io.kind import PictureKind, write_picture
 
         ending = Path(path).suffix.lower().removeprefix(".")
         name = (format or ending).lower()
