@@ -19,7 +19,7 @@ from .errors import InputError
 Built = TypeVar("Built")
 
 _MOST_DIGITS = 18  # of a whole number in a document: all of them fit into 64 bits
-_SHOWN = 200  # characters of a wrong value in a message
+_SHOWN_LENGTH = 200  # characters of a wrong value in a message
 
 
 def parsed_json(text: str | bytes) -> Any:
@@ -135,7 +135,7 @@ def shown(value: Any) -> str:
         text = repr(value)
     except ValueError:  # a whole number of more digits than Python turns into text
         text = f"a whole number of {value.bit_length()} bits"
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    return text if len(text) <= _SHOWN_LENGTH else f"{text[:_SHOWN_LENGTH]}..."
 
 
 def _whole_number(text: str) -> int:

@@ -25,7 +25,7 @@ from .tiles import CLEAR, EXPECTED, TILES, letters_of, name_of
 PANCHROMATIC = "W"
 PERIODS = range(3, 17)
 BAYER_ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
-_LETTERS = re.compile("[A-Z]+")
+_ROW_LETTERS = re.compile("[A-Z]+")
 _FARTHEST = 2  # pixels, each way, from a colour site to the nearest panchromatic pixel at most
 
 
@@ -80,7 +80,7 @@ class CfaPattern:
             expected = f"the period must be {PERIODS[0]} to {PERIODS[-1]}"
             raise InputError(f"pattern: the tile has {period} rows; {expected}")
         for row in self.tile:
-            if len(row) != period or not _LETTERS.fullmatch(row):
+            if len(row) != period or not _ROW_LETTERS.fullmatch(row):
                 expected = f"expected {period} of the letters A to Z: tiles are square"
                 raise InputError(f"pattern: tile row {row!r} has {len(row)} letters, {expected}")
         present = "".join(dict.fromkeys("".join(self.tile).replace(PANCHROMATIC, "")))
@@ -164,7 +164,7 @@ class CfaPattern:
         """
         rows = "/".join((letters_of(letters) or letters).split()).split("/")
         suggestion = "" if PANCHROMATIC in "".join(rows) else meant(letters, TILES)
-        if suggestion or not _LETTERS.fullmatch("".join(rows)):
+        if suggestion or not _ROW_LETTERS.fullmatch("".join(rows)):
             raise InputError(f"pattern: {letters!r} is not {EXPECTED}{suggestion}")
         width = len(rows[0])
         if any(len(row) != width for row in rows) or not width:

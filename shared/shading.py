@@ -22,7 +22,7 @@ ZOOMED = 0.02
 _WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
 # Control points beyond the edges, of which little is seen, may be far from the gain.
-_LARGEST = 1e4
+_LARGEST_GAIN = 1e4
 _SKETCH = 129
 _POINTS = range(4, 33)  # control points along an axis: a cubic interval takes four
 _MIDDLE = 0.01  # how far the gain in the middle may be from 1
@@ -73,11 +73,11 @@ class Shading:
         if (
             points.ndim != 3
             or not all(count in _POINTS for count in points.shape[1:])
-            or np.abs(points).max() > _LARGEST
+            or np.abs(points).max() > _LARGEST_GAIN
         ):
             raise InputError(
                 f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and "
-                f"columns of control points of -{_LARGEST:g} to {_LARGEST:g}"
+                f"columns of control points of -{_LARGEST_GAIN:g} to {_LARGEST_GAIN:g}"
             )
         object.__setattr__(
             self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist())

@@ -18,7 +18,7 @@ from .errors import InputError
 
 STRIP_OFFSETS, STRIP_BYTES = 273, 279
 TILE_WIDTH, TILE_OFFSETS, TILE_BYTES = 322, 324, 325
-LARGEST = 2**32  # bytes: offsets have 32 bits
+LARGEST_TIFF = 2**32  # bytes: offsets have 32 bits
 # the header, and where in it the offset of the first directory belongs
 _HEADER, _FIRST = b"II*\0\0\0\0\0", 4
 
@@ -114,7 +114,7 @@ def _append(data: bytes | memoryview, file: BinaryIO) -> int:
     """Append data at an even offset, as TIFF requires, and return that offset."""
     file.write(bytes(file.tell() % 2))
     offset = file.tell()
-    if offset + len(data) >= LARGEST:
+    if offset + len(data) >= LARGEST_TIFF:
         remedy = "use fewer bits, another format, or a crop of the picture"
         raise InputError(f"the file would pass the 4 GiB of a TIFF; {remedy}")
     file.write(data)

@@ -26,7 +26,7 @@ from .windows import Windows
 
 _OPEN = "the frame does not show whether {}; the next frames are looked at"
 _GREENS = "the greens are on the right diagonal (it has little colour)"
-_COLOURS = "each colour is where `pattern` says (it has little colour)"
+_COLOUR_SITES = "each colour is where `pattern` says (it has little colour)"
 _SLIPPED = (
     "the frame does not show the filters where those before it did: the stream has lost or "
     "gained bytes; start the camera again. If it has not, add `unchecked`"
@@ -36,7 +36,7 @@ _SLIPPED = (
 _ENOUGH = 2
 _SIDE, _PERIODS = 32, 4  # pixels along a window, and periods in it, at least
 # of a first frame, at most; of a later one at least, all but twice as many in its last rows
-_WINDOWS, _LAST_WINDOWS = 64, 24
+_FIRST_WINDOWS, _LAST_WINDOWS = 64, 24
 # windows: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
 _FEW_WINDOWS, _FEWEST_WINDOWS = 8, 4  # fewer have no standard error
@@ -73,11 +73,11 @@ _NEIGHBOURS = (0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)
 _STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
 # times the energy of all other differences; in photographs 7 times and more where there is light
-_UNLIKE = 3.0
+_UNLIKE_FILTERS = 3.0
 # of the energy of panchromatic pixels: a filter passes half the light or less, and sites are nearer
 _SCENE = 1 / 8
 _IMBALANCE = 0.03  # of their level by which sites of one channel may differ
-_SURE = 5.0  # standard errors of an energy
+_SURE_ENERGY = 5.0  # standard errors of an energy
 
 
 class SlippedError(InputError):
@@ -157,7 +157,7 @@ class _Check:
         layout, pattern = self._sensor.layout, self._sensor.pattern
         calibration = self._sensor.calibration
         codes = layout.unpack(frame.data)
-        windows = Windows.of(codes, self._side, _WINDOWS)
+        windows = Windows.of(codes, self._side, _FIRST_WINDOWS)
         reason = (
             impossible_level(codes, windows, calibration)
             or padding(codes, calibration)
@@ -215,7 +215,7 @@ class _Check:
             scattered = "its colours are at other sites of the tile"
             self._refuse(frame, scattered if pattern.is_scattered else greens)
         self._has_colours |= coloured is True
-        remark = _OPEN.format(_COLOURS if pattern.is_scattered else _GREENS)
+        remark = _OPEN.format(_COLOUR_SITES if pattern.is_scattered else _GREENS)
         return [] if self._has_colours else [remark]
 
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
@@ -452,8 +452,8 @@ def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
     """
     # Of each window at most 1, so that a few strong colours do not hide how certain the many are.
     votes = (ours - others) / (ours + others + _NOTHING)
-    are_certain = votes.mean() > _SURE * votes.std(ddof=1) / votes.size**0.5
-    return bool(are_certain and ours.mean() > _UNLIKE * others.mean())
+    are_certain = votes.mean() > _SURE_ENERGY * votes.std(ddof=1) / votes.size**0.5
+    return bool(are_certain and ours.mean() > _UNLIKE_FILTERS * others.mean())
 
 
 def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> list[tuple[int, int]]:

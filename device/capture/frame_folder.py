@@ -12,7 +12,7 @@ import numpy as np
 from ...shared.errors import InputError
 from .frames import FrameLayout, RawFrame
 
-_POLL = 0.2  # seconds between two scans of the folder
+_POLL_FOLDER = 0.2  # seconds between two scans of the folder
 # Seconds without a change after which a file counts as finished: whatever copies it may pause for a
 # second on a network or a slow card.
 _PATIENCE = 1.5
@@ -105,7 +105,7 @@ def watch_folder(
             if yielded.get(path) != checksum:
                 yielded[path] = checksum
                 yield frame
-        time.sleep(_POLL)
+        time.sleep(_POLL_FOLDER)
 
 
 def _scan(folder: Path) -> dict[Path, _State]:

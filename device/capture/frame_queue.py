@@ -10,7 +10,7 @@ from contextlib import suppress
 from ...shared.errors import InputError
 from .frames import RawFrame
 
-_POLL = 0.1  # seconds between two calls of `stopped`, and from the last frame to the end
+_POLL_QUEUE = 0.1  # seconds between two calls of `stopped`, and from the last frame to the end
 
 
 class FrameQueue:
@@ -61,7 +61,7 @@ class FrameQueue:
             # asked first: then no frame comes after the queue is found empty
             has_ended = self._has_ended.is_set()
             try:
-                yield self._frames.get(timeout=0 if has_ended else _POLL)
+                yield self._frames.get(timeout=0 if has_ended else _POLL_QUEUE)
             except queue.Empty:
                 if not has_ended:
                     continue
@@ -78,7 +78,7 @@ class FrameQueue:
             for frame in frames:
                 while not self._stopped():
                     try:
-                        self._frames.put(frame, self._wait, _POLL)
+                        self._frames.put(frame, self._wait, _POLL_QUEUE)
                         break
                     except queue.Full:
                         if not self._wait:

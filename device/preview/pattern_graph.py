@@ -7,7 +7,7 @@ from . import contract
 from .geometry import REACH, Geometry
 from .nodes import Nodes
 
-_FLOOR = 1e-3
+_LEAST_SIGNAL = 1e-3
 """Least luminance of a block, scene units; keeps ratios to it finite."""
 _STILL = 1e-4
 """Mean squared difference, (scene units)^2, below which rows and columns have equal weight."""
@@ -59,7 +59,7 @@ class PatternGraph(Nodes):
         gain = self("Expand", contract.GAIN, self("Concat", [1], *blocks, axis=0))
         full_scale = self("Div", self.total(self.gamma, channels, axis=0), self.unit)
         self.full_scale = self("Mul", full_scale, gain)
-        self.floor, self.still = self("Div", _FLOOR, self.unit), self("Div", _STILL, square)
+        self.floor, self.still = self("Div", _LEAST_SIGNAL, self.unit), self("Div", _STILL, square)
         shot, read_variance = self.split(contract.NOISE, (1, 1), axis=0)
         # of samples that were multiplied by the gain
         self._shot = self("Mul", self("Div", shot, self.unit), gain)

@@ -93,7 +93,7 @@ def test_strips_and_children_are_where_the_tags_say() -> None:
 
 
 def test_more_than_4_gib_is_refused_before_it_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(panchroma.shared.tiff, "LARGEST", 1000)
+    monkeypatch.setattr(panchroma.shared.tiff, "LARGEST_TIFF", 1000)
     encode_tiff(Directory(strips=[bytes(900)]))
     with pytest.raises(InputError, match="4 GiB"):
         encode_tiff(Directory(strips=[bytes(500), bytes(600)]))

@@ -21,7 +21,7 @@ _COUNTED = 1000  # files that are counted in folders that are not searched: snap
 # Folders in which other programs keep thumbnails, previews, deleted files and old versions: of
 # Synology and QNAP; of NetApp, Nextcloud, Windows, macOS and Linux; of Lightroom, Capture One,
 # Picasa and Apple's Photos. In lower case.
-_OTHERS = (
+_FOREIGN = (
     *("@eadir", "@tmp", "@recycle", "@recently-snapshot", "@syno*", "#recycle", "#snapshot"),
     *("~snapshot", "files_trashbin", "files_versions", "$recycle.bin", "recycler"),
     *("system volume information", "__macosx", "network trash folder", "lost+found"),
@@ -220,7 +220,7 @@ def _kind_left_out(place: str, name: str, output: tuple[int, int] | None) -> str
         return "linked"
     if output is not None and identity(path) == output:
         return "result"
-    is_other = name.startswith(".") or any(fnmatchcase(name.lower(), other) for other in _OTHERS)
+    is_other = name.startswith(".") or any(fnmatchcase(name.lower(), other) for other in _FOREIGN)
     return _OTHER if is_other else ""
 
 

@@ -41,7 +41,7 @@ THREAD_VARIABLES = (
 """Environment variables that numerical libraries read when they are loaded."""
 _ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _AHEAD = 1000  # calls submitted at a time: there may be a million items
-_POLL = 1.0  # seconds without a result after which the executor is looked at
+_POLL_EXECUTOR = 1.0  # seconds without a result after which the executor is looked at
 _STARTS = 3  # of a pool whose processes die before they have an item
 
 
@@ -133,7 +133,7 @@ class Executor:
                 running[self.submit(function, item)] = item
             if not running:
                 return
-            done, _ = wait(running, _POLL, FIRST_COMPLETED)
+            done, _ = wait(running, _POLL_EXECUTOR, FIRST_COMPLETED)
             raise_lost_signal()
             # a process died before it had an item: none is done
             if not done and not self.is_alive():

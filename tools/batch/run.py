@@ -24,7 +24,7 @@ from .parallel import processes as worker_processes
 from .progress import REMARKS, Note, StageProgress
 
 _MANY = 2  # shots per processor from which on one process per processor pays
-_LARGEST = 3  # files that are read to learn how much memory the largest shot needs
+_MEASURED_SHOTS = 3  # files that are read to learn how much memory the largest shot needs
 
 
 def render_all(
@@ -117,7 +117,7 @@ def _largest_need(order: Order, shots: Sequence[Job]) -> int:
     pixels, or nearly.
     """
     sizes = {shot.source: status.st_size for shot in shots if (status := file_status(shot.source))}
-    for source in heapq.nlargest(_LARGEST, sizes, sizes.__getitem__):
+    for source in heapq.nlargest(_MEASURED_SHOTS, sizes, sizes.__getitem__):
         try:
             return needed_memory(order.read(source), order.kind, order.settings)
         except (PanchromaError, MemoryError):

@@ -14,7 +14,7 @@ from ..io.kind import AS_MEASURED, PictureKind
 from ..io.samples import upright
 
 _CAMERA, _AUTO = "camera", "auto"
-_LARGEST = 1000.0  # multiplier; its inverse is the smallest
+_MOST_WB = 1000.0  # multiplier; its inverse is the smallest
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class WhiteBalance:
             multipliers = ()
         if len(multipliers) == 2 and all(at >= GREY_BOX // 2 and at % 1 == 0 for at in multipliers):
             return cls("", multipliers, (int(multipliers[0]), int(multipliers[1])))
-        fitting = all(1 / _LARGEST <= multiplier <= _LARGEST for multiplier in multipliers)
+        fitting = all(1 / _MOST_WB <= multiplier <= _MOST_WB for multiplier in multipliers)
         if len(multipliers) < 2 or not fitting:
             raise InputError(
                 f"`wb` is {requested!r}, expected {_CAMERA}, {_AUTO}, the place X,Y of a grey, or "
-                f"multipliers R,G,B such as 2.1,1,1.6, between {1 / _LARGEST:g} and {_LARGEST:g}"
+                f"multipliers R,G,B such as 2.1,1,1.6, between {1 / _MOST_WB:g} and {_MOST_WB:g}"
             )
         return cls("", tuple(multiplier / min(multipliers) for multiplier in multipliers))
 

@@ -26,10 +26,10 @@ _CROOKED = 0.15  # log level: stray light and reflections bend the grey row less
 # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's
 # curve 0.36
 _STEEPEST = 0.28
-_ROUNDS = 12
+_MATRIX_ROUNDS = 12
 _FIELD_RIDGE = 0.02  # of a patch's weight: stabilises the corners
 _HUBER = 0.08  # log light: a larger deviation is a reflection or the edge of a shadow
-_DARKEST = 0.02  # of white: colours outside sRGB have no logarithm
+_DARKEST_PATCH = 0.02  # of white: colours outside sRGB have no logarithm
 _NAMES = {"R": "red", "G": "green", "B": "blue", "C": "cyan", "M": "magenta", "Y": "yellow"}
 # What sRGB's red, green and blue add up to, for the filters that may be exchanged with each other.
 _KINDS = {"RGB": np.eye(3), "CMY": 1 - np.eye(3)}
@@ -160,11 +160,11 @@ def _fit(
     """
     greys = [index for index in GREYS if used[index]]
     light = np.full(len(camera), (camera[greys].sum(axis=1) / reference[greys, 1]).mean())
-    for step in range(_ROUNDS + 1):
+    for step in range(_MATRIX_ROUNDS + 1):
         even = camera / light[:, None]
         neutral = (even[greys] / reference[greys, 1:2]).mean(axis=0)
         matrix = _white_preserving(even, reference, neutral, used)
-        if step < _ROUNDS:
+        if step < _MATRIX_ROUNDS:
             excess = np.log(np.maximum(even @ matrix[1], 1e-6) / reference[:, 1])
             light = light * np.exp(_surface(excess, centres, used))
     scale = neutral.max()
@@ -319,5 +319,5 @@ def _hues(levels: DoubleArray) -> DoubleArray:
     """Return the logarithms of the levels relative to grey and to the mean of the patch's channels,
     (24, C).
     """
-    logarithms = np.log(np.maximum(levels / levels[list(GREYS)].mean(axis=0), _DARKEST))
+    logarithms = np.log(np.maximum(levels / levels[list(GREYS)].mean(axis=0), _DARKEST_PATCH))
     return logarithms - logarithms.mean(axis=1, keepdims=True)

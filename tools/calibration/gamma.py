@@ -70,7 +70,7 @@ _WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
-_ROUNDS = 8
+_GAMMA_ROUNDS = 8
 _STEADY_SHARE = 0.02  # change of what noise does not explain, from round to round
 # times the variance of the noise: what an even area has at most, as few samples estimate it
 _EVEN = 2.5
@@ -402,7 +402,7 @@ def fit_gamma(
     problem = _Problem(places, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
     solution, believed = problem.start(used), np.zeros(0)
-    for _ in range(_ROUNDS):
+    for _ in range(_GAMMA_ROUNDS):
         prior = assumed.precision(solution[:channels], calibration)
         believed = assumed.precision(solution[:channels], calibration, offset=offset)
         solution = problem.solve(used, solution, believed, spread)

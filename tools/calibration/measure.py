@@ -35,7 +35,7 @@ from .shading import ShadingResult, measure_shading
 # gamma._STEADY).
 _FAR = 1 / 256
 # Half width over gamma that a large chart reaches by itself: no areas around it are measured.
-_SURE = 0.02
+_REACHED = 0.02
 _CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
 
@@ -249,7 +249,7 @@ def measure_chart(
     places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
         fit = fit_gamma(places, mosaic.calibration, assumed)
-        if fit.worst > _SURE and (areas := chart.around(mosaic.shape, mosaic.pattern.period)):
+        if fit.worst > _REACHED and (areas := chart.around(mosaic.shape, mosaic.pattern.period)):
             fit = with_surroundings(fit, places, patch_samples(mosaic, areas))
     else:
         measured, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]

@@ -29,7 +29,7 @@ from .samples import (
     windows,
 )
 
-_ROUNDS = 12
+_FIT_ROUNDS = 12
 _LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
 _HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
@@ -37,11 +37,11 @@ _MOST_DEAD = 0.1  # of the pixels of a plane in a window: more of them are a sha
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _LEAST = 1e-3  # of full scale: pixels that differ by less are no defects
 _OTHER_GAIN = 1.3  # ratio of noises: more is another gain, or light that changes
-_SURE = 5.0  # standard errors
+_SURE_NOISE = 5.0  # standard errors
 _HARMLESS = 0.003  # of the variance: flicker that adds less does not matter
 # Logarithm of the light, from window to window; of all steps, those that lenses of 3 stops do not
 # make; of the brightest window, what is not told from black.
-_STEP, _STEPS, _FLOOR = 0.5, 0.05, 0.02
+_STEP, _STEPS, _DIMMEST = 0.5, 0.05, 0.02
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
 SIGMAS = 1.96  # standard errors in half a 95 % interval
 
@@ -98,7 +98,7 @@ def fit_photon_transfer(
     offset = 0.0 if read is None else read**2
     predicted = np.maximum(variance, variance.mean() * 1e-3) if mean.size else variance
     kept: BoolArray = np.ones(mean.size, bool)
-    for _ in range(_ROUNDS):
+    for _ in range(_FIT_ROUNDS):
         weight = (root / np.maximum(predicted, 1e-15))[kept]
         coefficients, _ = nnls(signed[kept] * weight[:, None], (variance[kept] - offset) * weight)
         least = np.maximum(_LEAST_SHARE * variance, 1e-15)
@@ -205,7 +205,7 @@ def check_flat(frame: Mosaic) -> None:
     clear = planes == len(frame.pattern.planes) - 1
     middles = [float(np.median(levels[window][clear[window]])) for window in windows(planes)]
     side = math.isqrt(len(middles))
-    light = np.log(np.maximum(middles, max(_FLOOR * max(middles), 1e-6))).reshape(side, side)
+    light = np.log(np.maximum(middles, max(_DIMMEST * max(middles), 1e-6))).reshape(side, side)
     steps = np.concatenate([np.diff(light, axis=axis).ravel() for axis in (0, 1)])
     if (np.abs(steps) > _STEP).sum() > _STEPS * steps.size:
         instead = "take an evenly lit surface, out of focus"
@@ -363,7 +363,7 @@ def contradiction(
         rows.append(("read", (free.read, free.read_error), (read, 0.0), 1.0, "dark frames"))
     for kind, (ours, error), (theirs, other), more, whom in rows:
         unlike = not theirs / (_OTHER_GAIN * more) < ours < theirs * _OTHER_GAIN
-        if unlike and abs(ours - theirs) > _SURE * math.hypot(error, other):
+        if unlike and abs(ours - theirs) > _SURE_NOISE * math.hypot(error, other):
             return f"their {kind} noise is {ours / max(theirs, 1e-12):.2g} times that of {whom}"
     return ""
 
@@ -407,7 +407,7 @@ def _common_rows(
     variance = float(((total - light * total.sum() / light.sum()) / count).var())
     excess = (variance - float((squares / count**2).mean())) / 2
     noise = _HARMLESS * float(squares.sum() / count.sum()) / 2
-    return steady, excess, _SURE * variance / math.sqrt(2 * len(count)) + noise
+    return steady, excess, _SURE_NOISE * variance / math.sqrt(2 * len(count)) + noise
 
 
 def _pair_points(

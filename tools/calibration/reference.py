@@ -17,7 +17,7 @@ _PLACE = re.compile(r"([A-F])0?([1-6])", re.IGNORECASE)
 _COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
 _WHITE = 18
-_LARGEST = 10_000
+_LARGEST_COORDINATE = 10_000
 _LEAST_WHITE, _MOST_WHITE = 0.7, 1.1  # Y of the white patch: 0.88 to 0.92 on charts sold
 _TINTED = 6.0  # chroma of greys: of charts sold below 3, of their XYZ for D55 7, for D65 19
 
@@ -58,8 +58,8 @@ def _reference(text: str) -> DoubleArray:
         values = np.array([[float(row[place]) for place in places] for row in rows])
     except ValueError as error:
         raise InputError(str(error)) from None
-    if not (np.abs(values) <= _LARGEST).all():
-        raise InputError(f"a colour is not a number up to {_LARGEST}")
+    if not (np.abs(values) <= _LARGEST_COORDINATE).all():
+        raise InputError(f"a colour is not a number up to {_LARGEST_COORDINATE}")
     labels = [name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields]
     named = [_order([row[fields.index(label)] for row in rows]) for label in labels]
     order = next(filter(None, named), [])

@@ -20,7 +20,7 @@ CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation 
 LEAST_SAMPLES = 40  # samples of the rarest plane in a window, about
 # per side, at most: flat frames are never quite even, so means and variances are measured in
 # windows
-_WINDOWS = 12
+_PLACES_ACROSS = 12
 _FEW = 9  # samples: fewer do not tell their own deviation
 NO_PLANE = 255  # of a defective sample, see `planes_of`
 
@@ -189,7 +189,7 @@ def _moments(
 def windows(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Yield windows of the frame, as many as possible with enough samples of every plane."""
     rarest = int(np.bincount(planes[planes != NO_PLANE]).min())
-    number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _WINDOWS))
+    number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _PLACES_ACROSS))
     yield from cut_windows(planes.shape, (number, number))
 
 

@@ -30,8 +30,8 @@ _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
 # Third differences of control points that are likely: large in the corners of fast lenses.
 _ROUGH, _COLOUR_ROUGH = 5.0, 0.05
 # The second round sees windows that are nearly even, whose means are those of their middles.
-_ROUNDS = 2
-_FLOOR = 1e-4  # share of the light: no flat frame is more exact
+_SHADING_ROUNDS = 2
+_LEAST_ERROR = 1e-4  # share of the light: no flat frame is more exact
 _WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
 _NOISE = 1.3  # times the noise that windows show of themselves: they do not know it better
 _RESIDUAL = 0.005  # share of the light, beyond noise: more is no shading
@@ -126,7 +126,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     focal = _common_focal_length(frames)
     light, falloffs = _mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
-    for _ in range(_ROUNDS):
+    for _ in range(_SHADING_ROUNDS):
         windows = _measured(light, frames[0][1], shading)
         if not windows.light.min() > 0:
             remedy = "expose more, up to three quarters of full scale"
@@ -230,7 +230,7 @@ def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Windows:
             kept = values[inliers(off, float(np.abs(off).std()) / CLIP)]
             mean = float(kept.mean())
             # Second differences do not see light that falls off.
-            error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _FLOOR * mean)
+            error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _LEAST_ERROR * mean)
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = gain[window][rows, columns].mean()
             measured[:, plane, number] = *middle, undone, mean, error

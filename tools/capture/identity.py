@@ -49,7 +49,7 @@ _WINDOWS, _FEW = 256, 8  # at most: more show nothing new; at least: the spread 
 _SMALLEST = 32  # pixels along a window; and four periods, so that a quarter has two
 _WIDTH = 17  # pixels, about, of local means: whole periods
 # standard errors, for one period among fifteen; energy: filters show 0.015 and more, scenes 0.001
-_CERTAIN, _SHOWN = 5.0, 0.005
+_CERTAIN, _LEAST_ENERGY = 5.0, 0.005
 # A longer period has to explain this share more, by so many standard errors: in each window, or in
 # what all have in common. In photographs scenes reach 5 and 9; filters 10 and more in one of both.
 _SHARE, _MORE, _COMMON = 4e-4, 6.0, 10.0
@@ -76,7 +76,7 @@ _ALL_LIGHT = 2.1
 _BEYOND = 0.01
 # letters of three kinds, the one with most sites first, or which both others resemble: of the three
 # spectra green is in the middle (36 of 36 pictures, noise up to 0.03). No frame tells the others.
-_COLOURS = "GRB"
+_THREE_COLOURS = "GRB"
 _MORE_COLOURS = "CDEFHIJK"
 
 _NOTHING = (
@@ -260,7 +260,7 @@ def _find_period(folds: _Folds) -> tuple[int, float] | None:
     certain = [
         period
         for period, energy in energies.items()
-        if _errors(energy) > _CERTAIN and energy.mean() > _SHOWN
+        if _errors(energy) > _CERTAIN and energy.mean() > _LEAST_ENERGY
     ]
     if not certain:
         return None
@@ -351,7 +351,7 @@ def _known_tiles(levels: DoubleArray, clear: BoolArray) -> list[tuple[str, Lette
             continue
         for step in np.ndindex(period, period):
             tile = np.roll([[*row] for row in rows], step, (0, 1))
-            kinds = [tile.ravel() == letter for letter in _COLOURS]
+            kinds = [tile.ravel() == letter for letter in _THREE_COLOURS]
             equal = len({*map(np.count_nonzero, kinds)}) == 1
             if np.array_equal(tile == PANCHROMATIC, clear) and not (
                 equal and _resemblance(levels, kinds).argmin()
@@ -422,10 +422,10 @@ def _join_sites(quarters: DoubleArray, light: DoubleArray, levels: DoubleArray) 
         if separation > 1 and _errors(nearest) > _DOUBT:
             if len(members) > len(_MORE_COLOURS) or separation < _APART or _errors(nearest) < _SURE:
                 break
-            names = _COLOURS if len(members) == len(_COLOURS) else _MORE_COLOURS
+            names = _THREE_COLOURS if len(members) == len(_THREE_COLOURS) else _MORE_COLOURS
             groups = [sites[member] for member in members]
             rank = [-level[group].mean() for group in groups]
-            if names == _COLOURS:
+            if names == _THREE_COLOURS:
                 rank = _resemblance(levels, groups).tolist()
             order = sorted(range(len(groups)), key=lambda kind: (-len(groups[kind]), rank[kind]))
             for letter, kind in zip(names, order, strict=False):

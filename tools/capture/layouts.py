@@ -24,7 +24,7 @@ _LIKELY, _NEAR = 2, 2
 _BYTES = 1 << 19  # of the middle of a frame
 # What each reading is tried with: rows in the middle of the frame, and windows of these; all of a
 # frame would take ten times as long.
-_ROWS, _WINDOWS = 512, 64
+_TRIED_ROWS, _TRIED_WINDOWS = 512, 64
 _SMOOTH = 61  # samples of the running mean that is subtracted
 _BAND = 2049  # frequencies over which the spectrum is evened out
 # A frequency counts at most this many times its surroundings: the lower bits of packed samples come
@@ -78,7 +78,7 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
     for readings in _readings(data, layout):
         named = []
         for name, stride in readings:
-            identity = identify(_read_as(data, layout.width, name, stride), _WINDOWS)
+            identity = identify(_read_as(data, layout.width, name, stride), _TRIED_WINDOWS)
             if identity and identity.name:
                 named.append((identity.certainty, identity.name, name, stride))
         if named:
@@ -112,7 +112,7 @@ def _read_as(data: Bytes, most: int, name: str, stride: int) -> CodeArray:
     height, width = len(data) // stride, min(most, stride // packing.length * packing.pixels)
     if min(height, width) < 1:
         return np.empty((0, 0), np.uint16)
-    rows = min(height, _ROWS)
+    rows = min(height, _TRIED_ROWS)
     middle = memoryview(data)[(height - rows) // 2 * stride :][: rows * stride]
     return FrameLayout(width, rows, name, stride).unpack(middle)
 

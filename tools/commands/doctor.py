@@ -112,7 +112,7 @@ def _program() -> Iterator[Finding]:
 # Extras of pyproject.toml whose packages are looked at; "" = what nothing works without.
 _EXTRAS = "", "offline", "tools", "rivals", "cluster"
 _OPENCV = "opencv-contrib-python-headless"
-_OTHERS = "opencv-python", "opencv-contrib-python", "opencv-python-headless"
+_OTHER_OPENCV = "opencv-python", "opencv-contrib-python", "opencv-python-headless"
 _MODULES = {
     "onnxruntime": "panchroma.shared.runtime",
     "matplotlib": "panchroma.tools.io.plotting",
@@ -130,7 +130,7 @@ def _packages() -> Iterator[Finding]:
         extras = [name for name in _EXTRAS if not marker or marker.evaluate({"extra": name})]
         if extras and one.name != "panchroma":
             yield _package(one.name, one.specifier, extras[0])
-    installed = [name for name in (_OPENCV, *_OTHERS) if package_version(name)]
+    installed = [name for name in (_OPENCV, *_OTHER_OPENCV) if package_version(name)]
     if len(installed) > 1:
         reason = f"{' and '.join(installed)} overwrite each other"
         remedy = f"pip uninstall -y {' '.join(installed)} && pip install {_OPENCV}"

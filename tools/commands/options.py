@@ -118,7 +118,7 @@ _LATEST = "keep a symbolic link with this name to the latest shot"
 _SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
 _MEMORY = "memory for all processes together, for example 4G (default: most of the free memory)"
 _SCHEDULER = "do the work on the workers of this dask scheduler, tcp://HOST:PORT"
-_BITS = f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"
+_SENSOR_BITS = f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"
 _SHARED = {
     "output": _option("-o --output", "DIR", required=True),
     "resume": _switch("--resume", "keep results that are up to date, replace outdated ones"),
@@ -130,7 +130,7 @@ _SHARED = {
     "pattern": _option("--pattern", "PATTERN", _PATTERN),
     "channels": _option("--channels", "LETTERS", _CHANNELS, type=letters),
     "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
-    "sensor-bits": _option("--bits", "N", _BITS, dest="sensor_bits", type=int),
+    "sensor-bits": _option("--bits", "N", _SENSOR_BITS, dest="sensor_bits", type=int),
     "sigma": _option("--sigma", "S", _SIGMA, type=factor),
     "light": _option("--light", "FACTOR", _LIGHT, type=factor),
     "linear": _switch("--linear", _LINEAR),

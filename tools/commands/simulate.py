@@ -45,7 +45,7 @@ from .options import add, amount, camera_of, count, numbers, pixel_limit
 
 RAW = "raw"
 """A frame of samples alone."""
-_MEASURED, _SHOWN = PictureKind("tif", 32, "camera"), PictureKind("png", 8, "srgb")
+_TRUTH_MEASURED, _TRUTH_SHOWN = PictureKind("tif", 32, "camera"), PictureKind("png", 8, "srgb")
 
 USAGE = "SCENE ... -o DIR"
 EXAMPLE = "panchroma simulate IMG_0001.CR2 -o shots --sigma 0.01 --truth"
@@ -172,7 +172,7 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) ->
     have no colours to show.
     """
     mosaic = exposed.mosaic
-    for path, kind in zip(paths, (_MEASURED, _SHOWN), strict=True):
+    for path, kind in zip(paths, (_TRUTH_MEASURED, _TRUTH_SHOWN), strict=True):
         development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
         try:
             development.check()

@@ -29,7 +29,7 @@ _INVISIBLE = 0.004**2
 _HALO = 96
 _BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene is shown with
 _CROP_BRIGHT, _CROP_SHARE = 0.8, 0.9  # the same of a crop, at most
-_DARKEST = 0.01  # scene units: darker pictures are shown dark
+_DARKEST_CROP = 0.01  # scene units: darker pictures are shown dark
 
 AHEAD, BEHIND = "where we gain most", "where we lose most"
 WORST = "where our error is largest"
@@ -213,5 +213,5 @@ def _gain(scene: FloatArray, balanced: DoubleArray) -> np.float32:
     """
     brightest = float(np.quantile(scene.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
     crop = float(np.quantile(balanced.max(axis=2), _CROP_SHARE))
-    brightened = max(_BRIGHT / max(brightest, _DARKEST), 1.0)
-    return np.float32(min(brightened, _CROP_BRIGHT / max(crop, _DARKEST)))
+    brightened = max(_BRIGHT / max(brightest, _DARKEST_CROP), 1.0)
+    return np.float32(min(brightened, _CROP_BRIGHT / max(crop, _DARKEST_CROP)))

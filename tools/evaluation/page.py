@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # matplotlib's ten colours; a further method has the first one again.
 _FIRST = "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd"
-_COLOURS = (*_FIRST, "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
+_LINE_COLOURS = (*_FIRST, "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
 _SPREAD = 0.3  # of the methods about their level of noise, so that their bars stand side by side
 _TEMPLATE = Path(__file__).with_name("evaluation.html")
 
@@ -71,7 +71,7 @@ def _group(figures: Figures, name: str) -> dict[str, Any]:
         "verdict": judge(figures, name),
         "table": method_table(figures, name),
         "plots": list(zip(TITLES, plots, strict=True)),
-        "colours": list(zip(figures.study.methods, cycle(_COLOURS))),
+        "colours": list(zip(figures.study.methods, cycle(_LINE_COLOURS))),
     }
 
 
@@ -98,7 +98,7 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     """
     study, levels = figures.study, figures.study.levels
     offsets = np.linspace(-_SPREAD, _SPREAD, len(study.methods) + 2)[1:-1]
-    for name, colour, offset in zip(study.methods, cycle(_COLOURS), offsets):
+    for name, colour, offset in zip(study.methods, cycle(_LINE_COLOURS), offsets):
         found = [figures.of(Place(group, level), name) for level in levels]
         values: list[Any] = [figure.values if figure else {} for figure in found]
         quantiles = (f"{PLANES[plane]}_q{percent}" for percent in (25, 50, 75))

@@ -41,8 +41,8 @@ _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, d
 _OF_LIGHTS = "ColorMatrix", "CalibrationIlluminant", "CameraCalibration"
 _LIGHTS = [[TAG[f"{name}{number}"] for name in _OF_LIGHTS] for number in (1, 2)]
 _SIGNATURES = TAG["CameraCalibrationSignature"], TAG["ProfileCalibrationSignature"]
-_OTHERS = "AnalogBalance AsShotNeutral AsShotWhiteXY ColorMatrix3"
-_COLOURS = {*chain(*_LIGHTS), *_SIGNATURES, *tags_of(_OTHERS)}
+_WHITE_TAGS = "AnalogBalance AsShotNeutral AsShotWhiteXY ColorMatrix3"
+_COLOUR_TAGS = {*chain(*_LIGHTS), *_SIGNATURES, *tags_of(_WHITE_TAGS)}
 # Exif's LightSource values; all others are treated as D65.
 _ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 24: "3200", 23: "D50", 11: "D75", 22: "D75"}
 _ILLUMINANTS |= dict.fromkeys((1, 4, 9, 20), "D55")
@@ -435,7 +435,7 @@ def raw_directories(path: Path) -> StoredDirectories:
     structure (RAF, RW2, MRW, CR3).
     """
     with path.open("rb") as file:
-        directories = read_directories(file, WANTED | _COLOURS)
+        directories = read_directories(file, WANTED | _COLOUR_TAGS)
         if directories.main or directories.exif:
             return directories
         file.seek(0)

@@ -24,7 +24,7 @@ limits that differ a little.
 _CLIPPED = 0.999  # share from which a sample is at the limit, but for rounding
 # pixels: window in which each channel is clipped somewhere, and by which the loss of colour fades
 # out, twice
-_BESIDE = 3
+_FADING_WINDOW = 3
 _CODES = 1 << 16
 # of the range up to the white level: no maker states one that is further above saturation
 _HIGH = 0.85
@@ -96,9 +96,9 @@ def with_white_highlights(
     result[some] = raised_to_white(rgb[some], gone[some], rgb[some], neutral)
     burnt_out = np.ones(rgb.shape[:2], np.float32)
     for channel in range(rgb.shape[2]):
-        burnt_out *= maximum_filter(gone[..., channel], _BESIDE, mode="nearest")
-    around = maximum_filter(burnt_out, _BESIDE, mode="nearest")
-    fading = uniform_filter(around, _BESIDE, mode="nearest")
+        burnt_out *= maximum_filter(gone[..., channel], _FADING_WINDOW, mode="nearest")
+    around = maximum_filter(burnt_out, _FADING_WINDOW, mode="nearest")
+    fading = uniform_filter(around, _FADING_WINDOW, mode="nearest")
     rim = fading > 0
     weight = np.maximum(fading, burnt_out)[rim][:, None].clip(0, 1)
     luminance = result[rim].sum(axis=1, keepdims=True) / white.sum()

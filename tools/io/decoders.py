@@ -86,7 +86,7 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # The chunks that make up the picture (PNG, third edition, 11.2 and 11.3), and those beside it, one
 # of each.
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
-_BESIDE = (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf", b"acTL")
+_CHUNKS_KEPT = (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf", b"acTL")
 _LONGEST_BESIDE = 4 << 20  # bytes
 # more chunks than this have that many bytes on average; encoders write 8 KiB
 _MOST_CHUNKS, _LEAST_CHUNK = 4096, 1024
@@ -139,7 +139,7 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
                     limit = f"more than {most} bytes of samples"
                     raise InputError(f"{limit}: the file is damaged, or made to fill the memory")
                 kept += start, file.read(size)
-            elif name in _BESIDE and name not in beside:  # a longer one is damaged
+            elif name in _CHUNKS_KEPT and name not in beside:  # a longer one is damaged
                 beside[name] = file.read(min(size, _LONGEST_BESIDE))[:-4]
                 file.seek(max(size - _LONGEST_BESIDE, 0), 1)
             else:
@@ -200,7 +200,7 @@ def _gamma_and_primaries(beside: dict[bytes, bytes]) -> Encoding | None:
 _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
 
 
-_LARGEST = 1 << 30  # bytes, read whole
+_LARGEST_JPEG = 1 << 30  # bytes, read whole
 _PROFILE = b"ICC_PROFILE\0"  # ICC.1:2022, B.4
 # CIPA DC-007: its segment, the field of its entries, their length, and the kind of previews
 _MULTI_PICTURE, _ENTRIES, _ENTRY, _PREVIEW = b"MPF\0", 45058, 16, 1
@@ -215,7 +215,7 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     """Decode a JPEG."""
     import imagecodecs
 
-    jpeg = read_whole(path, _LARGEST, "a JPEG")
+    jpeg = read_whole(path, _LARGEST_JPEG, "a JPEG")
     header = read_header(jpeg)
     check_size(header.columns, header.rows, 4, data_bytes(path), max_pixels)
     header.check(max_pixels)

@@ -16,7 +16,7 @@ from .damage import guarded
 from .encoding import LINEAR, REC_2020, Encoding, table_curve
 
 _NAME = "its ICC profile"
-_LARGEST = 4 << 20  # bytes
+_LARGEST_PROFILE = 4 << 20  # bytes
 _CODES = 1 << 16  # at which a curve is read
 _ADDS = 2e-3  # of white: profiles of curves and a matrix differ less from sums of their channels
 
@@ -86,7 +86,7 @@ def _xyz(values: DoubleArray, profile: bytes, kind: str = "rgb") -> DoubleArray:
     """
     import imagecodecs
 
-    if len(profile) > _LARGEST:
+    if len(profile) > _LARGEST_PROFILE:
         raise InputError("its colour profile is longer than that of any picture")
     spaces: dict[str, Any] = {"colorspace": kind, "outcolorspace": "xyz", "outdtype": "f8"}
     codes, xyz = np.asarray(values, np.float64), imagecodecs.cms_profile("xyz")

@@ -27,10 +27,10 @@ _FILTERS = {
     PANCHROMATIC: (236, 236, 232),
 }
 _OTHER = (161, 161, 170)  # of filters with another letter
-_DARKEST, _BRIGHTEST = 20, 235  # levels of grey of sites
+_DARKEST_GREY, _BRIGHTEST_GREY = 20, 235  # levels of grey of sites
 _TILE = 480  # pixels of a drawn tile, about
 _DRAWN = 12  # pixels of a pattern drawing
-_SHOWN = 55  # scene pixels across a panel of the overview
+_PANEL_PIXELS = 55  # scene pixels across a panel of the overview
 
 Crop = tuple[int, int]
 
@@ -48,7 +48,7 @@ def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Cro
     corner : Crop
         (row, column) of the first pixel of that part.
     """
-    rows, columns = (slice(start, start + _SHOWN) for start in corner)
+    rows, columns = (slice(start, start + _PANEL_PIXELS) for start in corner)
     white = float(np.quantile(luminance[rows, columns], 0.98))  # as bright as paper
     signal, filled = (
         np.repeat(plane[rows, columns, None] / white, 3, axis=2)
@@ -113,8 +113,8 @@ def draw_tile(tile: Sequence[str], side: int, levels: DoubleArray | None = None)
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(side * 0.36)
     greys = None
     if levels is not None:
-        step = (_BRIGHTEST - _DARKEST) / (np.ptp(levels) or 1.0)
-        greys = _DARKEST + (levels - levels.min()) * step
+        step = (_BRIGHTEST_GREY - _DARKEST_GREY) / (np.ptp(levels) or 1.0)
+        greys = _DARKEST_GREY + (levels - levels.min()) * step
     for row, column in np.ndindex(len(tile), len(tile[0])):
         letter = tile[row][column]
         left, top, colour = column * side, row * side, _FILTERS.get(letter, _OTHER)

@@ -6,7 +6,7 @@ Source: ISO/IEC 18181-1:2022, annex A.5 (SizeHeader); ISO/IEC 18181-2 (boxes).
 from ...shared.errors import InputError
 
 _CONTAINER, _CODESTREAM = b"\0\0\0\x0cJXL \r\n\x87\n", b"\xff\x0a"
-_BITS = 9, 13, 18, 30  # of a side, by its selector
+_SIDE_BITS = 9, 13, 18, 30  # of a side, by its selector
 _RATIOS = (1, 1), (12, 10), (4, 3), (3, 2), (16, 9), (5, 4), (2, 1)  # columns to rows
 _HEAD = 16  # bytes: more than a SizeHeader has
 
@@ -41,7 +41,7 @@ def declared_size(image: bytes) -> tuple[int, int]:
         return value
 
     def side() -> int:
-        return 8 * (take(5) + 1) if in_eights else take(_BITS[take(2)]) + 1
+        return 8 * (take(5) + 1) if in_eights else take(_SIDE_BITS[take(2)]) + 1
 
     in_eights = bool(take(1))
     rows = side()

@@ -31,8 +31,8 @@ from .file_size import check_strips, data_bytes
 from .scene import RGB, check_size
 
 # TIFF 6.0, sections 8 and 20; the ICC profile.
-_LARGEST = "MaxSampleValue", "SMaxSampleValue"
-_READ = tags_of("WhitePoint PrimaryChromaticities InterColorProfile " + " ".join(_LARGEST))
+_MAX_SAMPLE = "MaxSampleValue", "SMaxSampleValue"
+_READ = tags_of("WhitePoint PrimaryChromaticities InterColorProfile " + " ".join(_MAX_SAMPLE))
 _RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own,
@@ -40,8 +40,8 @@ _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 _COMPRESSIONS = (1, 5, 8, 32946, 32773, 34925, 50000)
 # NewSubfileType (TIFF 6.0; DNG 1.7.1, chapter 4): of a page, and of what is beside pictures
 _PAGE = 2
-_BESIDE = {4: "a transparency mask", 8: "a depth map", 16: "an enhanced picture"}
-_BESIDE |= {65540: "a semantic mask"}
+_PAGE_KINDS = {4: "a transparency mask", 8: "a depth map", 16: "an enhanced picture"}
+_PAGE_KINDS |= {65540: "a semantic mask"}
 _SMALL = 1 << 22  # pixels of all tiles together that are harmless, however small the picture
 
 
@@ -112,7 +112,7 @@ def _peak(page: Any, pixels: NDArray[Any], notes: list[str]) -> int | None:
     peak = (1 << page.bitspersample) - 1
     if TAG["TransferFunction"] in page.tags:  # a table for all samples
         return peak
-    stated = max(chain(*(tag_numbers(page, name) for name in _LARGEST)), default=peak)
+    stated = max(chain(*(tag_numbers(page, name) for name in _MAX_SAMPLE)), default=peak)
     largest = int(stated) if 255 <= stated < peak else peak
     if largest == peak or largest & (largest + 1) or pixels.max(initial=0) > largest:
         return peak
@@ -195,7 +195,7 @@ def _full_pictures(file: Any, most: int) -> tuple[list[Any], list[str]]:
 def beside(pages: Iterable[Any]) -> list[str]:
     """Return names of what pages of a TIFF are, beside pictures and previews."""
     kinds = {page.subfiletype for page in pages}
-    return [name for kind, name in _BESIDE.items() if kind in kinds]
+    return [name for kind, name in _PAGE_KINDS.items() if kind in kinds]
 
 
 def _page_pixels(page: Any) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from ...shared.reading import read_text
 from ...shared.spelling import meant
 from ...shared.tiles import EXPECTED, TILES, letters_of
 
-_LETTERS = re.compile("[A-Z/]+")
+_PATTERN_LETTERS = re.compile("[A-Z/]+")
 _MOST_LETTERS = PERIODS[-1] * (PERIODS[-1] + 1)  # with what parts the rows
 _LARGEST_FILE = 1 << 16  # bytes, with its comments
 
@@ -40,7 +40,7 @@ def read_pattern(text: str) -> CfaPattern:
     is_file = letters_of(text) is None and os.path.exists(text)  # noqa: PTH110 (Path.exists raises for a name that is too long)
     try:
         letters = _letters_in(text) if is_file else text
-        if not is_file and letters_of(text) is None and not _LETTERS.fullmatch(text):
+        if not is_file and letters_of(text) is None and not _PATTERN_LETTERS.fullmatch(text):
             raise InputError(f"is not {EXPECTED}, and no file has this name{meant(text, TILES)}")
         if len(letters) > _MOST_LETTERS:
             most = f"the largest tile has, {PERIODS[-1]} x {PERIODS[-1]}"

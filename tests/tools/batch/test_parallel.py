@@ -151,7 +151,7 @@ def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.Mo
             signal.setitimer(signal.ITIMER_REAL, 0)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("panchroma.tools.batch.parallel._POLL", 60)
+    monkeypatch.setattr("panchroma.tools.batch.parallel._POLL_EXECUTOR", 60)
     before = signal.signal(signal.SIGALRM, when_both_work)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.05, 0.05)

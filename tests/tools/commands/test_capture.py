@@ -76,7 +76,7 @@ def codes(folder: Path) -> list[bytes]:
 @pytest.fixture
 def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder for frames, which is looked at often."""
-    monkeypatch.setattr(frame_folder, "_POLL", 0.01)
+    monkeypatch.setattr(frame_folder, "_POLL_FOLDER", 0.01)
     monkeypatch.setattr(frame_folder, "_PATIENCE", 0.05)
     monkeypatch.setattr(frame_folder, "_UNFINISHED_PATIENCE", 0.1)
     (tmp_path / "frames").mkdir()

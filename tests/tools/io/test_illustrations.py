@@ -32,7 +32,7 @@ def test_the_overview_draws_both_patterns_and_shows_holes_where_the_colour_is() 
         drawn = panel(sheet, 0, column)[middles, middles].tolist()
         letters = ["".join(names[tuple(pixel)] for pixel in row) for row in drawn]
         assert letters == [row * 2 for row in tile] * 2
-    factor = PANEL // illustrations._SHOWN
+    factor = PANEL // illustrations._PANEL_PIXELS
     places = ((0, 2), (1, 0), (1, 1))
     samples, colours, filled = (
         panel(sheet, *place)[factor // 2 :: factor, factor // 2 :: factor].astype(int)

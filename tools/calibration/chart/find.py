@@ -38,7 +38,7 @@ _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
 _PROBE = 5  # points across a patch
 _EXTREMES = 5  # of its points, lowest and highest that do not count: defects, glints
-_BESIDE = 0.045  # chart units from the middle of a gap: gaps are 0.12 to 0.16 wide
+_IN_GAP = 0.045  # chart units from the middle of a gap: gaps are 0.12 to 0.16 wide
 _EDGE = 0.78  # chart units: the square that refinement makes uniform, nearly the whole patch
 
 
@@ -237,7 +237,7 @@ def _gap_points(lines: int, length: int) -> DoubleArray:
     """Return points in chart units (N, 2), across and along gaps: in the middle and near both sides
     of each.
     """
-    across = np.arange(lines + 1)[:, None] + [-_BESIDE, 0.0, _BESIDE]
+    across = np.arange(lines + 1)[:, None] + [-_IN_GAP, 0.0, _IN_GAP]
     along = np.arange(length)[:, None] + [0.2, 0.4, 0.6, 0.8]
     return np.array(list(product(across.ravel(), along.ravel())))
 

@@ -11,7 +11,7 @@ from .place import INNER, PATCH, ChartPlace
 # pixels: a hole is filled from samples at most this far away; no site of a scattered tile is
 # farther from one
 _REACH = 2
-_SHOWN = 0.99  # quantile of a channel that is shown as white
+_WHITE_Q = 0.99  # quantile of a channel that is shown as white
 
 
 def linear_picture(mosaic: Mosaic) -> FloatArray:
@@ -49,7 +49,7 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
-def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _SHOWN) -> ByteArray:
+def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _WHITE_Q) -> ByteArray:
     """Return a linear picture (H, W, C) as uint8 RGB (H, W, 3), each channel stretched by itself.
 
     The first, middle and last channel are shown as red, green and blue.

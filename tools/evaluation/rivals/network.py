@@ -34,10 +34,10 @@ _EXPECTED = (
 _MOST = 1e9  # of any number
 _ROWS = 256  # of a chunk
 _AROUND = 4.0  # pixels: standard deviation of the Gaussian over which the noise is taken for equal
-_LARGEST = 1 << 30  # bytes of a file
+_LARGEST_NETWORK = 1 << 30  # bytes of a file
 # Where a tensor's values are in another file: in onnx.proto an entry of `external_data`, key
 # "location", value below 128 bytes.
-_BESIDE = re.compile(rb"\n\x08location\x12(?s:([\x01-\x7f]))")
+_OUTSIDE = re.compile(rb"\n\x08location\x12(?s:([\x01-\x7f]))")
 _UNPRINTABLE = re.compile(r"[^\w .+()-]")  # in names of methods, which plots and tables show
 # share of white: nearer to black the code is so steep that no network knows the noise there
 _DARK = 1e-3
@@ -118,7 +118,7 @@ def network(path: str) -> Method:
     description = Path(path).with_suffix(".json")
     digest = content(path)
     try:
-        text = read_text(description, _LARGEST, "a description of a network")
+        text = read_text(description, _LARGEST_NETWORK, "a description of a network")
         fields, names = json.loads(text), Contract.__dataclass_fields__
         if unknown := [name for name in fields if name not in names]:
             raise InputError(f"there is no field {unknown[0]!r}{meant(unknown[0], names)}")
@@ -227,7 +227,7 @@ def content(path: str) -> str:
     Raises InputError, which names the file.
     """
     model = read(path)
-    names = {model[match.end() : match.end() + match[1][0]] for match in _BESIDE.finditer(model)}
+    names = {model[match.end() : match.end() + match[1][0]] for match in _OUTSIDE.finditer(model)}
     beside = [str(Path(path).parent / os.fsdecode(name)) for name in sorted(names)]
     digests = (hashlib.sha256(data).digest() for data in (model, *map(read, beside)))
     return hashlib.sha256(b"".join(digests)).hexdigest()
@@ -236,6 +236,6 @@ def content(path: str) -> str:
 def read(path: str) -> bytes:
     """The content of a file. Raises InputError, which names it."""
     try:
-        return read_whole(path, _LARGEST, "a network")
+        return read_whole(path, _LARGEST_NETWORK, "a network")
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

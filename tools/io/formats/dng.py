@@ -32,7 +32,7 @@ from .format import Bands, Format
 
 CHUNK_ROWS = DIGEST_TILE
 """Rows of a chunk of a picture."""
-_BITS, _WHITE_CODE = 16, 65535
+_PICTURE_BITS, _WHITE_CODE = 16, 65535
 _TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
 _MEMORY_OF_CHUNK = 30.0  # bytes per pixel of a chunk that waits or is compressed
 
@@ -109,14 +109,14 @@ def encode_chunk(rgb: FloatArray, shape: tuple[int, int]) -> EncodedChunk:
     shape : tuple[int, int]
         (H, W) of the picture.
     """
-    codes = quantise(rgb, _BITS).astype(np.uint16, copy=False)
+    codes = quantise(rgb, _PICTURE_BITS).astype(np.uint16, copy=False)
     height, width = _tile(shape)
     # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so
     # takes a bit per sample.
     padded: CodeArray = np.pad(codes, ((0, 0), (0, -shape[1] % width), (0, 0)), mode="edge")
     padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
     lefts = range(0, shape[1], width)
-    tiles = [encode_lossless(padded[:, left : left + width], _BITS) for left in lefts]
+    tiles = [encode_lossless(padded[:, left : left + width], _PICTURE_BITS) for left in lefts]
     return EncodedChunk(tiles, tile_digests(codes))
 
 
@@ -144,7 +144,7 @@ def linear_dng(
         Of colours and capture data.
     """
     shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
-    fields = picture_fields(shape, _BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
+    fields = picture_fields(shape, _PICTURE_BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
         TAG["NewSubfileType"]: (FieldType.LONG, [0]),
         TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, [1, 1]),
         TAG["BlackLevel"]: (FieldType.SHORT, [0] * 3),

@@ -17,7 +17,7 @@ from .shared.writing import write_durably
 from .tools.io.colour import encode_srgb
 from .tools.io.display import ColourTransform, checked_picture
 
-_SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
+_LONGEST_SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
@@ -282,7 +282,7 @@ def _reduced(pixels: NDArray[Any]) -> NDArray[Any]:
     """Means of squares of (H, W, C) samples, so that no side is longer than a notebook shows,
     unless a strip is narrower than a square; of the same type.
     """
-    size = min(-(-max(pixels.shape[:2]) // _SHOWN), *pixels.shape[:2])
+    size = min(-(-max(pixels.shape[:2]) // _LONGEST_SHOWN), *pixels.shape[:2])
     rows, columns = (side // size for side in pixels.shape[:2])
     whole = pixels[: rows * size, : columns * size]
     squares = whole.reshape(rows, size, columns, size, pixels.shape[2])

@@ -36,7 +36,7 @@ Point = tuple[float, float]
 
 # The paths of the pen for each letter, in a box 4 wide and 6 high, y down; the pen is lifted
 # between paths.
-_LETTERS: dict[str, tuple[tuple[Point, ...], ...]] = {
+_PEN_PATHS: dict[str, tuple[tuple[Point, ...], ...]] = {
     "A": (((0, 6), (2, 0), (4, 6)), ((0.8, 3.8), (3.2, 3.8))),
     "C": (((4, 1), (3, 0), (1, 0), (0, 1), (0, 5), (1, 6), (3, 6), (4, 5)),),
     "H": (((0, 0), (0, 6)), ((4, 0), (4, 6)), ((0, 3), (4, 3))),
@@ -139,7 +139,7 @@ def ink(x: DoubleArray, y: DoubleArray, height: float) -> BoolArray:
     letters = int((_LINE * _BOX / height + _ADVANCE - 4) / _ADVANCE)
     for place in range(letters // len(_WORD) * len(_WORD) or min(letters, len(_WORD) - 1)):
         letter = _WORD[place % len(_WORD)]
-        for path in _LETTERS.get(letter, ()):
+        for path in _PEN_PATHS.get(letter, ()):
             points = [(across + place * _ADVANCE, down) for across, down in path]
             for (x0, y0), (x1, y1) in pairwise(points):
                 left, right = np.searchsorted(columns, (min(x0, x1) - _PEN, max(x0, x1) + _PEN))

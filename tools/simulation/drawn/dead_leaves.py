@@ -18,7 +18,7 @@ from ...io.colour import decode_srgb
 LeafArray = NDArray[np.int32]  # indices of leaves
 
 SAMPLES = 3  # per pixel and axis: outlines are antialiased with nine
-LARGEST, SMALLEST = 0.13, 0.0035  # radii, in parts of the frame's scale
+LARGEST_LEAF, SMALLEST_LEAF = 0.13, 0.0035  # radii, in parts of the frame's scale
 LEAST = 1.5  # pixels: no radius is smaller
 # Leaves over each point, per octave of radius, largest first. Equal figures would be exactly r^-3;
 # fewer small leaves leave some calm surfaces, as in a photograph.
@@ -30,7 +30,7 @@ SHADOW, SHADOW_STEPS = 0.84, 3  # light that one step of shadow lets through; nu
 STRIP = 192  # rows of pixels drawn at once, to limit memory
 
 # Earth, foliage, bark, blossom, slate, sky: encoded sRGB, and relative frequency.
-_COLOURS = (
+_LEAF_COLOURS = (
     (0xC48A3C, 3.0), (0x9E542A, 3.0), (0x6E3E28, 3.0), (0x78743C, 3.0),
     (0x4A5C34, 3.0), (0x96965C, 2.0), (0xD0B278, 2.5), (0xAC3228, 1.2),
     (0xDE9632, 1.3), (0x566470, 1.5), (0x3A465C, 1.0), (0x784658, 1.0),
@@ -38,7 +38,7 @@ _COLOURS = (
 )  # fmt: skip
 
 
-_CODES, _FREQUENCIES = np.array(_COLOURS).T
+_CODES, _FREQUENCIES = np.array(_LEAF_COLOURS).T
 _CHANNELS = [(_CODES.astype(int) >> shift) & 255 for shift in (16, 8, 0)]
 MATERIALS = decode_srgb(np.stack(_CHANNELS, axis=1) / 255)
 """Reflectances that leaves may have, linear sRGB (materials, 3)."""
@@ -81,7 +81,7 @@ def dead_leaves(width: int, height: int, scale: float, seed: int = 1) -> FloatAr
     width, height : int
         Pixels.
     scale : float
-        Pixels per unit of LARGEST and SMALLEST.
+        Pixels per unit of LARGEST_LEAF and SMALLEST_LEAF.
     seed : int, optional
         The same arguments give the same picture.
     """
@@ -96,8 +96,8 @@ def dead_leaves(width: int, height: int, scale: float, seed: int = 1) -> FloatAr
 
 def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
     """Return leaves that cover a frame. Within each octave of radius their number follows r^-3."""
-    largest = max(LARGEST * scale, 2 * LEAST)
-    smallest = max(SMALLEST * scale, LEAST)
+    largest = max(LARGEST_LEAF * scale, 2 * LEAST)
+    smallest = max(SMALLEST_LEAF * scale, LEAST)
     octaves = int(np.ceil(np.log2(largest / smallest)))
     places: list[DoubleArray] = []
     for octave in range(octaves):
