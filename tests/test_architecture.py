@@ -8,6 +8,7 @@ import ast
 import sys
 from collections.abc import Iterator
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 
 import pytest
 
@@ -134,8 +135,36 @@ def violations(module: str, text: str) -> list[str]:
     return found
 
 
+def circle(texts: dict[str, str]) -> list[str]:
+    """Modules of which each imports another, for types or in a function too, and the last is the
+    first; [] if there are none.
+    """
+
+    def module(name: str) -> str:
+        places = (name, f"{name}.__init__", up := name.rpartition(".")[0], f"{up}.__init__")
+        return next((place for place in places if place in texts), "")
+
+    graph = {
+        name: {module(other) for other in imported(name, text)} - {name, ""}
+        for name, text in texts.items()
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
 def test_every_arrow_is_in_the_diagram() -> None:
     assert [fault for module, text in sources() for fault in violations(module, text)] == []
+
+
+def test_no_modules_import_each_other() -> None:
+    texts = dict(sources())
+    assert circle(texts) == []
+    console = "panchroma.tools.batch.console"
+    texts["panchroma.tools.batch.progress"] += "if TYPE_CHECKING:\n    from .console import LOG\n"
+    assert {*circle(texts)} == {console, "panchroma.tools.batch.progress"}
 
 
 def test_every_module_of_tools_is_in_a_layer() -> None:
