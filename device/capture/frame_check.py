@@ -21,7 +21,7 @@ import numpy as np
 from ...shared import CfaPattern, SensorCalibration
 from ...shared.arrays import ByteArray, CodeArray, DoubleArray
 from ...shared.errors import InputError
-from .frames import FORMATS, RawFrame, Sensor
+from .frames import RawFrame, Sensor
 from .windows import Windows
 
 _OPEN = "the frame does not show whether {}; the next frames are looked at"
@@ -39,7 +39,7 @@ _SIDE, _PERIODS = 32, 4  # pixels along a window, and periods in it, at least
 _FIRST_WINDOWS, _LAST_WINDOWS = 64, 24
 # windows: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
-_FEW_WINDOWS, _FEWEST_WINDOWS = 8, 4  # fewer have no standard error
+_FEW_WINDOWS, FEWEST_WINDOWS = 8, 4  # fewer have no standard error
 
 _CERTAIN = 6.0  # standard errors of a contrast
 # the best place explains this many times the variance that the next one does; in photographs 2.7
@@ -64,13 +64,6 @@ _MARGIN, _LEAST_MARGIN = 1 / 8, 1 / 1024
 # end
 _NARROW, _DEFECTS = 1 / 16, 1
 _OVEREXPOSED = 0.1  # of the samples: so many clipped ones may hide the filters
-# Samples that vary by so much of the range of codes, but are less correlated with all their
-# neighbours, are misread. Of 120 random scenes of two levels, dots of 2 to 9 pixels, all are above;
-# wrong packings are at 0 to 0.6.
-_WIDE_SPREAD, _RESEMBLE, _PAIRS = 0.1, 0.15, 200
-# stripes of one width do not hide that these are alike
-_NEIGHBOURS = (0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)
-_STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
 # times the energy of all other differences; in photographs 7 times and more where there is light
 _UNLIKE_FILTERS = 3.0
@@ -78,6 +71,11 @@ _UNLIKE_FILTERS = 3.0
 _SCENE = 1 / 8
 _IMBALANCE = 0.03  # of their level by which sites of one channel may differ
 _SURE_ENERGY = 5.0  # standard errors of an energy
+
+Examine = Callable[[Sensor, RawFrame, CodeArray, Windows], tuple[str, list[str]]]
+"""Returns what contradicts the description of a sensor in one of its first frames, "" if nothing
+does, and remarks on what the frame leaves open if it shows its filters.
+"""
 
 
 class SlippedError(InputError):
@@ -92,6 +90,7 @@ def checked(
     note: Callable[[str], None],
     *,
     refused: Callable[[InputError], None] | None = None,
+    examine: Examine = lambda *_: ("", []),
 ) -> Iterator[RawFrame]:
     """Pass frames on, and look at them: until some have confirmed the description of their sensor,
     and whether they still do.
@@ -105,13 +104,15 @@ def checked(
     refused : Callable[[InputError], None] | None, optional
         Called for a file that is not like those before it, which is left out: the next one begins
         anew. None = raise.
+    examine : Examine, optional
+        Looks at the bits of the first frames, too.
 
     Raises
     ------
     SlippedError
         When a stream has lost or gained bytes since.
     """
-    check = _Check(sensor)
+    check = _Check(sensor, examine)
     noted: set[str] = set()
     for frame in frames:
         try:
@@ -132,8 +133,9 @@ def checked(
 class _Check:
     """Frames so far, and what they have confirmed. For the arguments see `checked`."""
 
-    def __init__(self, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor, examine: Examine) -> None:
         self._sensor, size = sensor, (sensor.layout.width, sensor.layout.height)
+        self._examine = examine
         self._side = min(max(_SIDE, _PERIODS * sensor.pattern.period), *size)  # of a window, pixels
         self._confirmed = 0
         self._has_colours = False
@@ -158,15 +160,11 @@ class _Check:
         calibration = self._sensor.calibration
         codes = layout.unpack(frame.data)
         windows = Windows.of(codes, self._side, _FIRST_WINDOWS)
-        reason = (
-            impossible_level(codes, windows, calibration)
-            or padding(codes, calibration)
-            or self._unused_bits(frame)
-        )
+        if reason := impossible_level(codes, windows, calibration):
+            self._refuse(frame, reason)
+        reason, remarks = self._examine(self._sensor, frame, codes, windows)
         if reason:
             self._refuse(frame, reason)
-        if is_misread(windows, pattern, FORMATS[layout.format].pixels, calibration.bits):
-            self._refuse(frame, f"the bits of its samples are not in the order of {layout.format}")
         shown = shows_filters(windows, pattern)
         if shown is False and self._confirmed:
             rows = f"frames have another number of rows than {layout.height}"
@@ -181,7 +179,7 @@ class _Check:
                 self._refuse(frame, f"{colours} are as bright as their neighbours")
             why = hindrance(codes, calibration)
             return False, [_OPEN.format(f"size, format and pattern are right ({why})")]
-        return True, [*self._colours(frame, windows), *open_bits(codes, calibration)]
+        return True, [*self._colours(frame, windows), *remarks]
 
     def _later(self, frame: RawFrame) -> tuple[bool, list[str]]:
         """Return the same of the last rows of a frame, which move when anything before them slips.
@@ -227,20 +225,6 @@ class _Check:
             f"{layout.stride}`. If the description is right, add `unchecked`"
         )
 
-    def _unused_bits(self, frame: RawFrame) -> str:
-        """Return what is wrong with bits of packed groups that hold no sample: 0 is right, as in
-        Mono10Packed; "" if nothing.
-        """
-        layout, packing = self._sensor.layout, FORMATS[self._sensor.layout.format]
-        if packing.words:
-            return ""
-        used = sum(packing.moves.values()).to_bytes(packing.length, "little")
-        lines = np.frombuffer(frame.data, np.uint8).reshape(layout.height, layout.stride)
-        lines = lines[:: max(layout.height // 64, 1), : layout.line_bytes]
-        stray = lines.reshape(-1, packing.length) & ~np.frombuffer(used, np.uint8)
-        message = f"bits that {layout.format} leaves unused hold something"
-        return message if stray.any(axis=1).mean() > _STRAY else ""
-
 
 def impossible_level(codes: CodeArray, windows: Windows, calibration: SensorCalibration) -> str:
     """Return which level no frame of the sensor has; "" if none.
@@ -267,18 +251,6 @@ def is_even(codes: CodeArray, calibration: SensorCalibration) -> bool:
     return bool(high - low < _NARROW * (1 << calibration.bits))
 
 
-def padding(codes: CodeArray, calibration: SensorCalibration) -> str:
-    """Return what shows that lines are padded: columns at their end of one value each, neither
-    black nor clipped light.
-    """
-    uneven = codes.max(axis=0) > codes.min(axis=0)
-    width = len(uneven) - int(uneven[::-1].argmax())
-    ends, black = codes[0, width:].astype(int), min(calibration.black_level)
-    filled = (ends < calibration.white_level) & (abs(ends - black) > 1)
-    same = f"its rows have {len(ends)} samples at the end that are the same in all of them"
-    return f"{same} (`width={width}`?)" if uneven[:width].all() and filled.any() else ""
-
-
 def hindrance(codes: CodeArray, calibration: SensorCalibration) -> str:
     """Return what keeps a frame from showing its filters."""
     if float(codes.mean()) < float(np.mean(calibration.black_level)) + _margin(calibration):
@@ -289,53 +261,11 @@ def hindrance(codes: CodeArray, calibration: SensorCalibration) -> str:
     return "it is even, noisy or too dim"
 
 
-def open_bits(codes: CodeArray, calibration: SensorCalibration) -> list[str]:
-    """Return a remark on bits that samples never use, or none."""
-    used = int(np.bitwise_or.reduce(codes, axis=None))
-    missing = ~used & ((1 << max(used.bit_length(), calibration.bits - 1)) - 1)
-    if not missing:
-        return []
-    bits = ", ".join(str(bit) for bit in range(missing.bit_length()) if missing >> bit & 1)
-    return [
-        f"bits {bits} of its samples are always 0: the light is dim, they are packed otherwise, "
-        "or `sensor_bits` is not right; the next frames are looked at"
-    ]
-
-
-def is_misread(windows: Windows, pattern: CfaPattern, pixels: int, bits: int) -> bool:
-    """Return whether samples vary widely and resemble none of their neighbours: bits of low value
-    are read as bits of high value.
-
-    Parameters
-    ----------
-    pixels : int
-        Samples of a packed group, of which each may be wrong.
-    bits : int
-        Of a sample.
-    """
-    if len(windows.codes) < _FEWEST_WINDOWS:
-        return False
-    clear = windows.panchromatic(pattern)
-    position = (windows.places[:, 1, None] + np.arange(windows.codes.shape[2])) % pixels
-    for number in range(pixels):
-        ours = clear & (position == number)[:, None]
-        if not ours.any() or np.std(windows.codes, where=ours) < _WIDE_SPREAD * (1 << bits):
-            continue
-        alike = []
-        for step in (*_NEIGHBOURS, *np.negative(_NEIGHBOURS)):
-            beside, is_clear = (np.roll(plane, step, (1, 2)) for plane in (windows.codes, clear))
-            if (pair := ours & is_clear).sum() >= _PAIRS:
-                alike.append(np.corrcoef(windows.codes[pair], beside[pair])[0, 1])
-        if alike and max(alike) < _RESEMBLE:
-            return True
-    return False
-
-
 def shows_filters(windows: Windows, pattern: CfaPattern) -> bool | None:
     """Return whether colour sites are where `pattern` has them; False: at another place, None: the
     windows do not show it.
     """
-    if len(windows.codes) < _FEWEST_WINDOWS:
+    if len(windows.codes) < FEWEST_WINDOWS:
         return None
     flat = windows.flattened()
     folded = flat.folded(pattern.period)

@@ -23,6 +23,7 @@ from ...shared import Camera, CfaPattern, SensorCalibration
 from ...shared.arrays import ByteArray
 from ...shared.errors import InputError
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
+from .description import examine
 from .genicam import GENICAM, SETTINGS, GenicamCamera
 
 PIXEL_FORMATS = tuple(FORMATS)
@@ -130,7 +131,9 @@ class FrameSource:
             comes.
         """
         raw = self.opened(stopped, refused, note)
-        return checked(raw, self.sensor, note, refused=refused) if self.checks else raw
+        if not self.checks:
+            return raw
+        return checked(raw, self.sensor, note, refused=refused, examine=examine)
 
 
 def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:

@@ -29,6 +29,7 @@ TWO_BLOCKS = CfaPattern.of_letters(
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG")
 PLACE = "the colour sites are not where `pattern` and `origin` say"
 OPEN = "the frame does not show whether size, format and pattern are right"
+BLOCKS = [CfaPattern.bayer(period, "GBRG", (1, 2)) for period in (3, 4, 5, 6, 8, 16)]
 
 
 def taken(
@@ -66,45 +67,27 @@ def stream(
     return pack(codes(pattern, of(name).calibration.bits, light), name, stride, padding) * 4
 
 
-def look(data: bytes, described: Sensor) -> list[str]:
+def look(data: bytes, described: Sensor, **how: Any) -> list[str]:
     """The remarks on the frames in a stream; whatever is missing of the last frame is as the
-    beginning of the stream.
+    beginning of the stream. how: of `checked`.
     """
     size = described.layout.frame_bytes
     data = (data * (size // len(data) + 2))[: -(-len(data) // size) * size]
     notes: list[str] = []
     chunks = (data[first : first + size] for first in range(0, len(data), size))
-    list(checked(map(RawFrame.now, chunks), described, notes.append))
+    list(checked(map(RawFrame.now, chunks), described, notes.append, **how))
     return notes
 
 
-def refusal(data: bytes, described: Sensor) -> str:
+def refusal(data: bytes, described: Sensor, **how: Any) -> str:
     with pytest.raises(InputError) as caught:
-        look(data, described)
+        look(data, described, **how)
     message, layout = str(caught.value), described.layout
     assert message.startswith("the frame is not as described: ")
     size = f"--size {layout.width}x{layout.height} --pixel-format {layout.format}"
     run = f"; run `panchroma identify FRAME {size} --stride {layout.stride}`. "
     assert message.endswith(f"{run}If the description is right, add `unchecked`")
     return message
-
-
-LIGHTS = [(1.0, 0.0), (1.0, 0.03), (0.2, 0.01), (5.0, 0.01)]
-BLOCKS = [CfaPattern.bayer(period, "GBRG", (1, 2)) for period in (3, 4, 5, 6, 8, 16)]
-
-
-@pytest.mark.parametrize("number", range(20))
-def test_what_is_described_rightly_is_believed(number: int) -> None:
-    """Each pattern in two lights, each format twice; lines are filled with zeros or not."""
-    pattern = [*BLOCKS, KODAK, KAIZU, CfaPattern.of_letters("RG/BW"), TWO_BLOCKS][number // 2]
-    name = list(FORMATS)[number % len(FORMATS)]
-    described = of(name, pattern, stride=544)
-    light, sigma = LIGHTS[(number + number // 4) % len(LIGHTS)]
-    frame = codes(pattern, described.calibration.bits, light, sigma)
-    remarks = look(pack(frame, name, 544, 0xA5 * (number % 2)) * 3, described)
-    assert not any(OPEN in remark for remark in remarks)
-    if light >= 1.0 and pattern in BLOCKS[:-1]:  # period 16 has too few blocks to show a diagonal
-        assert remarks == []
 
 
 def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_at() -> None:
@@ -114,97 +97,6 @@ def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_
         assert note.startswith(OPEN)
     lit = pack(dark, "u16") * 2 + pack(codes(), "u16")
     assert PLACE in refusal(lit, of(pattern=CfaPattern.bayer(6)))
-
-
-@pytest.mark.parametrize(
-    ("sent", "described"),
-    [
-        (("raw10", 400), of("raw10")),
-        (("raw12", 448), of("raw12", stride=401)),
-        (("raw10", 448), of("raw10", stride=640)),
-        (("raw12", 416), of("raw12", stride=430)),
-        # 12 pixels more a row: each block is still over another, but the scene is sheared
-        (("u16", 536), of()),
-        (("raw10",), of("raw10", width=232)),
-        (("raw12",), of("raw12", width=262)),
-        (("u16",), of(width=250)),
-        *((("raw12",), of("raw12", height=height)) for height in (185, 191, 194, 220)),
-        # A width that takes some of what fills each line to the stride.
-        *(
-            ((name, 576, PATTERN, padding), of(name, width=276, stride=576))
-            for name in ("raw10", "u16")
-            for padding in (0, 0xA5)
-        ),
-        *(
-            (("u16", 0, PATTERN, 0, light), of(bits=bits))
-            for bits, light in ((10, 1), (14, 1), (16, 1), (14, 0.2), (16, 5))
-        ),
-        *((("raw12",), of("raw12", CfaPattern.bayer(period))) for period in (3, 4, 5, 8, 12)),
-        *(
-            (("raw12", 0, CfaPattern.bayer(3)), of("raw12", CfaPattern.bayer(period)))
-            for period in (6, 9)
-        ),
-        *(
-            (("u16",), of(pattern=CfaPattern.bayer(6, origin=place)))
-            for place in ((3, 1), (2, 0), (5, 4))
-        ),
-        (("raw12", 400, KODAK), of("raw12", KODAK, stride=416)),
-        (("raw12", 400, KODAK), of("raw12", KODAK, width=250)),
-        (("raw12", 400, KODAK), of("raw12", KODAK, height=191, stride=400)),
-        (("raw12", 400, KODAK), of("u16", KODAK)),
-        (("u16", 0, TWO_BLOCKS), of(pattern=CfaPattern(TWO_BLOCKS.tile, (3, 2)))),
-    ],
-)
-def test_what_is_described_wrongly_is_refused(sent: Any, described: Sensor) -> None:
-    refusal(stream(*sent), described)
-
-
-PASSING = {
-    ("mono10packed", "raw10"),
-    ("mono10packed", "mono12packed"),
-    ("mono10packed", "u8"),
-    ("mono12p", "mono12packed"),
-}
-"""(sent, described): bytes of which one in three tells little, and bits that are almost in the
-right order; only at one origin.
-"""
-
-
-@pytest.mark.parametrize("origin", [(0, 0), (2, 1)])
-@pytest.mark.parametrize("right", FORMATS)
-def test_every_format_taken_for_another_is_refused_or_told(
-    right: str, origin: tuple[int, int]
-) -> None:
-    frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
-    for wrong in FORMATS:
-        described = of(wrong, CfaPattern.bayer(6, origin=origin), stride=544)
-        if (right, wrong) in PASSING and origin == (2, 1):
-            remarks = " ".join(look(frame * 3, described))
-            assert any(words in remarks for words in (OPEN, "are always 0", "greens"))
-        elif right != wrong:
-            refusal(frame * 3, described)
-
-
-@pytest.mark.parametrize(("right", "wrong"), [("mono10p", "raw10"), ("raw12", "mono12packed")])
-def test_bits_in_another_order_resemble_none_of_their_neighbours(right: str, wrong: str) -> None:
-    frame = pack(codes(bits=FORMATS[right].bits), right)
-    assert f"not in the order of {wrong}" in refusal(frame, of(wrong))
-
-
-def test_scenes_of_two_tones_in_dots_are_no_proof_against_a_right_description() -> None:
-    rng = np.random.default_rng(1)
-    for number, side in enumerate((2, 2, 2, 3, 3, 5, 9) * 2):
-        dots = np.kron(rng.random((97, 128)) < 0.5, np.ones((side, side)))[: SIZE[0], : SIZE[1]]
-        name = ("raw12", "mono12p", "u16")[number % 3]
-        pattern = (PATTERN, KODAK)[number % 2]
-        look(pack(taken(0.1 + 0.8 * dots, pattern, sigma=0.003), name) * 4, of(name, pattern))
-
-
-def test_a_clipped_or_black_edge_is_no_padding() -> None:
-    for level in (256, 4095):
-        edge = codes().copy()
-        edge[:, -40:] = level
-        look(pack(edge, "u16") * 3, of())  # is not refused
 
 
 def test_a_frame_of_few_tiles_proves_nothing() -> None:
@@ -256,22 +148,6 @@ def test_colours_that_a_grey_scene_does_not_show_are_told_and_looked_at_again() 
     grey, lit = pack(taken(GREY, KODAK), "raw12"), pack(codes(KODAK), "raw12")
     other = of("raw12", CfaPattern(KODAK.tile, (1, 0)))
     assert "its colours are at other sites" in refusal(grey * 3 + lit, other)
-
-
-@pytest.mark.parametrize(
-    ("frame", "bits", "words"),
-    [
-        (codes(light=0.1) << np.uint16(4), 14, "bits 0, 1, 2, 3 of its samples are always 0"),
-        (
-            codes(light=0.05, sigma=0.0) + np.uint16(256),
-            12,
-            "10 of its samples are always 0: the light is dim",
-        ),
-    ],
-)
-def test_bits_that_are_never_used_are_told(frame: CodeArray, bits: int, words: str) -> None:
-    remarks = look(pack(frame, "u16") * 2, of(bits=bits))
-    assert any(words in remark for remark in remarks), remarks
 
 
 @pytest.mark.parametrize(("bits", "light"), [(10, 0.1), (12, 1.0), (14, 1.0), (14, 0.1)])
