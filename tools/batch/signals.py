@@ -64,7 +64,7 @@ def _terminate(number: int, _: FrameType | None) -> None:
     raise _received[-1]
 
 
-def _send_again(usual: Callable[[Any], object], lost: Any) -> None:
+def _send_again(usual: Callable[[Any], object], lost: Any) -> object:
     """Send a signal again that is lost: inside a callback from C (Numba loading a kernel) Python
     drops what it raises, with a traceback.
     """

@@ -24,7 +24,7 @@ RADIUS = 12
 """Pixels up to which a sample has an influence on interpolated ones that can be measured."""
 
 
-class Motion(NamedTuple):
+class CameraMotion(NamedTuple):
     """A motion of the camera.
 
     Parameters
@@ -38,12 +38,12 @@ class Motion(NamedTuple):
     shift: tuple[float, float] = (0.0, 0.0)
     angle: float = 0.0
 
-    def times(self, factor: float) -> "Motion":
+    def times(self, factor: float) -> "CameraMotion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""
-        return Motion((self.shift[0] * factor, self.shift[1] * factor), self.angle)
+        return CameraMotion((self.shift[0] * factor, self.shift[1] * factor), self.angle)
 
 
-STILL = Motion()
+STILL = CameraMotion()
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ class SimulatedBurst:
             raise InputError(f"`bracket` is {self.stops} stops, {expected}")
 
     @property
-    def largest(self) -> Motion:
+    def largest(self) -> CameraMotion:
         """A motion that is at least as large as any of the burst."""
-        return Motion((self.pixels, self.pixels), -math.radians(self.degrees))
+        return CameraMotion((self.pixels, self.pixels), -math.radians(self.degrees))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,14 +99,14 @@ class SimulatedFrame:
     ----------
     rgb : FloatArray
         The light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
-    motion : Motion
+    motion : CameraMotion
         Where it sees what the reference sees, pixels of the sensor.
     stops : float | None
         Its exposure; None = it is no part of a bracket.
     """
 
     rgb: FloatArray
-    motion: Motion = STILL
+    motion: CameraMotion = STILL
     stops: float | None = None
 
     @property
@@ -140,7 +140,7 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     return total / np.float32(pixel**2)
 
 
-def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
+def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[CameraMotion]:
     """Motions of a burst's frames: a random walk from the first frame on, which stays within the
     burst's limits.
 
@@ -148,7 +148,7 @@ def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
     --------
     >>> import numpy as np
     >>> first, second = tremor(SimulatedBurst(2, pixels=3), np.random.default_rng(1))
-    >>> first == Motion(), 0 < math.hypot(*second.shift) <= 3
+    >>> first == CameraMotion(), 0 < math.hypot(*second.shift) <= 3
     (True, True)
     """
     walk = [(0.0, 0.0, 0.0)]  # down, across, degrees clockwise
@@ -157,7 +157,7 @@ def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[Motion]:
         down, across, degrees = (last + step for last, step in zip(walk[-1], steps, strict=True))
         if math.hypot(down, across) <= burst.pixels and abs(degrees) <= burst.degrees:
             walk.append((down, across, degrees))
-    return [Motion((down, across), -math.radians(degrees)) for down, across, degrees in walk]
+    return [CameraMotion((down, across), -math.radians(degrees)) for down, across, degrees in walk]
 
 
 def burst_frames(
@@ -204,14 +204,14 @@ def burst_frames(
         yield SimulatedFrame(reduced(light[inner], pixel), motion, stops)
 
 
-def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
+def displaced(rgb: FloatArray, motion: CameraMotion) -> FloatArray:
     """Return the light on a sensor after a motion: see `offline.burst.in_frame` for where it is.
 
     Parameters
     ----------
     rgb : float32 (H, W, C)
         The light before it.
-    motion : Motion
+    motion : CameraMotion
         Of the camera, pixels of this picture.
 
     Returns
@@ -234,7 +234,7 @@ def displaced(rgb: FloatArray, motion: Motion) -> FloatArray:
     return result
 
 
-def reach(motion: Motion, shape: tuple[int, ...]) -> int:
+def reach(motion: CameraMotion, shape: tuple[int, ...]) -> int:
     """Return how far from the border `displaced` depends on what is beyond it, pixels; 0 for no
     motion.
     """

@@ -8,7 +8,7 @@ from panchroma.shared import CaptureMetadata
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.simulation.burst import (
-    Motion,
+    CameraMotion,
     SimulatedBurst,
     burst_frames,
     displaced,
@@ -32,7 +32,7 @@ def leaves() -> FloatArray:
 
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
     walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
-    assert walk[0] == Motion()
+    assert walk[0] == CameraMotion()
     shifts, angles = (np.array(values) for values in zip(*walk, strict=True))
     lengths = np.hypot(*shifts.T)
     assert 2.5 < lengths.max() <= 3
@@ -128,15 +128,15 @@ def grid(shape: tuple[int, int]) -> DoubleArray:
     return np.moveaxis(np.indices(shape, dtype=float), 0, -1)
 
 
-def moved(down: float, across: float, degrees: float = 0.0) -> Motion:
-    return Motion((down, across), -np.radians(degrees))
+def moved(down: float, across: float, degrees: float = 0.0) -> CameraMotion:
+    return CameraMotion((down, across), -np.radians(degrees))
 
 
 @pytest.mark.parametrize(
     "motion",
     [moved(0.5, 0), moved(2.3, -1.6), moved(-0.25, 3.75, 0.3), moved(1.1, 0.4, -5), moved(0, 0, 9)],
 )
-def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) -> None:
+def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: CameraMotion) -> None:
     border = reach(motion, SHAPE)
     inside = (slice(border, -border), slice(border, -border))
     seen = displaced(waves(grid(SHAPE)), motion)
