@@ -126,12 +126,8 @@ def build_parser(
     """Return the parser of the command line, and that of the last of these verbs, the same without
     a verb.
 
-    Parameters
-    ----------
-    *used : str
-        The verbs whose options are added; importing all would take a second.
-    store : type[argparse.Action] | None, optional
-        The action of their arguments that take values; None = that of argparse.
+    *used: the verbs whose options are added; importing all would take a second. store: the action
+    of their arguments that take values; None = that of argparse.
     """
     parser = _Parser(
         prog="panchroma",

@@ -32,6 +32,8 @@ def attempt(
 ) -> Outcome:
     """Make a picture, or find that it is there already.
 
+    Raises InputError, ForeignFileError, OutputError: there can be no picture.
+
     Parameters
     ----------
     order
@@ -45,11 +47,6 @@ def attempt(
         The shot or burst, and where its picture goes.
     listener
         Takes stages, and remarks for the user.
-
-    Raises
-    ------
-    InputError, ForeignFileError, OutputError
-        There can be no picture.
     """
     output = job.output
     if not (order.dry_run or order.folder.is_dir()):

@@ -71,17 +71,15 @@ class BurstFile:
 def series(sources: Sequence[Source]) -> list[str]:
     """The names of the shots of one burst, in its order.
 
+    Raises InputError that names the first ones, for shots in a folder that belong to several bursts
+    or to none.
+
     Parameters
     ----------
     sources : Sequence[Source]
         See `tools.batch.folders.search`. Files that the user named are taken as they are, in the
         order given. Those found in a folder have to be the frames of one burst, named as `capture
         --burst` and `simulate --burst` do, STEM-1.dng, STEM-2.dng ...; some may be missing.
-
-    Raises
-    ------
-    InputError
-        That names the first ones, for shots in a folder that belong to several bursts or to none.
 
     Examples
     --------
@@ -107,10 +105,7 @@ def series_stem(names: Sequence[str]) -> str:
     """Name of the picture of a burst without suffix: the common part of its frames' names, or the
     first file's stem.
 
-    Parameters
-    ----------
-    names : Sequence[str]
-        Of its shots, see `series`.
+    names: of its shots, see `series`.
 
     Examples
     --------
@@ -151,10 +146,7 @@ class BurstOrder(Order):
     def open(self, job: Job, memory: int, note: Note) -> Subject:
         """The frames that can be read.
 
-        Raises
-        ------
-        InputError
-            If there is none, or if the one that is to be the reference is not.
+        Raises InputError if there is none, or if the one that is to be the reference is not.
         """
         frames: list[BurstFile] = []
         order = self
@@ -194,14 +186,7 @@ class BurstOrder(Order):
 class BurstSubject(Subject):
     """The frames of a burst.
 
-    Parameters
-    ----------
-    order : BurstOrder
-        Settings.
-    frames : Sequence[BurstFile]
-        All files, those that are left out too; one or more have a mosaic.
-    note : Note
-        Called with each remark for the user.
+    frames: all files, those that are left out too; one or more have a mosaic.
     """
 
     def __init__(self, order: BurstOrder, frames: Sequence[BurstFile], note: Note) -> None:

@@ -25,10 +25,7 @@ def needed_memory(
     """Bytes that the whole program needs to render a mosaic to such a file; rather more than it
     will use.
 
-    Parameters
-    ----------
-    frames : int, optional
-        Of a burst, all like this mosaic.
+    frames: of a burst, all like this mosaic.
     """
     from ...offline import rendering_memory, threads
 

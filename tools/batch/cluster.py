@@ -35,19 +35,9 @@ class SchedulerGoneError(PanchromaError):
 def cluster(address: str, note: Note) -> Iterator[Executor]:
     """Connect to a scheduler; what is not finished at the end of the `with` block is cancelled.
 
-    Parameters
-    ----------
-    address
-        Of the scheduler, tcp://HOST:PORT.
-    note
-        Called when there is no worker, for which this waits.
-
-    Raises
-    ------
-    InputError
-        No scheduler answers, or a worker runs another source.
-    SchedulerGoneError
-        The scheduler ends.
+    address: of the scheduler, tcp://HOST:PORT. note: called when there is no worker, for which this
+    waits. Raises InputError: no scheduler answers, or a worker runs another source. Raises
+    SchedulerGoneError: the scheduler ends.
     """
     try:
         from distributed import Client, KilledWorker

@@ -22,10 +22,7 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
     """In the `with` block, say once that the renderer is being compiled, if it has to be, and then
     how far that is.
 
-    Parameters
-    ----------
-    progress : StageProgress
-        Gets the note, and shows how far it is.
+    progress: gets the note, and shows how far it is.
     """
     from ...offline import compilation
 
@@ -70,10 +67,7 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
     """Compile kernels in several processes, as many as memory allows; yields (name, None, or the
     error) as each is done.
 
-    Parameters
-    ----------
-    names : Sequence[str]
-        Those that take longest first.
+    names: those that take longest first.
     """
     if possible_processes(2, note) == 1:
         yield from one_by_one(_compile, names, lambda _: StageProgress(note=note))

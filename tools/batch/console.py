@@ -36,12 +36,7 @@ class StandardOutputError(Exception):
 class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was foreseen)
     """An exception that nobody foresaw in a worker process.
 
-    Parameters
-    ----------
-    message : str
-        That of `fault` there, the text of this exception.
-    trace : str
-        Its traceback there.
+    message: that of `fault` there, the text of this exception. trace: its traceback there.
     """
 
     def __str__(self) -> str:
@@ -96,10 +91,7 @@ class Console:
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
         """Print remarks on sources to stderr, each once, with the first source that it is about.
 
-        Parameters
-        ----------
-        noted : Iterable[tuple[str, Iterable[str]]]
-            (source, its remarks).
+        noted: (source, its remarks).
         """
         sources: dict[str, list[str]] = {}
         for source, remarks in noted:
@@ -111,10 +103,7 @@ class Console:
     def error(self, *texts: str, cause: BaseException | None = None) -> None:
         """Print a line to stderr for each thing that failed.
 
-        Parameters
-        ----------
-        cause : BaseException | None, optional
-            What was raised.
+        cause: what was raised.
         """
         for text in texts:
             to_stderr(f"panchroma: {self.spell(text)}")

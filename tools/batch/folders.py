@@ -38,13 +38,8 @@ names.
 class Source:
     """One file to work on.
 
-    Attributes
-    ----------
-    name : str
-        Of the file.
-    below : Path | None
-        Its path below the folder in which it was found; None for a file that the user named, which
-        has to fit.
+    below: its path below the folder in which it was found; None for a file that the user named,
+    which has to fit.
     """
 
     name: str
@@ -84,10 +79,7 @@ class Search:
     def report(self, console: Console) -> bool:
         """Tell the user what was left out and what failed.
 
-        Returns
-        -------
-        bool
-            Whether nothing has failed.
+        Returns whether nothing has failed.
         """
         console.note(*self.left_out)
         for folder, reason in self.failures:

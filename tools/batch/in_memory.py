@@ -33,10 +33,7 @@ def note_once(text: str) -> None:
 def settings_named(preset: object) -> "RenderSettings":
     """The settings of a preset by name, or settings of one's own.
 
-    Raises
-    ------
-    InputError
-        For anything else.
+    Raises InputError for anything else.
     """
     from ...offline import PRESETS, RenderSettings
 
@@ -56,16 +53,9 @@ def render_array(
 
     The log has a note while the renderer is being compiled.
 
-    Parameters
-    ----------
-    stages : Stages | None, optional
-        Makes the list of stages in rows, as `offline.render` takes it; None = `offline.row_stages`.
-
-    Raises
-    ------
-    InputError
-        For a shot that is all black, or all saturated, and for one that needs more memory than is
-        free.
+    stages: makes the list of stages in rows, as `offline.render` takes it; None =
+    `offline.row_stages`. Raises InputError for a shot that is all black, or all saturated, and for
+    one that needs more memory than is free.
     """
     from ...offline import colour_bands, measure, row_stages
 

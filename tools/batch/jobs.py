@@ -112,15 +112,8 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     """The folder that `-o` names, created with its parents, and free of what killed processes have
     left half written.
 
-    Parameters
-    ----------
-    dry_run : bool, optional
-        Change nothing; it may be one that cannot be written to.
-
-    Raises
-    ------
-    OutputError
-        When it is not a folder, cannot be created, or cannot be written to.
+    dry_run: change nothing; it may be one that cannot be written to. Raises OutputError when it is
+    not a folder, cannot be created, or cannot be written to.
     """
     path = Path(folder)
     if not folder:
@@ -159,17 +152,8 @@ def run_jobs(
     """Do each job that would replace nothing that must stay. A job that fails costs one line, and
     the others go on.
 
-    Parameters
-    ----------
-    overwrite : bool, optional
-        Results that exist may be replaced.
-    listen : Callable[[Job], StageProgress] | None, optional
-        Makes the listener of a job; None = one that shows only notes.
-
-    Returns
-    -------
-    int
-        The exit code, 0 or 1.
+    Returns the exit code, 0 or 1. overwrite: results that exist may be replaced. listen: makes the
+    listener of a job; None = one that shows only notes.
     """
     possible = possible_jobs(jobs, console, overwrite=overwrite)
     listen = listen or (lambda _: StageProgress(note=console.note))
@@ -187,10 +171,7 @@ def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> 
 
     Each other one is reported as failed. Of two jobs with the same output the first gets it.
 
-    Parameters
-    ----------
-    overwrite : bool
-        Results that exist may be replaced.
+    overwrite: results that exist may be replaced.
     """
     inputs = {identity(name) for job in jobs for name in job.files} - {None}
     planned: dict[str, str] = {}
@@ -212,10 +193,7 @@ def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
     Each failed frame counts as failed too. It is an error if all files are of another kind, so that
     nothing was made.
 
-    Returns
-    -------
-    Counter[State]
-        How many ended in which state.
+    Returns how many ended in which state.
     """
     states: Counter[State] = Counter()
     folders = set[str]()
@@ -302,12 +280,8 @@ def refuse_loss(
     """Raise InputError or OutputError if these outputs would replace an input, a folder, or another
     result of the same run.
 
-    Parameters
-    ----------
-    inputs : Container[tuple[int, int] | None]
-        `identity` of every input.
-    planned : MutableMapping[str, str]
-        Output -> source of everything planned so far; these outputs are added.
+    inputs: `identity` of every input. planned: output -> source of everything planned so far; these
+    outputs are added.
     """
     for output in outputs:
         # On many disks names that differ only in case are one file.
@@ -333,10 +307,7 @@ def identity(path: str | Path | int) -> tuple[int, int] | None:
     """Device and inode number, which are the same for all links to a file; None when there is no
     such file.
 
-    Parameters
-    ----------
-    path : str | Path | int
-        Its name, or the descriptor of an open file.
+    path: its name, or the descriptor of an open file.
     """
     status = file_status(path)
     return (status.st_dev, status.st_ino) if status else None

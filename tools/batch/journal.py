@@ -75,10 +75,7 @@ class Journal:
     def of(self, output: str) -> list[Entry]:
         """Entries of this output from all runs, the latest last.
 
-        Raises
-        ------
-        OSError
-            When the journal cannot be read.
+        Raises OSError when the journal cannot be read.
         """
         self._catch_up()
         return self._entries.get(output, [])
@@ -175,10 +172,7 @@ def output_lock(output: Path) -> Iterator[None]:
     is taken over, or swept. On a file system without locks everybody gets it: then two processes
     may write the same file, each as a whole.
 
-    Raises
-    ------
-    OSError
-        When the lock file cannot be created.
+    Raises OSError when the lock file cannot be created.
     """
     name_digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
     path = output.with_name(f".{short_name(output)}.{name_digest}.panchroma.lock")

@@ -23,10 +23,7 @@ def allowed_memory(limit: int | None) -> int:
 def parse_bytes(text: str) -> int:
     """Bytes of a size such as "800M" or "4G".
 
-    Raises
-    ------
-    ValueError
-        For other texts.
+    Raises ValueError for other texts.
 
     Examples
     --------

@@ -53,10 +53,7 @@ class Subject:
     def prepare(self, progress: Progress) -> None:
         """Do all that comes before `bands`.
 
-        Raises
-        ------
-        InputError
-            If there can be no picture.
+        Raises InputError if there can be no picture.
         """
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
@@ -131,17 +128,7 @@ class Order:
     def open(self, job: Job, memory: int, note: Note) -> Subject:
         """Read the sources of a picture from its files.
 
-        Parameters
-        ----------
-        memory : int
-            Bytes that may be used.
-        note : Note
-            Called with each remark for the user.
-
-        Raises
-        ------
-        InputError
-            If it cannot become such a picture.
+        memory: bytes that may be used. Raises InputError if it cannot become such a picture.
         """
         mosaic = self.read(job.source)
         return Subject(
@@ -155,20 +142,14 @@ class Order:
     def decode(self, source: str) -> Mosaic:
         """The shot as it is in the file; this does not load the renderer.
 
-        Raises
-        ------
-        InputError
-            As `read_dng` does.
+        Raises InputError as `read_dng` does.
         """
         return read_dng(source, max_pixels=self.max_pixels)
 
     def prepared(self, mosaic: Mosaic) -> Mosaic:
         """A shot, calibrated.
 
-        Raises
-        ------
-        InputError
-            For one that cannot become such a picture.
+        Raises InputError for one that cannot become such a picture.
         """
         if self.camera is not None:
             mosaic = self.camera.calibrated(mosaic)

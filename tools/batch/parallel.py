@@ -50,12 +50,7 @@ def one_by_one(
 ) -> "Results[P, R]":
     """Call the function in this thread.
 
-    Parameters
-    ----------
-    function, items
-        What is called, and for what.
-    listen
-        Makes the listener of an item, for a `with` block.
+    listen: makes the listener of an item, for a `with` block.
     """
     for item in items:
         raise_lost_signal()
@@ -69,14 +64,8 @@ def in_threads(
 ) -> "Results[P, R]":
     """Call the function in threads; yield in the order of the items.
 
-    Parameters
-    ----------
-    function, items
-        What is called, and for what.
-    count
-        Number of threads, 1 or more.
-    note
-        Called with each note of an item, in any of the threads.
+    count: number of threads, 1 or more. note: called with each note of an item, in any of the
+    threads.
     """
     from ..io.ahead import ahead
     from .progress import StageProgress

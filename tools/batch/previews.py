@@ -13,17 +13,7 @@ if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
 class Previews:
     """Makes previews of mosaics with any patterns; builds a graph once per pattern.
 
-    Parameters
-    ----------
-    scale : int, optional
-        See `Preview`.
-    threads : int | None, optional
-        See `Preview`.
-
-    Raises
-    ------
-    InputError
-        For a scale below 1.
+    scale: see `Preview`. threads: see `Preview`. Raises InputError for a scale below 1.
     """
 
     def __init__(self, scale: int = 1, threads: int | None = None) -> None:
@@ -35,10 +25,7 @@ class Previews:
     def __call__(self, mosaic: Mosaic) -> ByteArray:
         """Return the picture, uint8 sRGB (h, w, 3), oriented like the samples.
 
-        Raises
-        ------
-        InputError
-            Without such a scale.
+        Raises InputError without such a scale.
         """
         from ...device import Preview
 

@@ -26,12 +26,7 @@ class StageProgress(Progress):
     """A listener that shows nothing but notes; what each stage took goes to the log. Leaving its
     `with` block ends the display.
 
-    Parameters
-    ----------
-    title : str, optional
-        Of the work.
-    note : Note, optional
-        What to do with notes, which stay when the display has ended.
+    note: what to do with notes, which stay when the display has ended.
     """
 
     def __init__(self, title: str = "", note: Note = lambda _: None) -> None:

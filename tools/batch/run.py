@@ -38,6 +38,8 @@ def render_all(
 ) -> Counter[State]:
     """Render all shots, with a line and a record for each.
 
+    Returns how many ended in which state. Raises SchedulerGoneError: the scheduler ends.
+
     Parameters
     ----------
     order
@@ -54,16 +56,6 @@ def render_all(
         Bytes for all processes together, on a cluster for each worker; None = most of what is free.
     scheduler
         Address of a dask scheduler, whose workers render; they see the same folders.
-
-    Raises
-    ------
-    SchedulerGoneError
-        The scheduler ends.
-
-    Returns
-    -------
-    Counter[State]
-        How many ended in which state.
     """
     # commands that share a folder wait for a shot that another one renders: they should seldom meet
     if order.resume:

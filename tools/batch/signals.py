@@ -36,11 +36,8 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
     A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the
     main thread.
 
-    Parameters
-    ----------
-    last : bool, optional
-        The program ends after the block: from then on they end it at once. All files are written,
-        and a traceback helps nobody.
+    last: the program ends after the block: from then on they end it at once. All files are written,
+    and a traceback helps nobody.
     """
     numbers = _ENDING if threading.current_thread() is threading.main_thread() else ()
     free = [number for number in numbers if signal.getsignal(number) in _DEFAULT]

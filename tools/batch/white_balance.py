@@ -43,10 +43,7 @@ class WhiteBalance:
         """The white balance that is asked for: "camera", "auto", multipliers or the place of a
         grey, as numbers or as a text such as "2.1,1,1.6" or "620,410".
 
-        Raises
-        ------
-        InputError
-            For anything else.
+        Raises InputError for anything else.
         """
         if isinstance(requested, str) and requested in (_CAMERA, _AUTO):
             return cls(requested)
@@ -74,10 +71,7 @@ class WhiteBalance:
     def of(self, mosaic: Mosaic) -> Mosaic:
         """The mosaic with this white balance in its calibration.
 
-        Raises
-        ------
-        InputError
-            If it is impossible for this shot.
+        Raises InputError if it is impossible for this shot.
         """
         calibration = mosaic.calibration
         if self.kind == _CAMERA:

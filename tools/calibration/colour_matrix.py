@@ -101,17 +101,8 @@ def fit_colour(
 ) -> ColourFit:
     """Fit matrix, neutral and illumination field to the patches of one chart.
 
-    Parameters
-    ----------
-    camera, colours, centres : DoubleArray
-        See `ColourFit`.
-    used : BoolArray | None, optional
-        See `ColourFit`; None = all patches.
-
-    Raises
-    ------
-    InputError
-        If too many patches are left out, or the grey ones have no light in some channel.
+    camera, colours, centres: see `ColourFit`. used: see `ColourFit`; None = all patches. Raises
+    InputError if too many patches are left out, or the grey ones have no light in some channel.
     """
     used = np.ones(len(camera), bool) if used is None else used
     greys = [index for index in GREYS if used[index]]
@@ -132,10 +123,7 @@ def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> f
     The patches show what each channel sees of XYZ. A change of light acts on white like a coloured
     surface, so they predict the change in every channel, up to a common factor.
 
-    Parameters
-    ----------
-    lights : tuple[str, str]
-        Of the two charts, see `illuminant_xy`.
+    lights: of the two charts, see `illuminant_xy`.
     """
     white, before = (xyz(*illuminant_xy(light)) for light in lights)
     expected = np.zeros(len(one.neutral))
@@ -220,12 +208,7 @@ def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
     The greys are nearly a geometric series, so a tone curve looks like a very steep fall-off of the
     light.
 
-    Parameters
-    ----------
-    level : DoubleArray
-        (6,), white to black.
-    reference : DoubleArray
-        (6,), their Y.
+    level: (6,), white to black. reference: (6,), their Y.
     """
     if not (np.diff(level) < 0).all() or level[-1] <= 0:
         return "the grey row does not get darker from patch to patch"

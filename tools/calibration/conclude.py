@@ -148,17 +148,9 @@ class Result:
 def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None) -> Result:
     """Combine all that was measured into one camera.
 
-    Parameters
-    ----------
-    measured
-        What was measured. What it shows replaces whole entries of the old camera file.
-    provenance
-        Facts that every entry of the camera file records.
-
-    Raises
-    ------
-    InputError
-        No frame was read.
+    measured: what was measured. What it shows replaces whole entries of the old camera file.
+    provenance: facts that every entry of the camera file records. Raises InputError: no frame was
+    read.
     """
     calibration = measured.calibration
     findings = {entry.name: entry for find in _ENTRIES if (entry := find(measured))}

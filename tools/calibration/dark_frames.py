@@ -89,11 +89,8 @@ def check_dark(frame: Mosaic) -> None:
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     """Measure black level and read noise per filter colour, and find the pixels that are not black.
 
-    Parameters
-    ----------
-    frames : Sequence[Mosaic]
-        One or more, with the same exposure, each after `check_dark`. Raises InputError if light
-        fell in, or if they clearly differ in noise or level.
+    frames: one or more, with the same exposure, each after `check_dark`. Raises InputError if light
+    fell in, or if they clearly differ in noise or level.
     """
     first = frames[0]
     planes = planes_of(first, defects=True)  # which are found anew

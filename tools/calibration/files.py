@@ -26,18 +26,15 @@ KINDS = "shots", "dark", "flat"
 def sort_files(requested: Mapping[str, Sequence[str]]) -> tuple[Files, list[Search]]:
     """Sort files by kind; returns also what was found and left out in folders.
 
+    Raises InputError for a folder that cannot be read or has no DNG, for a file of two kinds, and
+    for a shot under neither light.
+
     Parameters
     ----------
     requested : Mapping[str, Sequence[str]]
         Files, and folders with DNGs in them or below: of each of `KINDS`, then of the charts under
         each of two lights. Of shots, what is named dark* or flat*, or lies in a subfolder of such a
         name, is a dark or a flat frame.
-
-    Raises
-    ------
-    InputError
-        For a folder that cannot be read or has no DNG, for a file of two kinds, and for a shot
-        under neither light.
     """
     files: Files = {kind: [] for kind in requested}
     searches, kind_of = [], dict[object, str]()
@@ -85,10 +82,7 @@ def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
 def read_known(path: Path) -> Camera:
     """Return the camera in a file that is to be updated.
 
-    Raises
-    ------
-    InputError
-        That names the file and what is damaged in it.
+    Raises InputError that names the file and what is damaged in it.
     """
     camera = read_camera(path)
     planes = len(camera.calibration.black_level)
@@ -123,10 +117,7 @@ def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path
 
     Raises OutputError.
 
-    Returns
-    -------
-    Path | None
-        The name of the old file; None if there was none.
+    Returns the name of the old file; None if there was none.
     """
     kept = keep_old(path) if overwrite and path.exists() else None
     write_durably(path, (_text(camera.to_json()) + "\n").encode(), overwrite=overwrite)

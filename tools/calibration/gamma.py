@@ -142,12 +142,8 @@ class Assumed:
     ) -> DoubleArray:
         """Return the inverse covariance of the unknowns, (P, P), in the order of `unknowns`.
 
-        Parameters
-        ----------
-        gamma : DoubleArray
-            (C,), about.
-        offset : bool, optional
-            Whether the black level counts; False = nothing is assumed of it.
+        gamma: (C,), about. offset: whether the black level counts; False = nothing is assumed of
+        it.
         """
         weights = np.append(np.abs(gamma), 1)
         span = calibration.white_level - np.array(calibration.black_level)
@@ -368,6 +364,9 @@ def fit_gamma(
 ) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
 
+    Raises InputError: the patches cannot determine gamma: clipped, too few, too similar in colour.
+    It says what to shoot instead.
+
     Parameters
     ----------
     places
@@ -382,12 +381,6 @@ def fit_gamma(
     offset
         Whether the black level that is assumed counts while outliers are sought. It does not if the
         patches contradict it: the dark ones, which tell how far it is off, would be left out.
-
-    Raises
-    ------
-    InputError
-        The patches cannot determine gamma: clipped, too few, too similar in colour. It says what to
-        shoot instead.
     """
     assumed = assumed or Assumed.of(calibration)
     channels = places.mean.shape[1] - 1
@@ -457,12 +450,7 @@ def with_surroundings(fit: GammaFit, chart: PlaceSamples, around: PlaceSamples) 
     interval of the chart do not: reflections, or a texture finer than the pattern. Where the chart
     does not obey Eq. 7 either, areas of one colour differ from it alike, and tell little.
 
-    Parameters
-    ----------
-    fit
-        To the patches.
-    chart, around
-        Statistics of the patches, and of areas of their size.
+    fit: to the patches. chart, around: statistics of the patches, and of areas of their size.
     """
     if fit.unexplained:
         return fit
@@ -489,6 +477,8 @@ def fit_with_derived(
     that only the chart tells what it should see. Its unit is free: gamma_d is the mean of the
     others, whatever the light.
 
+    Raises InputError as `fit_gamma`.
+
     Parameters
     ----------
     places
@@ -497,11 +487,6 @@ def fit_with_derived(
         The channel, see `CfaPattern.derived`.
     expected
         (N,), what it should see of each patch, in any unit.
-
-    Raises
-    ------
-    InputError
-        As `fit_gamma`.
     """
 
     def with_levels(level: DoubleArray, variance: DoubleArray) -> PlaceSamples:

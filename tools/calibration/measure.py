@@ -127,10 +127,7 @@ class Measurements:
         """Calibration of the old camera file, or of the frames, with the black level of the dark
         frames.
 
-        Raises
-        ------
-        InputError
-            If no frame was read.
+        Raises InputError if no frame was read.
         """
         if self.base is None:
             raise InputError("no frame could be used")
@@ -167,10 +164,7 @@ class Measurements:
     def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
         """Return how far black level and shading may be off.
 
-        Parameters
-        ----------
-        calibration : SensorCalibration | None, optional
-            Of a frame, None = that of the camera.
+        calibration: of a frame, None = that of the camera.
         """
         even, calibration = self.shading is not None, calibration or self.calibration
         return Assumed.of(calibration, self.dark, self.known, even=even)
@@ -222,6 +216,8 @@ def measure_chart(
 ) -> ShotMeasurement:
     """Find the chart in a shot, measure its patches, and estimate gamma from them.
 
+    Raises InputError with the reason, if the shot cannot be used.
+
     Parameters
     ----------
     name
@@ -234,11 +230,6 @@ def measure_chart(
         Of the chart, see `ChartPlace`; None = find it.
     assumed
         What may be off; None = nothing was measured, see `Assumed.of`.
-
-    Raises
-    ------
-    InputError
-        With the reason, if the shot cannot be used.
     """
     if len(mosaic.pattern.channels) < FEWEST_CHANNELS:
         raise InputError(
@@ -262,10 +253,7 @@ def measure_chart(
 class Session:
     """Measures frames kind by kind; see `measure_frames`.
 
-    Parameters
-    ----------
-    read : Callable[[str], Mosaic], optional
-        Reads a frame. `measured` is what was measured so far.
+    read: reads a frame. `measured` is what was measured so far.
     """
 
     def __init__(
@@ -356,10 +344,7 @@ class Session:
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
         """Measure shots of a chart.
 
-        Parameters
-        ----------
-        light : str, optional
-            See `ShotMeasurement`, the other arguments: see `measure_frames`.
+        light: see `ShotMeasurement`, the other arguments: see `measure_frames`.
         """
 
         def measure(path: str) -> ShotMeasurement:

@@ -178,10 +178,7 @@ class NoiseResult:
     def model(self, full_scale: float) -> NoiseModel:
         """Return the noise model in scene units.
 
-        Parameters
-        ----------
-        full_scale : float
-            Scene units at the white level.
+        full_scale: scene units at the white level.
         """
         return NoiseModel(
             tuple(full_scale * line.shot for line in self.lines),
@@ -218,6 +215,9 @@ def measure_flats(
     """Measure pairs of equal flat frames: half the variance of their difference is noise without
     fixed pattern. Light that flickers lifts whole rows, which is subtracted.
 
+    Raises InputError if there is no pair; if light flickers and there are no dark frames: read
+    noise that rows have in common is then not told from it.
+
     Parameters
     ----------
     frames : Sequence[Mosaic]
@@ -227,12 +227,6 @@ def measure_flats(
         Measurements of dark frames; None = there are none.
     names : Sequence[str], optional
         Of the frames, for people.
-
-    Raises
-    ------
-    InputError
-        If there is no pair; if light flickers and there are no dark frames: read noise that rows
-        have in common is then not told from it.
     """
     planes = planes_of(frames[0])
     white = len(frames[0].pattern.planes) - 1
@@ -284,6 +278,8 @@ def noise_of_flats(
     """Fit the noise of flat frames: a line per plane, after subtracting the variance that rounding
     to codes adds.
 
+    Raises InputError if the pairs do not show how the noise grows with light.
+
     Parameters
     ----------
     calibration : SensorCalibration
@@ -292,11 +288,6 @@ def noise_of_flats(
         Measurements of dark frames; None = the read noise is the intercept of the fit.
     black_error : DoubleArray | None, optional
         (C + 1,), standard error of the black level, codes; None = it is exact.
-
-    Raises
-    ------
-    InputError
-        If the pairs do not show how the noise grows with light.
     """
     points, span = flats.points, calibration.white_level - np.array(calibration.black_level)
     points = replace(points, variance=np.maximum(points.variance - ROUNDING / span**2, 0))

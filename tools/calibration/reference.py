@@ -31,10 +31,7 @@ def read_reference(path: Path) -> DoubleArray:
     column (A1 dark skin, D1 white, D6 black) or numbered in reading order; without names they are
     in reading order.
 
-    Raises
-    ------
-    InputError
-        That names the file and what is wrong with it.
+    Raises InputError that names the file and what is wrong with it.
     """
     try:
         return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))

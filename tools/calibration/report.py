@@ -33,12 +33,7 @@ _OTHER = "#b658c4"  # colour of what has no colour of its own
 def build_report(result: Result, provenance: Mapping[str, str]) -> bytes:
     """Return the content of the page's file.
 
-    Parameters
-    ----------
-    result
-        Of the calibration.
-    provenance
-        Date, program, ...
+    result: of the calibration. provenance: date, program, ...
     """
     camera, measured = result.camera, result.measured
     told = () if result.refusal else result.contradictions  # a refusal names them already

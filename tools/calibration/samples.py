@@ -96,10 +96,7 @@ def planes_of(mosaic: Mosaic, *, defects: bool = False) -> ByteArray:
     """Return the plane of each sample, uint8 (H, W), as `CfaPattern.filter_map`; a channel without
     filters has every second panchromatic pixel of a row, because it is read by their electronics.
 
-    Parameters
-    ----------
-    defects : bool, optional
-        Whether defects that the calibration lists count; otherwise their plane is `NO_PLANE`.
+    defects: whether defects that the calibration lists count; otherwise their plane is `NO_PLANE`.
     """
     pattern = mosaic.pattern
     planes = pattern.filter_map(mosaic.shape)
@@ -196,10 +193,7 @@ def windows(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
 def cut_windows(shape: tuple[int, ...], numbers: tuple[int, ...]) -> Iterator[tuple[slice, slice]]:
     """Yield the windows that cut a frame into rows and columns of them.
 
-    Parameters
-    ----------
-    numbers : tuple[int, ...]
-        Of windows along each axis.
+    numbers: of windows along each axis.
     """
     cuts = (
         np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()

@@ -106,15 +106,8 @@ class _Windows(NamedTuple):
 def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     """Measure the shading that evenly lit frames show.
 
-    Parameters
-    ----------
-    frames : Sequence[Named]
-        Name and frame, all of one camera and of equal size; their calibration has no shading.
-
-    Raises
-    ------
-    InputError
-        With the reason if they do not determine it.
+    frames: name and frame, all of one camera and of equal size; their calibration has no shading.
+    Raises InputError with the reason if they do not determine it.
     """
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
     least = _FEWEST * _PERIODS * pattern.period

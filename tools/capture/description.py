@@ -63,12 +63,7 @@ def is_misread(windows: Windows, pattern: CfaPattern, pixels: int, bits: int) ->
     """Return whether samples vary widely and resemble none of their neighbours: bits of low value
     are read as bits of high value.
 
-    Parameters
-    ----------
-    pixels : int
-        Samples of a packed group, of which each may be wrong.
-    bits : int
-        Of a sample.
+    pixels: samples of a packed group, of which each may be wrong. bits: of a sample.
     """
     if len(windows.codes) < FEWEST_WINDOWS:
         return False

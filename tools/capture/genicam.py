@@ -47,10 +47,7 @@ _FILTERS = re.compile(r"(SCF1[WRGB]{4})\d+\w*")
 def connected() -> list[str]:
     """A line for each camera that answers: its name as a source, and what it is.
 
-    Raises
-    ------
-    InputError
-        Without Aravis.
+    Raises InputError without Aravis.
     """
     aravis, _ = load_aravis()
     aravis.update_device_list()
@@ -69,6 +66,9 @@ class GenicamCamera:
     does not say), `metadata` what every shot is to record, `about` the camera in words, `lost` how
     many frames so far arrived incomplete, came too fast to be read, or not at all.
 
+    Raises InputError without Aravis, if there is no such camera, if another program has it, and for
+    what the camera cannot do.
+
     Parameters
     ----------
     source : str
@@ -79,12 +79,6 @@ class GenicamCamera:
     settings : Mapping[str, float | None]
         One of SETTINGS -> its value, None = as the camera is set: exposure_time in seconds, gain in
         the camera's unit, mostly decibels, fps in frames a second.
-
-    Raises
-    ------
-    InputError
-        Without Aravis, if there is no such camera, if another program has it, and for what the
-        camera cannot do.
     """
 
     def __init__(
@@ -122,15 +116,8 @@ class GenicamCamera:
     ) -> Iterator[RawFrame]:
         """Yield the frames that arrive whole, until `stopped` returns True.
 
-        Parameters
-        ----------
-        note : Callable[[str], None]
-            Called once, if none arrives for ten seconds and the exposure.
-
-        Raises
-        ------
-        InputError
-            When the camera is lost.
+        note: called once, if none arrives for ten seconds and the exposure. Raises InputError when
+        the camera is lost.
         """
         with self._answers(), self._using:
             self._stream = self._camera.create_stream(None)
@@ -270,10 +257,7 @@ def _is_known(pixel_format: str) -> bool:
 def load_aravis() -> tuple[Any, Any]:
     """Aravis, and the class of its errors.
 
-    Raises
-    ------
-    InputError
-        That says what to install.
+    Raises InputError that says what to install.
     """
     sys.path.append(_DEBIAN)  # at the end: what the environment has itself comes first
     try:

@@ -181,10 +181,7 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
     """Identify the filter pattern of a frame (H, W), see `Identity`; `pattern` and `alternatives`
     are those that fit.
 
-    Raises
-    ------
-    InputError
-        That says what to photograph if the frame shows no pattern.
+    Raises InputError that says what to photograph if the frame shows no pattern.
     """
     identity = identify(codes)
     if identity is None:

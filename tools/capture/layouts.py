@@ -39,11 +39,8 @@ def first_frame(options: SourceOptions) -> tuple[Bytes, FrameLayout]:
     """Read the first frame of a file or stream as it is described; returns its bytes and their
     layout.
 
-    Raises
-    ------
-    InputError
-        For what cannot be read, and for a description that does not fit, as a size that the length
-        of a file contradicts.
+    Raises InputError for what cannot be read, and for a description that does not fit, as a size
+    that the length of a file contradicts.
     """
     layout, _ = layout_of(options)
     if options.source == STREAM:
@@ -68,12 +65,7 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
 
     A wrong layout hardly ever shows such a tile: of 108 pairs of formats and tiles none did.
 
-    Parameters
-    ----------
-    data
-        The bytes of a frame.
-    layout
-        The layout in which they show no tile.
+    data: the bytes of a frame. layout: the layout in which they show no tile.
     """
     for readings in _readings(data, layout):
         named = []
@@ -133,12 +125,8 @@ def _options(layout: FrameLayout, name: str, stride: int) -> str:
 def likely_strides(data: Bytes, stride: int) -> list[int]:
     """Find the two strides that the rows are likeliest to have; fewer where nothing repeats.
 
-    Parameters
-    ----------
-    data
-        The bytes of a frame.
-    stride
-        The declared one, bytes; those from a third of it to three times it are found.
+    data: the bytes of a frame. stride: the declared one, bytes; those from a third of it to three
+    times it are found.
     """
     from scipy.fft import irfft, rfft
     from scipy.ndimage import uniform_filter1d

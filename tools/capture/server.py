@@ -47,6 +47,9 @@ class ViewfinderServer(ThreadingTCPServer):
     """The server of a viewfinder. Not an HTTPServer: that looks up its own host name, and without a
     network it waits for an answer.
 
+    Raises InputError if the host is not an IP address. Raises OutputError if the port cannot be
+    used.
+
     Parameters
     ----------
     address : tuple[str, int]
@@ -58,13 +61,6 @@ class ViewfinderServer(ThreadingTCPServer):
     hosts : Iterable[str], optional
         Names in lower case under which browsers may ask for the page, beside addresses and the
         machine's own names.
-
-    Raises
-    ------
-    InputError
-        If the host is not an IP address.
-    OutputError
-        If the port cannot be used.
     """
 
     allow_reuse_address = True

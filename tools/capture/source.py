@@ -124,11 +124,8 @@ class FrameSource:
     def frames(self, stopped: Stopped, refused: Refused, note: Note) -> Iterator[RawFrame]:
         """The frames.
 
-        Parameters
-        ----------
-        note : Note
-            Called when the first of them do not show whether the description is right, or none
-            comes.
+        note: called when the first of them do not show whether the description is right, or none
+        comes.
         """
         raw = self.opened(stopped, refused, note)
         if not self.checks:
@@ -147,11 +144,8 @@ def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:
 def doubts(first: Path | None, error: Exception) -> list[str]:
     """Advice to the user on the shots before this error ended the stream; empty if there is none.
 
-    Parameters
-    ----------
-    first : Path | None
-        The first shot since the last frame that showed its filters where they belong; whatever came
-        before that one is right.
+    first: the first shot since the last frame that showed its filters where they belong; whatever
+    came before that one is right.
     """
     doubt = f"{first} and later shots may be wrong; all shots before it are right"
     return [doubt] if first is not None and isinstance(error, SlippedError) else []
@@ -160,10 +154,8 @@ def doubts(first: Path | None, error: Exception) -> list[str]:
 def open_source(options: SourceOptions, described: Described) -> FrameSource:
     """Open the requested source of frames.
 
-    Raises
-    ------
-    InputError
-        If there is no such source, or if a part of its description does not go with it.
+    Raises InputError if there is no such source, or if a part of its description does not go with
+    it.
     """
     source = options.source
     if source == STREAM or source.startswith((_BUILTIN, GENICAM)):
@@ -242,10 +234,7 @@ def standard_input() -> FileIO:
 def layout_of(options: SourceOptions) -> tuple[FrameLayout, int]:
     """The layout of the frames that is described, and the bits of a sample.
 
-    Raises
-    ------
-    InputError
-        That names what is missing.
+    Raises InputError that names what is missing.
     """
     width, height, pixel_format = options.width, options.height, options.pixel_format
     if width is None or height is None or pixel_format is None:

@@ -72,12 +72,8 @@ class Viewfinder:
     bytes, see `doubts`, `folder` is where `shoot` saves, `closed` says that there are no more
     pictures.
 
-    Parameters
-    ----------
-    dropped : Callable[[], int]
-        Returns the number of frames that came too fast to be shown.
-    shots : ShotFolder | None, optional
-        The folder in which `shoot` saves; None = shots cannot be saved.
+    dropped: returns the number of frames that came too fast to be shown. shots: the folder in which
+    `shoot` saves; None = shots cannot be saved.
     """
 
     def __init__(self, dropped: Callable[[], int], shots: ShotFolder | None = None) -> None:
@@ -120,10 +116,7 @@ class Viewfinder:
         """Wait for a view with a higher number than `number` and return it; None if none comes, or
         if the viewfinder is closed.
 
-        Parameters
-        ----------
-        seconds : float | None, optional
-            To wait at most; None = without end.
+        seconds: to wait at most; None = without end.
         """
 
         def is_newer() -> bool:
@@ -159,12 +152,8 @@ class Viewfinder:
         """Save the frame that is shown; its preview is the picture that is shown. Calls wait for
         each other.
 
-        Raises
-        ------
-        InputError
-            If there is no frame or no folder.
-        OutputError
-            If the file cannot be written.
+        Raises InputError if there is no frame or no folder. Raises OutputError if the file cannot
+        be written.
         """
         if self._shots is None:
             raise InputError("no folder for shots: start with -o DIR")

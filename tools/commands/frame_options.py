@@ -100,10 +100,7 @@ def options_of(arguments: argparse.Namespace, names: Iterable[str], source: str)
 def source_of(arguments: argparse.Namespace) -> FrameSource:
     """The source that these options describe.
 
-    Raises
-    ------
-    InputError
-        If there is none.
+    Raises InputError if there is none.
     """
     names = (field.name for field in fields(SourceOptions)[1:])
     options = options_of(arguments, names, arguments.source)

@@ -147,10 +147,7 @@ _SHARED = {
 def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> None:
     """Add shared options, in this order.
 
-    Parameters
-    ----------
-    changed : Any
-        Settings of `add_argument` that differ from the shared ones.
+    changed: settings of `add_argument` that differ from the shared ones.
     """
     for option in options:
         names, settings = _SHARED[option]
@@ -180,16 +177,9 @@ def camera_of(
     """The camera in the --camera file (None without that option) and the pattern of --pattern with
     --channels, at --origin.
 
-    Parameters
-    ----------
-    stated : CfaPattern | None, optional
-        The pattern that a connected camera says it has. Without it and without --pattern the
-        pattern is that of the camera file, or K=6.
-
-    Raises
-    ------
-    InputError
-        That names the file when the camera was measured with another pattern.
+    stated: the pattern that a connected camera says it has. Without it and without --pattern the
+    pattern is that of the camera file, or K=6. Raises InputError that names the file when the
+    camera was measured with another pattern.
     """
     camera = read_camera(arguments.camera) if arguments.camera else None
     if arguments.pattern is not None:

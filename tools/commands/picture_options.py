@@ -74,10 +74,7 @@ def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder.
 
-    Raises
-    ------
-    InputError
-        And OutputError.
+    Raises InputError: and OutputError.
     """
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     kind.check_exposure(arguments.exposure)

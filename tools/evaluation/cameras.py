@@ -22,10 +22,7 @@ Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 def with_balance(demosaic: Demosaic, samples: FloatArray, white: FloatArray) -> FloatArray:
     """The picture, (H, W, 3), of white-balanced samples, with the balance undone.
 
-    Parameters
-    ----------
-    white : FloatArray
-        What white reads, (3,).
+    white: what white reads, (3,).
     """
     return demosaic(samples / white[channel_map(samples.shape)]) * white
 
@@ -70,10 +67,7 @@ class CameraPair:
         A picture in other channels than the scene's is unmixed by the inverse of the filters'
         matrix, or its pseudo-inverse.
 
-        Returns
-        -------
-        FloatArray
-            Float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
+        Returns float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
         """
         picture, gain = render(self.sparse), self.level.light
         picture = picture / np.float32(gain) if gain != 1 else picture

@@ -116,10 +116,7 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
 def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     """Render a crop by its methods.
 
-    Raises
-    ------
-    InputError
-        A scene or a network is not what was measured; the message names the file.
+    Raises InputError: a scene or a network is not what was measured; the message names the file.
     """
     scene = study.reading.scene(crop.scene)
     colours = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral)
@@ -138,12 +135,8 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
 def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatArray]:
     """Render a crop, and a halo around it, from the samples of the whole shots.
 
-    Parameters
-    ----------
-    study, crop
-        The study and the crop.
-    truth
-        Light of the whole scene, float32 (H, W, 3), scene units.
+    study, crop: the study and the crop. truth: light of the whole scene, float32 (H, W, 3), scene
+    units.
 
     Yields
     ------

@@ -133,12 +133,8 @@ _Key = tuple[Place, str, Tile | None]  # and method, pattern
 class Figures:
     """All figures of a study, from the results that exist.
 
-    Attributes
-    ----------
-    groups
-        Names of the sets that have results.
-    rows
-        Figures of the sets, where every scene of a set has a result, then of the scenes.
+    groups: names of the sets that have results. rows: figures of the sets, where every scene of a
+    set has a result, then of the scenes.
     """
 
     def __init__(self, study: Study, results: Mapping[Case, Measures]) -> None:

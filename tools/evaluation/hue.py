@@ -31,10 +31,7 @@ def wrong_hue(rendered: FloatArray, truth: FloatArray) -> BoolArray:
     Both are shown alike: the truth's mean is balanced to grey, 99 % of its luminance lies below 0.9
     of white, the channels count as primaries of sRGB, and what is beyond black or white is clipped.
 
-    Parameters
-    ----------
-    rendered, truth : FloatArray
-        (H, W, 3), linear, scene units.
+    rendered, truth: (H, W, 3), linear, scene units.
     """
     gain, wrong = _balance(truth), np.empty(truth.shape[:2], bool)
     for rows in strips(len(truth)):  # the formula needs two hundred bytes a pixel
@@ -52,10 +49,7 @@ def colour_kept(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
     and blurred by a Gaussian. Pixels with hardly any colour, and `BORDER` pixels at each side, are
     left out.
 
-    Parameters
-    ----------
-    rendered, truth : FloatArray
-        (H, W, 3), linear, scene units.
+    rendered, truth: (H, W, 3), linear, scene units.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -83,10 +77,7 @@ def colour_slopes(sums: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
 
     1 is right, 0 is grey. The error is that of a ratio of sums over independent squares.
 
-    Parameters
-    ----------
-    sums : DoubleArray
-        What `colour_kept` returns, also of several pictures.
+    sums: what `colour_kept` returns, also of several pictures.
     """
     *products, coloured, pixels = sums
     known = coloured >= np.maximum(_LEAST_PIXELS * pixels, 1)

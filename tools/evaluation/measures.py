@@ -85,15 +85,7 @@ class Measures:
     def of(cls, rendered: FloatArray, truth: FloatArray, channels: str = RGB) -> "Measures":
         """Measure a rendering against the truth, both (H, W, N), scene units.
 
-        Parameters
-        ----------
-        channels : str, optional
-            The N letters of the channels.
-
-        Raises
-        ------
-        InputError
-            As `patch_psnr` does.
+        channels: the N letters of the channels. Raises InputError as `patch_psnr` does.
         """
         maps, share = patch_psnr(rendered, truth), None
         kept = np.zeros(SUMS)
@@ -121,10 +113,7 @@ class Measures:
     def decode(cls, data: bytes) -> "Measures":
         """Inverse of `encode`.
 
-        Raises
-        ------
-        InputError
-            For anything else.
+        Raises InputError for anything else.
         """
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:

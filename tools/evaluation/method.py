@@ -67,10 +67,7 @@ class Method:
     def render(self, cameras: CameraPair) -> FloatArray:
         """Render the shot of the camera that this method is for.
 
-        Returns
-        -------
-        FloatArray
-            Float32 (H, W, N), scene units.
+        Returns float32 (H, W, N), scene units.
         """
         if self.ours:
             return cameras.render_sparse(self.function)

@@ -23,10 +23,7 @@ _RIVALS = (bilinear, dlmmse, libraw, bm3d_dlmmse)
 def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
     """Render a shot with the off-camera renderer.
 
-    Returns
-    -------
-    FloatArray
-        Float32 (H, W, C), scene units of the shot.
+    Returns float32 (H, W, C), scene units of the shot.
     """
     return render(mosaic, settings).rgb
 
@@ -61,11 +58,8 @@ def missing_packages() -> list[str]:
 def choose(names: list[str]) -> list[Method]:
     """Methods by name, networks by file, functions by source and name, each once.
 
-    Raises
-    ------
-    InputError
-        For an unknown name, one whose package is not installed, and as `network` and `function`
-        do.
+    Raises InputError for an unknown name, one whose package is not installed, and as `network` and
+    `function` do.
     """
     chosen: dict[str, Method] = {}
     for name in names:
@@ -88,10 +82,7 @@ def choose(names: list[str]) -> list[Method]:
 def find_method(name: str, sources: Sources = ()) -> Method:
     """Return a method by its name, in any process.
 
-    Raises
-    ------
-    InputError
-        If the file of a network or function has changed or is gone.
+    Raises InputError if the file of a network or function has changed or is gone.
     """
     source = dict(sources).get(name)
     method = _of_source(source) if source else methods()[name]

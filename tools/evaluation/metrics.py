@@ -61,17 +61,9 @@ def patch_psnr(
     Luminance is the mean of the channels, chrominance is what remains of each, MSE is the mean over
     all pixels and channels of a square.
 
-    Parameters
-    ----------
-    rendered, truth : FloatArray
-        (H, W, N), linear, scene units, neither scaled nor clipped; 1.0 is the peak.
-    patch, border : int, optional
-        Pixels.
-
-    Raises
-    ------
-    InputError
-        When the shapes differ, a value is not finite, or no patch fits.
+    rendered, truth: (H, W, N), linear, scene units, neither scaled nor clipped; 1.0 is the peak.
+    patch, border: pixels. Raises InputError when the shapes differ, a value is not finite, or no
+    patch fits.
     """
     # Windows are summed one by one: differences of running sums would leave 1e-12 in a patch
     # without error.

@@ -145,15 +145,8 @@ def expand(sources: Sequence[str], output: Path) -> tuple[list[str], list[str]]:
     """The sources, each folder replaced by the scenes in and below it; and a remark on each folder
     of which a part is left out.
 
-    Parameters
-    ----------
-    output : Path
-        A folder that is not searched.
-
-    Raises
-    ------
-    InputError
-        For a folder that cannot be read, or has no scene.
+    output: a folder that is not searched. Raises InputError for a folder that cannot be read, or
+    has no scene.
     """
     result = search(sources, ENDINGS, output=output, is_file=is_drawn, set_aside=set_aside)
     for folder, fault in result.failures:

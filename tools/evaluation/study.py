@@ -122,10 +122,7 @@ def name_case(
     """Return a result with the name of its file: a digest of all it depends on, the source of
     Panchroma and its networks included.
 
-    Parameters
-    ----------
-    tile : Tile | None
-        None for a Bayer camera's method.
+    tile: None for a Bayer camera's method.
     """
     facts = {
         "source": source_digest(),
@@ -174,6 +171,9 @@ def remove_results(study: Study, folder: Path) -> None:
 def work(study: Study, folder: Path, case: Case) -> list[str]:
     """Make and keep a result, in any process.
 
+    Returns a line if it failed, or if a file is no longer what the result is named after; otherwise
+    empty. Raises OutputError: the result cannot be kept.
+
     Parameters
     ----------
     study
@@ -182,17 +182,6 @@ def work(study: Study, folder: Path, case: Case) -> list[str]:
         Folder of the evaluation.
     case
         The result.
-
-    Returns
-    -------
-    list of str
-        A line if it failed, or if a file is no longer what the result is named after; otherwise
-        empty.
-
-    Raises
-    ------
-    OutputError
-        The result cannot be kept.
     """
     place = ""
     try:

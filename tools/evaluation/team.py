@@ -58,17 +58,8 @@ class Team:
         """The scenes that can be read, each once, in the given order; a line for each source that
         cannot. The user is shown the lines, and what is left out, too.
 
-        Parameters
-        ----------
-        sources : Sequence[str]
-            Files, and folders of them.
-        output : Path
-            A folder that is not searched.
-
-        Raises
-        ------
-        InputError
-            As `expand` does.
+        sources: files, and folders of them. output: a folder that is not searched. Raises
+        InputError as `expand` does.
         """
         names, left_out = expand(sources, output)
         scenes, failures = [], list[str]()
@@ -96,15 +87,8 @@ class Team:
     ) -> list[str]:
         """Make and keep results.
 
-        Parameters
-        ----------
-        scheduler : str | None, optional
-            Address of a dask scheduler, whose workers do the work instead of processes here.
-
-        Returns
-        -------
-        list[str]
-            A line for each that failed; it is shown to the user too.
+        Returns a line for each that failed; it is shown to the user too. scheduler: address of a
+        dask scheduler, whose workers do the work instead of processes here.
         """
         output_folder(str(folder / FOLDER))
         pixels = max((case.scene.rows * case.scene.columns for case in todo), default=0)
@@ -127,6 +111,8 @@ class Team:
     ) -> list[R]:
         """Results in the order of the items.
 
+        Raises InputError for the first that fails, after all have ended.
+
         Parameters
         ----------
         title : str
@@ -141,11 +127,6 @@ class Team:
             See `measure`.
         failed : Callable[[T, Exception], R] | None, optional
             Called in the end for each item that failed, and its result. None = it is an error.
-
-        Raises
-        ------
-        InputError
-            For the first that fails, after all have ended.
         """
 
         def refuse(_: T, error: Exception) -> R:

@@ -19,12 +19,7 @@ from ..simulation.filters import Filters, filters_for
 class Tile:
     """A pattern of the sparse-colour camera.
 
-    Attributes
-    ----------
-    name : str
-        For people.
-    pattern : CfaPattern
-        The pattern.
+    name: for people. pattern: the pattern.
     """
 
     name: str
@@ -40,15 +35,7 @@ class Tile:
         """A pattern that the user gave as letters or as a file, which lends it its name unless it
         is one of the paper's.
 
-        Parameters
-        ----------
-        source : str
-            What the user wrote.
-
-        Raises
-        ------
-        InputError
-            As `filters_for` does.
+        source: what the user wrote. Raises InputError as `filters_for` does.
         """
         filters_of(pattern)
         if pattern == CfaPattern.bayer(pattern.period, ORDER):
@@ -80,10 +67,7 @@ def channels_of(pattern: CfaPattern) -> str:
 def filters_of(pattern: CfaPattern) -> Filters:
     """The filters of a pattern before any scene with its channels.
 
-    Raises
-    ------
-    InputError
-        As `filters_for` does.
+    Raises InputError as `filters_for` does.
     """
     channels = channels_of(pattern)
     dark = np.zeros((1, 1, len(channels)), np.float32)

@@ -68,15 +68,8 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files
     without sensor samples.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    max_pixels : int, optional
-        Larger files are refused.
-    registered : bool, optional
-        Red and blue are interpolated at the middle of each quad; False = as Shi and Funt leave
-        them.
+    max_pixels: larger files are refused. registered: red and blue are interpolated at the middle of
+    each quad; False = as Shi and Funt leave them.
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all
     # memory for two kilobytes.
@@ -93,12 +86,7 @@ def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
 
     Raises InputError, with the reason, for files without such samples.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    max_pixels : int, optional
-        Larger files are refused.
+    max_pixels: larger files are refused.
     """
     return _unpack(unpack_samples, path, max_pixels)[0]
 
@@ -220,12 +208,7 @@ def register_quads(
     Cubic splines, between 0 and the brightest sample. The samples at row and column 0 of a quad lie
     a quarter of a pixel above and left of its middle, those at 1 below and right of it.
 
-    Parameters
-    ----------
-    rgb, gone : FloatArray
-        See `_quads`.
-    facts : Facts
-        See `unpack_quads`.
+    rgb, gone: see `_quads`. facts: see `unpack_quads`.
     """
     from scipy.ndimage import shift  # takes longer to load than all of ours
 
@@ -243,10 +226,7 @@ def register_quads(
 def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
     """Return the colour indices (2, 2) of the first visible quad.
 
-    Raises
-    ------
-    InputError
-        That says what the sensor has instead.
+    Raises InputError that says what the sensor has instead.
     """
     no_quads = "a scene needs 2 x 2 Bayer quads; take another file"
     _check_mosaic(raw, no_quads)

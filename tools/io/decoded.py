@@ -82,6 +82,9 @@ def channels_of(
     """Return which channels `count` samples per pixel without names are: `requested`, or "" for a
     grey or RGB picture.
 
+    Raises InputError when there are more samples than a picture has, and another number than
+    `requested`.
+
     Parameters
     ----------
     notes : list[str]
@@ -92,11 +95,6 @@ def channels_of(
         Three of them are declared to be red, green and blue.
     pages : int, optional
         That they come from.
-
-    Raises
-    ------
-    InputError
-        When there are more samples than a picture has, and another number than `requested`.
     """
     stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
     of_rgb = set(scene_channels(requested)) <= set(RGB)
@@ -115,10 +113,7 @@ def channels_of(
 def without_alpha(pixels: NDArray[Any], notes: list[str]) -> NDArray[Any]:
     """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3).
 
-    Parameters
-    ----------
-    notes : list[str]
-        Gets a remark for the user.
+    notes: gets a remark for the user.
     """
     pixels = np.atleast_3d(pixels)
     if pixels.shape[2] in (1, 3):
@@ -131,10 +126,7 @@ def profile_encoding(profile: bytes | None, notes: list[str]) -> Encoding | None
     """Return the encoding that an embedded ICC profile declares; None without one, and for one that
     is not read.
 
-    Parameters
-    ----------
-    notes : list[str]
-        Gets a remark for the user.
+    notes: gets a remark for the user.
     """
     encoding = read_profile(bytes(profile)) if profile else None
     if profile and not encoding:
@@ -149,10 +141,7 @@ def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
     have Adobe RGB, and mark it by the interoperability index R03 (DCF 2.0, CIPA DC-009); some write
     2 for it.
 
-    Parameters
-    ----------
-    notes : list[str]
-        Gets a remark for the user.
+    notes: gets a remark for the user.
     """
     stored = read_directories(exif, {_COLOR_SPACE, _INTEROPERABILITY_INDEX})
     space = stored.exif.get(_COLOR_SPACE, StoredField(0)).numbers[:1]

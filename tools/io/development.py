@@ -78,10 +78,7 @@ class Development:
     def shown(self) -> ColourTransform:
         """The colours of the picture, those of sRGB for a measurement.
 
-        Raises
-        ------
-        InputError
-            If those of the sensor are unknown.
+        Raises InputError if those of the sensor are unknown.
         """
         space = "srgb" if self.kind.space == CAMERA else self.kind.space
         return ColourTransform.to_space(self.calibration, space, restored=self.restored)
@@ -90,10 +87,7 @@ class Development:
         """A rendering or some rows of it as such a picture shows it: white where light is lost
         (`offline.Rendering.lost`).
 
-        Parameters
-        ----------
-        rgb : FloatArray
-            (H, W, C), scene units; linear pictures and measurements keep it.
+        rgb: (H, W, C), scene units; linear pictures and measurements keep it.
         """
         return rgb if lost is None or self.kind.space == CAMERA else self.shown.whitened(rgb, lost)
 

@@ -106,18 +106,8 @@ class ColourTransform:
     ) -> "ColourTransform":
         """The transform for pictures of this sensor.
 
-        Parameters
-        ----------
-        name : str, optional
-            A key of `SPACES`.
-        restored : bool, optional
-            The pictures' highlights are restored from the colour samples, or nothing in them is
-            clipped.
-
-        Raises
-        ------
-        InputError
-            Where `display_white` does.
+        name: a key of `SPACES`. restored: the pictures' highlights are restored from the colour
+        samples, or nothing in them is clipped. Raises InputError where `display_white` does.
         """
         white, matrix = display_white(calibration, SPACES[name].to_xyz)
         weights = None
@@ -129,13 +119,8 @@ class ColourTransform:
     def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
         """A picture in which what is lost is burnt out, for display; a linear one stays as it is.
 
-        Parameters
-        ----------
-        rgb : FloatArray
-            (H, W, C), scene units.
-        lost : ByteArray | None
-            (H, W), how far the shot does not show what the light was, 255 = not at all; None =
-            nowhere.
+        rgb: (H, W, C), scene units. lost: (H, W), how far the shot does not show what the light
+        was, 255 = not at all; None = nowhere.
         """
         if lost is None or self.space.linear or not lost.any():
             return rgb
@@ -148,10 +133,7 @@ class ColourTransform:
         """Saturation of each pixel, for `whitened`: uint8 (H, W), 255 = quite; None if none is, or
         highlights are restored.
 
-        Parameters
-        ----------
-        rgb : FloatArray
-            (H, W, C), scene units.
+        rgb: (H, W, C), scene units.
         """
         degree = None if self.weights is None else self._burnt_out(rgb.transpose(2, 0, 1), 1.0)
         return None if degree is None else np.rint(255 * degree).astype(np.uint8)
@@ -160,16 +142,9 @@ class ColourTransform:
         """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for
         display, unclipped when linear.
 
-        Parameters
-        ----------
-        exposure : float, optional
-            Stops of gain, -16 to 16. Negative values bring back highlights as far as the picture
-            holds them; what is burnt out stays white.
-
-        Raises
-        ------
-        InputError
-            For an exposure beyond these limits, and for a picture that `checked_picture` refuses.
+        exposure: stops of gain, -16 to 16. Negative values bring back highlights as far as the
+        picture holds them; what is burnt out stays white. Raises InputError for an exposure beyond
+        these limits, and for a picture that `checked_picture` refuses.
         """
         result = np.empty((*rgb.shape[:2], 3), np.float32)
         for rows, output, plane in self.planes(rgb, exposure):
@@ -182,10 +157,8 @@ class ColourTransform:
         """Yield the result of `apply` in strips that fit in the processor's cache: (rows, channel,
         float32 (rows, W)).
 
-        Parameters
-        ----------
-        encoded : bool, optional
-            Apply the transfer curve; without it values beyond 0..1 remain, which the curve clips.
+        encoded: apply the transfer curve; without it values beyond 0..1 remain, which the curve
+        clips.
         """
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)
@@ -247,10 +220,7 @@ def check_exposure(exposure: float) -> None:
 def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:
     """The picture as float32.
 
-    Raises
-    ------
-    InputError
-        Unless it is (H, W, channels), floating point, not empty and finite.
+    Raises InputError unless it is (H, W, channels), floating point, not empty and finite.
     """
     if rgb.ndim != 3 or rgb.shape[2] != channels or 0 in rgb.shape:
         raise InputError(f"a picture of shape {rgb.shape}, expected (rows, columns, {channels})")

@@ -27,10 +27,7 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
 def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: bool) -> Directory:
     """Return `picture_directory` with the fields that Exif requires in a JPEG.
 
-    Parameters
-    ----------
-    shape : tuple[int, ...]
-        (rows, columns, ...) of the picture.
+    shape: (rows, columns, ...) of the picture.
     """
     directory = picture_directory(metadata, srgb=srgb)
     directory.fields[TAG["YCbCrPositioning"]] = FieldType.SHORT, [1]

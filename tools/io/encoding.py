@@ -103,11 +103,8 @@ def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Enc
     """Return the encoding that code points of H.273 (tables 2 and 3) declare; None for one that is
     not read.
 
-    Parameters
-    ----------
-    narrow : float, optional
-        0 for the full range; in the narrow range what one of 256 steps is of the largest value:
-        black is 16, white 235 of them.
+    narrow: 0 for the full range; in the narrow range what one of 256 steps is of the largest value:
+    black is 16, white 235 of them.
     """
     curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
     if curve is None or corners is None:

@@ -14,15 +14,7 @@ _HEAD = 16  # bytes: more than a SizeHeader has
 def declared_size(image: bytes) -> tuple[int, int]:
     """Return the (rows, columns) that a JPEG XL image declares.
 
-    Parameters
-    ----------
-    image : bytes
-        A codestream, or a container with one.
-
-    Raises
-    ------
-    InputError
-        For anything else.
+    image: a codestream, or a container with one. Raises InputError for anything else.
 
     Examples
     --------

@@ -27,10 +27,7 @@ AS_MEASURED = "this is the scene as measured; choose another format or space, su
 class PictureKind(FileKind):
     """A kind of picture file that one of `FORMATS` holds; for the attributes see `FileKind`.
 
-    Raises
-    ------
-    InputError
-        For a kind that its format does not hold, and names those that it holds.
+    Raises InputError for a kind that its format does not hold, and names those that it holds.
     """
 
     def __post_init__(self) -> None:
@@ -120,6 +117,8 @@ def write_picture(
     Pictures in bands that must be rotated or flipped vertically are assembled in an anonymous
     temporary file in the same folder. Exceptions raised by `bands` pass through, and leave no file.
 
+    Raises InputError as `Development.check` does, and if a band is no such picture.
+
     Parameters
     ----------
     path : Path | str
@@ -131,11 +130,6 @@ def write_picture(
         See `durable_file`.
     threads : int, optional
         Number of threads that convert and compress.
-
-    Raises
-    ------
-    InputError
-        As `Development.check` does, and if a band is no such picture.
     """
     development.check()
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:

@@ -56,6 +56,10 @@ def run_limited(
 
     What the facts say is for the caller to check.
 
+    Raises InputError with the message of the InputError that `function` raises, and when the
+    process exceeds its limits, ends in another way, or answers anything else. Raises RuntimeError
+    when `function` raises another exception; its cause is the traceback there.
+
     Parameters
     ----------
     file : Path
@@ -65,14 +69,6 @@ def run_limited(
         Imported before the limits apply.
     function : Callable[..., tuple[NDArray[Any], Facts]]
         Defined at the top level of a module.
-
-    Raises
-    ------
-    InputError
-        With the message of the InputError that `function` raises, and when the process exceeds its
-        limits, ends in another way, or answers anything else.
-    RuntimeError
-        When `function` raises another exception; its cause is the traceback there.
     """
     size = data_bytes(file)
     seconds, most = _SECONDS + size * _SECONDS_PER_BYTE, _BYTES + size * _BYTES_PER_BYTE

@@ -51,17 +51,8 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     Matrix, neutral and orientation are the file's. Lossless compressions and JPEG XL are read (DNG
     1.7.1, chapter 4), integers and floating point.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    max_pixels : int, optional
-        Larger files are refused.
-
-    Raises
-    ------
-    InputError
-        For lossy JPEG and rare compressions, for impossible levels, and for a damaged file.
+    max_pixels: larger files are refused. Raises InputError for lossy JPEG and rare compressions,
+    for impossible levels, and for a damaged file.
     """
     with opened_tiff(path, _READ) as (stream, file, _):
         kind = Photometric.LINEAR_RAW, PICTURE_PLANES

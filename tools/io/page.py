@@ -88,13 +88,9 @@ def embed_plot(draw: Callable[["Axes"], None], width: float = 5.6, height: float
 def draw_svg(draw: Callable[["Figure"], None], width: float, height: float) -> bytes:
     """Return the SVG of a figure on white; the same figure has the same bytes.
 
-    Parameters
-    ----------
-    draw
-        Draws into the figure that it is given, with matplotlib's methods. Its texts consist of
-        printable characters.
-    width, height
-        Inches; an inch is 72 CSS pixels where the page does not scale the plot.
+    draw: draws into the figure that it is given, with matplotlib's methods. Its texts consist of
+    printable characters. width, height: inches; an inch is 72 CSS pixels where the page does not
+    scale the plot.
     """
     from .plotting import SETTINGS, Figure, matplotlib
 

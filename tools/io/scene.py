@@ -25,6 +25,8 @@ class Scene:
     """The light of a scene, as a camera that measures all colours at every pixel would record it.
     Checked when made.
 
+    Raises InputError if rgb has another shape, is empty, is not finite, or is clearly negative.
+
     Attributes
     ----------
     rgb : FloatArray
@@ -48,11 +50,6 @@ class Scene:
         The N letters of the channels, in the order of rgb.
     eight_bits : bool
         It was read from a picture of 8 bits, which somebody has developed.
-
-    Raises
-    ------
-    InputError
-        If rgb has another shape, is empty, is not finite, or is clearly negative.
     """
 
     rgb: FloatArray

@@ -27,12 +27,7 @@ RADIUS = 12
 class CameraMotion(NamedTuple):
     """A motion of the camera.
 
-    Parameters
-    ----------
-    shift : (float, float)
-        Down and across, pixels.
-    angle : float
-        Radians; positive turns the picture counter-clockwise.
+    shift: down and across, pixels. angle: radians; positive turns the picture counter-clockwise.
     """
 
     shift: tuple[float, float] = (0.0, 0.0)
@@ -50,6 +45,9 @@ STILL = CameraMotion()
 class SimulatedBurst:
     """Parameters of a simulated burst.
 
+    Raises InputError for figures that are negative, not finite or too large, and for another number
+    of stops than frames.
+
     Attributes
     ----------
     frames : int
@@ -60,12 +58,6 @@ class SimulatedBurst:
         By which they are at most rotated.
     stops : tuple[float, ...]
         Exposure of each frame, 0 = the scene's own; () = all of them are.
-
-    Raises
-    ------
-    InputError
-        For figures that are negative, not finite or too large, and for another number of stops than
-        frames.
     """
 
     frames: int
@@ -166,6 +158,9 @@ def burst_frames(
     """Yield the frames of a burst, the reference first. They see true scene everywhere, so they are
     smaller than it.
 
+    Raises InputError if nothing is left between the margins that the motion needs, or not one such
+    pixel fits into the scene.
+
     Parameters
     ----------
     rgb : FloatArray
@@ -175,12 +170,6 @@ def burst_frames(
     pixel : int, optional
         Pixels of the scene, each way, that are one of the sensor: the scene moves at its full size,
         and is averaged then.
-
-    Raises
-    ------
-    InputError
-        If nothing is left between the margins that the motion needs, or not one such pixel fits
-        into the scene.
 
     Examples
     --------
@@ -207,12 +196,7 @@ def burst_frames(
 def displaced(rgb: FloatArray, motion: CameraMotion) -> FloatArray:
     """Return the light on a sensor after a motion: see `offline.burst.in_frame` for where it is.
 
-    Parameters
-    ----------
-    rgb : float32 (H, W, C)
-        The light before it.
-    motion : CameraMotion
-        Of the camera, pixels of this picture.
+    rgb: the light before it. motion: of the camera, pixels of this picture.
 
     Returns
     -------
@@ -249,12 +233,7 @@ def reach(motion: CameraMotion, shape: tuple[int, ...]) -> int:
 def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) -> str:
     """The true motion of a burst as JSON, to measure alignment with.
 
-    Parameters
-    ----------
-    frames : Mapping[str, SimulatedFrame]
-        By the names of their files.
-    shape : tuple[int, int]
-        Rows and columns of each.
+    frames: by the names of their files. shape: rows and columns of each.
     """
     described: dict[str, Any] = {
         "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y - "

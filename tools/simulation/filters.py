@@ -93,11 +93,8 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
     """The filters of a pattern before a scene: the scene's own channels, and C, M and Y made from
     R, G and B.
 
-    Raises
-    ------
-    InputError
-        For letters that are neither, and when no positive weights of the filters add up to what
-        panchromatic pixels see.
+    Raises InputError for letters that are neither, and when no positive weights of the filters add
+    up to what panchromatic pixels see.
     """
     channels, there = pattern.channels, scene.channels
     sources = dict(zip(there, np.eye(len(there)), strict=True))

@@ -22,12 +22,8 @@ _MOST_STOPS, _MOST_PERCENT = 4.0, 50.0
 class Lens:
     """A simulated lens whose corners are darker, and of another colour: see `lens_shading`.
 
-    Attributes
-    ----------
-    stops : float
-        By which panchromatic pixels get less light there, 0 to 4.
-    percent : float
-        100 times the colour shading, 0 to 50.
+    stops: by which panchromatic pixels get less light there, 0 to 4. percent: 100 times the colour
+    shading, 0 to 50.
     """
 
     stops: float = 0.0
@@ -37,10 +33,7 @@ class Lens:
     def of(cls, figures: Sequence[float] | None) -> "Lens":
         """Return the lens with (stops, percent), or stops alone; None is a lens without faults.
 
-        Raises
-        ------
-        InputError
-            For others.
+        Raises InputError for others.
         """
         if figures is None:
             return cls()
@@ -62,10 +55,7 @@ class Lens:
     ) -> SensorCalibration:
         """Return the calibration with the shading of this lens.
 
-        Parameters
-        ----------
-        shape : tuple[int, int]
-            (rows, columns) of the frame.
+        shape: (rows, columns) of the frame.
         """
         if not (self.stops or self.percent):
             return calibration

@@ -70,6 +70,8 @@ def load_scene(
 
     The content decides which kind a file is, and the name's ending must agree.
 
+    Raises InputError that says what was found and what to do; it does not name the file.
+
     Parameters
     ----------
     source : str
@@ -89,11 +91,6 @@ def load_scene(
         green and blue.
     registered : bool, optional
         Of camera RAWs, see `camera_raw_scene`.
-
-    Raises
-    ------
-    InputError
-        That says what was found and what to do; it does not name the file.
     """
     if is_drawn(source):
         return _draw(source, max_pixels, channels)
@@ -119,12 +116,7 @@ def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
 
     Raises InputError, which does not name the file, for any other file.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    max_pixels : int, optional
-        Larger files are refused.
+    max_pixels: larger files are refused.
     """
     try:
         picture_format, _ = file_kind(path)
@@ -147,12 +139,8 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     """The format of a picture, by its content, None for a file that may be a camera RAW; and
     whether that is a DNG, or another TIFF with a mosaic.
 
-    Raises
-    ------
-    ForeignFileError
-        For a shot of Panchroma.
-    InputError
-        For a file that can be neither.
+    Raises ForeignFileError for a shot of Panchroma. Raises InputError for a file that can be
+    neither.
     """
     with opened_file(path, sys.maxsize, "a picture or a camera RAW") as file:
         start = file.read(16)
@@ -182,10 +170,7 @@ def set_aside(paths: Sequence[str]) -> dict[str, str]:
     """Return which files in one folder are no scenes of their own, and why: pictures beside a
     camera RAW of their name, results.
 
-    Parameters
-    ----------
-    paths : Sequence[str]
-        Files with `ENDINGS`.
+    paths: files with `ENDINGS`.
     """
     truths = [path for path in paths if path.lower().endswith((TRUTH, TRUTH_PICTURE))]
     aside = dict.fromkeys(truths, "(the truth of a shot)")

@@ -19,12 +19,7 @@ _BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
 class BayerShot(NamedTuple):
     """Mosaic of a Bayer sensor.
 
-    Attributes
-    ----------
-    samples : float32 (H, W)
-        Scene units.
-    shot, read : float
-        Their noise, variance = shot * signal + read**2, scene units.
+    samples: scene units. shot, read: their noise, variance = shot * signal + read**2, scene units.
     """
 
     samples: FloatArray
@@ -38,10 +33,7 @@ class PaperProtocol:
 
     `level` is its standard deviation, scene units of a camera with red, green and blue filters.
 
-    Raises
-    ------
-    InputError
-        For a negative one.
+    Raises InputError for a negative one.
     """
 
     level: float = 0.0
@@ -96,10 +88,7 @@ class SensorProtocol:
 
     `level` is the amount of light, 1 = a full exposure.
 
-    Raises
-    ------
-    InputError
-        For one that is not positive.
+    Raises InputError for one that is not positive.
     """
 
     level: float = 1.0
@@ -162,15 +151,8 @@ def chosen_protocol(
     """Return the kind of noise that is asked for, and the level or levels given for it; None = the
     paper's, at its default.
 
-    Parameters
-    ----------
-    sigma, light : Given | None
-        Levels of the two kinds; None = nothing.
-
-    Raises
-    ------
-    InputError
-        Levels of both kinds are given.
+    sigma, light: levels of the two kinds; None = nothing. Raises InputError: levels of both kinds
+    are given.
     """
     if sigma is not None and light is not None:
         raise InputError("`sigma` and `light` set different kinds of noise; give one of them")

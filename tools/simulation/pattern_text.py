@@ -19,17 +19,15 @@ _LARGEST_FILE = 1 << 16  # bytes, with its comments
 def read_pattern(text: str) -> CfaPattern:
     """The pattern that a text stands for.
 
+    Raises InputError that names the file, or the argument `pattern`, and says what is wrong with
+    the letters.
+
     Parameters
     ----------
     text : str
         The name of a tile, see `shared.tiles`; or that of a file, if there is one; or letters, as
         "RGWW/GBWW/WWWW/WWWW". In a file a row ends with its line or a "/"; white space, empty
         lines, and what follows a # are left out.
-
-    Raises
-    ------
-    InputError
-        That names the file, or the argument `pattern`, and says what is wrong with the letters.
 
     Examples
     --------

@@ -23,6 +23,8 @@ def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration)
     """The samples of a noiseless sensor, float32 (H, W), scene units: one channel at a colour site,
     Eq. 7 elsewhere, less what shading takes.
 
+    Raises InputError when the three have different channels.
+
     Parameters
     ----------
     rgb : FloatArray
@@ -31,11 +33,6 @@ def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration)
         The filter pattern, with C channels.
     calibration : SensorCalibration
         Its gamma and its shading are used.
-
-    Raises
-    ------
-    InputError
-        When the three have different channels.
     """
     if rgb.ndim != 3 or rgb.shape[2] != len(pattern.channels):
         channels = f"{len(pattern.channels)} channels ({pattern.channels})"
@@ -61,6 +58,9 @@ def simulate_additive(
     """Photograph a scene by the paper's protocol: additive Gaussian noise on every sample, nothing
     clipped.
 
+    Returns a mosaic of float32 scene units; its calibration states this noise. Raises InputError
+    when scene, pattern and calibration have different channels.
+
     Parameters
     ----------
     rgb : FloatArray
@@ -75,16 +75,6 @@ def simulate_additive(
         Source of the noise.
     metadata : CaptureMetadata | None, optional
         Capture data of the mosaic.
-
-    Returns
-    -------
-    Mosaic
-        A mosaic of float32 scene units; its calibration states this noise.
-
-    Raises
-    ------
-    InputError
-        When scene, pattern and calibration have different channels.
     """
     samples = sample(rgb, pattern, calibration)
     if sigma:
@@ -106,6 +96,9 @@ def simulate_sensor(
     """Photograph a scene as a real sensor does: shot noise (Poisson), read noise, clipping at full
     scale, quantisation.
 
+    Returns a mosaic of uint16 codes. Raises InputError when scene, pattern and calibration have
+    different channels.
+
     Parameters
     ----------
     rgb : FloatArray
@@ -121,16 +114,6 @@ def simulate_sensor(
         Source of the noise.
     metadata : CaptureMetadata | None, optional
         Capture data of the mosaic.
-
-    Returns
-    -------
-    Mosaic
-        A mosaic of uint16 codes.
-
-    Raises
-    ------
-    InputError
-        When scene, pattern and calibration have different channels.
     """
     noise = calibration.noise or typical_noise(calibration)
     known = replace(calibration, noise=noise)

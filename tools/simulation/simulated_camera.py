@@ -90,17 +90,8 @@ class SimulatedCamera:
     ) -> "SimulatedCamera":
         """The camera in a camera file, or else one with the channels of the pattern.
 
-        Parameters
-        ----------
-        bits : int | None, optional
-            Of a sample; None = those of the file, or 12.
-        pattern, protocol, lens : CfaPattern, Protocol, Lens, optional
-            See above.
-
-        Raises
-        ------
-        InputError
-            For any other number of bits.
+        bits: of a sample; None = those of the file, or 12. pattern, protocol, lens: see above.
+        Raises InputError for any other number of bits.
         """
         drawn = SensorCalibration(pattern.channels, sensor="simulated")
         sensor = known.calibration if known else drawn
@@ -128,6 +119,8 @@ class SimulatedCamera:
     ) -> Exposed:
         """Photograph a scene.
 
+        Raises InputError when the scene has not the channels of the pattern.
+
         Parameters
         ----------
         rng : np.random.Generator
@@ -135,11 +128,6 @@ class SimulatedCamera:
         frame : SimulatedFrame | None, optional
             The frame of a burst of the scene that is taken: its light, exposure and capture data;
             None = the scene itself.
-
-        Raises
-        ------
-        InputError
-            When the scene has not the channels of the pattern.
         """
         frame = frame or SimulatedFrame(scene.rgb)
         filters = filters_for(self.pattern, scene)
@@ -159,10 +147,7 @@ class SimulatedCamera:
 def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:
     """Calibration of the sensor in a camera file, or of one with this pattern.
 
-    Raises
-    ------
-    InputError
-        When its filters are unknown.
+    Raises InputError when its filters are unknown.
     """
     scene = builtin_scene(1, 1)
     known = SimulatedCamera.of(pattern, camera).before(scene, filters_for(pattern, scene))

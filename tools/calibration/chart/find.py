@@ -48,17 +48,8 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
     A place is accepted if its corners lie inside the frame, its grey row is monotone and linear,
     and a matrix explains its colours.
 
-    Parameters
-    ----------
-    mosaic
-        The shot.
-    reference
-        XYZ (D50) of the patches, white = 1, (24, 3).
-
-    Raises
-    ------
-    InputError
-        With the reason: no place was accepted, or the chart is too small for the pattern's period.
+    mosaic: the shot. reference: XYZ (D50) of the patches, white = 1, (24, 3). Raises InputError
+    with the reason: no place was accepted, or the chart is too small for the pattern's period.
     """
     picture, period = linear_picture(mosaic), mosaic.pattern.period
     why = ""
@@ -86,10 +77,7 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
 def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> ChartPlace:
     """Return the place of the chart at given corners (see `ChartPlace`), after the same tests.
 
-    Raises
-    ------
-    InputError
-        If one of them fails.
+    Raises InputError if one of them fails.
     """
     place = ChartPlace(corners)
     _check_size(place, mosaic)
@@ -173,10 +161,7 @@ def refine(picture: FloatArray, place: ChartPlace) -> ChartPlace:
 
     Corners that cv2.mcc proposes are off by up to a third of a patch.
 
-    Parameters
-    ----------
-    picture : FloatArray
-        (H, W, C), linear.
+    picture: (H, W, C), linear.
     """
     luminance = picture.sum(axis=-1)
     # Once: in every step it would cost a hundred times all else in a large frame.
@@ -199,12 +184,7 @@ def patch_means(
     """Return the patches' means without extremes, (24, C), and the standard deviation of log
     luminance inside each, (24,).
 
-    Parameters
-    ----------
-    picture : FloatArray
-        (H, W, C), linear.
-    size : float, optional
-        Side of the square that is used, chart units.
+    picture: (H, W, C), linear. size: side of the square that is used, chart units.
     """
     step = (np.arange(_PROBE) + 0.5) / _PROBE - 0.5
     across, down = (grid.ravel() * size for grid in np.meshgrid(step, step))

@@ -54,12 +54,7 @@ def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _WH
 
     The first, middle and last channel are shown as red, green and blue.
 
-    Parameters
-    ----------
-    exponent : float, optional
-        Of the tone curve.
-    white : float, optional
-        Quantile of a channel that is shown as white.
+    exponent: of the tone curve. white: quantile of a channel that is shown as white.
     """
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.quantile(chosen[::4, ::4].reshape(-1, 3), white, axis=0)

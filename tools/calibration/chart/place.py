@@ -39,16 +39,8 @@ class ChartPlace:
     Chart units are distances between patches: the middle of a patch is the middle of a unit square,
     (0, 0) to (6, 4) is the chart.
 
-    Attributes
-    ----------
-    corners : Matrix
-        Four (x, y), pixels: the outer corners of the corner patches dark skin, bluish green, black,
-        white.
-
-    Raises
-    ------
-    InputError
-        If the corners are not clockwise around a convex quadrilateral.
+    corners: four (x, y), pixels: the outer corners of the corner patches dark skin, bluish green,
+    black, white. Raises InputError if the corners are not clockwise around a convex quadrilateral.
     """
 
     corners: Matrix

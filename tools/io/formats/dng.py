@@ -136,12 +136,7 @@ def linear_dng(
 ) -> Directory:
     """Return the DNG of a picture, to be written as a TIFF, from its chunks in order.
 
-    Parameters
-    ----------
-    preview : ByteArray
-        The picture as uint8 sRGB (H, W, 3).
-    development : Development
-        Of colours and capture data.
+    preview: the picture as uint8 sRGB (H, W, 3). development: of colours and capture data.
     """
     shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
     fields = picture_fields(shape, _PICTURE_BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {

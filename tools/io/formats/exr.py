@@ -19,10 +19,7 @@ from .format import Bands, Format
 class OpenExr(Format):
     """OpenEXR; 16 bits are half floats.
 
-    Raises
-    ------
-    OutputError
-        If a temporary file cannot be written.
+    Raises OutputError if a temporary file cannot be written.
     """
 
     name = "exr"

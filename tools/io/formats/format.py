@@ -74,12 +74,7 @@ class Format(ABC):
         """Bytes that are needed to render a frame of this shape to a file, beside the frame and the
         program.
 
-        Parameters
-        ----------
-        rendering : int
-            What the rendering needs.
-        threads : int
-            That render.
+        rendering: what the rendering needs. threads: that render.
         """
         pixels = shape[0] * shape[1]
         if self.in_bands:
@@ -91,10 +86,7 @@ class Format(ABC):
         """A rendering or some rows of it, (H, W, C) scene units, as samples of the file (H, W,
         any).
 
-        Raises
-        ------
-        InputError
-            For a picture that `checked_picture` refuses.
+        Raises InputError for a picture that `checked_picture` refuses.
         """
         if development.kind.space == CAMERA:
             return checked_picture(rgb, len(development.calibration.channels))

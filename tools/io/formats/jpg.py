@@ -45,6 +45,9 @@ def encode_jpeg(
 ) -> bytes:
     """Return a JPEG of uint8 RGB (H, W, 3), sRGB.
 
+    Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data
+    64 KiB.
+
     Parameters
     ----------
     metadata : CaptureMetadata
@@ -53,11 +56,6 @@ def encode_jpeg(
         Profile; b"" = none.
     quality : int | None, optional
         1 to 100; None = 95.
-
-    Raises
-    ------
-    InputError
-        For another quality, and if a side exceeds 65500 pixels, or the capture data 64 KiB.
     """
     segments = jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
     return baseline_jpeg(codes, check_quality(quality), segments)
@@ -66,10 +64,7 @@ def encode_jpeg(
 def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
     """Return a JPEG of uint8 RGB (H, W, 3) or grey (H, W) in full resolution.
 
-    Parameters
-    ----------
-    segments : bytes
-        Inserted behind JFIF's, which is first.
+    segments: inserted behind JFIF's, which is first.
     """
     codes = np.ascontiguousarray(codes)
     data = bytes(imagecodecs.jpeg8_encode(codes, level=quality, subsampling="444"))
@@ -79,10 +74,7 @@ def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
 def check_quality(quality: int | None) -> int:
     """Return the quality of a JPEG, None for the usual one, as a number.
 
-    Raises
-    ------
-    InputError
-        Unless it is 1 to 100.
+    Raises InputError unless it is 1 to 100.
     """
     if quality is None:
         return _QUALITY

@@ -26,10 +26,7 @@ _LZW, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 5, 2, 1, 3, 1, 2
 class Tiff(Format):
     """TIFF; each band goes to the file as it comes.
 
-    Raises
-    ------
-    InputError
-        For files that would exceed 4 GiB.
+    Raises InputError for files that would exceed 4 GiB.
     """
 
     name, aliases = "tif", ("tiff",)

@@ -64,12 +64,8 @@ _DIRECTORY = (
 class GainMap:
     """Coding of the gains of one sensor's pictures, which is the same for all pictures of a kind.
 
-    Attributes
-    ----------
-    shown : ColourTransform
-        The transform of the picture that the gains belong to.
-    exposure : float
-        Gain of the picture, stops.
+    shown: the transform of the picture that the gains belong to. exposure: gain of the picture,
+    stops.
     """
 
     shown: ColourTransform

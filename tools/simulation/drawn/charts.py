@@ -126,12 +126,7 @@ def ink(x: DoubleArray, y: DoubleArray, height: float) -> BoolArray:
     """Return where there is ink, bool (h, w), if a word is repeated along a line that starts at (0,
     0), as far as letters fit.
 
-    Parameters
-    ----------
-    x, y : DoubleArray
-        (h, w), positions on a regular grid.
-    height : float
-        Height of a letter, in the units of x and y.
+    x, y: (h, w), positions on a regular grid. height: height of a letter, in the units of x and y.
     """
     x, y = x * (_BOX / height), y * (_BOX / height)
     inked = np.zeros(x.shape, bool)
