@@ -4,6 +4,7 @@ import logging
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
 from ...shared.progress import Progress
@@ -72,7 +73,8 @@ class LineProgress(StageProgress):
         """Print the remark, if the last one is a minute old."""
         if time.monotonic() - self._remarked >= _BETWEEN_REMARKS:
             self._remarked = time.monotonic()
-            self.note(f"{self._label()}, {text}")
+            with suppress(OSError):  # nobody is left who could read it
+                print(f"{self._label()}, {text}", file=sys.stderr, flush=True)
 
 
 class BarProgress(StageProgress):

@@ -61,14 +61,15 @@ def _terminate(number: int, _: FrameType | None) -> None:
     raise _received[-1]
 
 
-def _send_again(usual: Callable[[Any], object], lost: Any) -> object:
+def _send_again(usual: Callable[[Any], object], lost: Any) -> None:
     """Send a signal again that is lost: inside a callback from C (Numba loading a kernel) Python
     drops what it raises, with a traceback.
     """
-    if not issubclass(lost.exc_type, Terminated):
-        return usual(lost)
-    again = threading.main_thread().ident, _received[-1].code - 128
-    return threading.Timer(_AGAIN, signal.pthread_kill, again).start()
+    if issubclass(lost.exc_type, Terminated):
+        again = threading.main_thread().ident, _received[-1].code - 128
+        threading.Timer(_AGAIN, signal.pthread_kill, again).start()
+    else:
+        usual(lost)
 
 
 def raise_lost_signal() -> None:
