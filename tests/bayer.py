@@ -4,7 +4,7 @@ import numpy as np
 
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.bayer import sample_bayer
-from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol
 
 
 def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator) -> FloatArray:

@@ -11,7 +11,7 @@ from ...shared.arrays import ByteArray
 from ...shared.errors import InputError
 from .frames import RawFrame, Sensor
 from .shots import ShotFolder
-from .white_balance import SteadyWhite
+from .steady_white import SteadyWhite
 
 PreviewMaker = Callable[[Mosaic], ByteArray]
 """A function that returns the preview of a mosaic: uint8 sRGB (h, w, 3)."""

@@ -33,10 +33,10 @@ from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.metrics import BORDER, quality, whole_psnr
 from panchroma.tools.io.versions import package_version
-from panchroma.tools.simulation.burst import SimulatedBurst, burst_frames
 from panchroma.tools.simulation.load import load_scene
-from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol
 from panchroma.tools.simulation.sensor import simulate_additive
+from panchroma.tools.simulation.simulated_burst import SimulatedBurst, burst_frames
 from tests.bayer import bayer_mosaic
 from tests.benchmarks.alignment import DEGREES, PIXELS, alignment_error
 from tests.benchmarks.bayer_burst import render_bayer_burst

@@ -27,7 +27,7 @@ from panchroma.tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
 from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.load import load_scene
-from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
 from panchroma.tools.simulation.simulated_camera import SimulatedCamera
 from tests.benchmarks.harness import SEED, middle, options, photographs
 

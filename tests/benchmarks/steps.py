@@ -20,7 +20,7 @@ from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import render_preset
 from panchroma.tools.evaluation.metrics import quality
 from panchroma.tools.simulation.load import load_scene
-from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol
 from tests.benchmarks.harness import PATTERN, middle, options
 
 FIGURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"

@@ -14,18 +14,18 @@ from ...shared.reading import MAX_PIXELS
 from ..io.development import Development
 from ..io.kind import PictureKind
 from .checks import check_light
+from .chosen_white import AS_SHOT, WhiteBalance
 from .jobs import Job
 from .journal import key
 from .progress import Note
-from .white_balance import AS_SHOT, WhiteBalance
 
 if TYPE_CHECKING:
     from ...offline import RenderSettings
 
 
 class Subject:
-    """One shot, and the settings with which it is rendered. `burst.BurstSubject` is the frames of a
-    burst.
+    """One shot, and the settings with which it is rendered. `burst_files.BurstSubject` is the
+    frames of a burst.
 
     lost: where light is lost in the picture (`offline.Rendering.lost`), after `bands`.
 

@@ -22,8 +22,8 @@ from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
 from .gamma import SUFFERS, GammaFit, reconciled
 from .measure import Measurements, ShotMeasurement
-from .noise import SIGMAS, contradiction, noise_of_flats
-from .samples import figures
+from .photon_transfer import SIGMAS, contradiction, noise_of_flats
+from .place_samples import figures
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence

@@ -38,8 +38,8 @@ from ...shared.arrays import BoolArray, DoubleArray
 from ...shared.calibration import derived_channel
 from ...shared.errors import InputError
 from .dark_frames import DarkResult
-from .noise import fit_photon_transfer
-from .samples import PlaceSamples, robust_deviation
+from .photon_transfer import fit_photon_transfer
+from .place_samples import PlaceSamples, robust_deviation
 
 # Of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64
 # are assumed.

@@ -21,15 +21,15 @@ from ..batch.console import Console
 from ..batch.jobs import reason
 from ..io.page import without_folders
 from .chart.find import chart_at, find_chart
-from .chart.picture import overlay
+from .chart.outlined import overlay
 from .chart.place import ChartPlace
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .dark_frames import DarkResult, check_dark, measure_dark
 from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
-from .noise import FlatResult, check_flat, measure_flats, noise_of_flats
-from .samples import PlaceSamples, figures, patch_samples, without_shading
-from .shading import ShadingResult, measure_shading
+from .measured_shading import ShadingResult, measure_shading
+from .photon_transfer import FlatResult, check_flat, measure_flats, noise_of_flats
+from .place_samples import PlaceSamples, figures, patch_samples, without_shading
 
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).

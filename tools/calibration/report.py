@@ -17,8 +17,8 @@ from ..io.page import embed_picture, embed_plot, render_page
 from .chart.place import NAMES
 from .colour_matrix import ColourFit
 from .conclude import Result
-from .noise import SIGMAS, NoiseResult
-from .samples import figures
+from .photon_transfer import SIGMAS, NoiseResult
+from .place_samples import figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

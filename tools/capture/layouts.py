@@ -16,8 +16,8 @@ from ...device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
 from ...shared.arrays import CodeArray
 from ...shared.errors import InputError
 from ...shared.reading import opened_file
+from .frame_source import STREAM, SourceOptions, layout_of, recording, standard_input
 from .identity import identify
-from .source import STREAM, SourceOptions, layout_of, recording, standard_input
 
 # strides at which rows repeat most; groups of samples by which they may be wrong
 _LIKELY, _NEAR = 2, 2

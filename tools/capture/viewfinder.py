@@ -18,12 +18,12 @@ import numpy as np
 from ...device.capture import PreviewMaker, Saved, Sensor
 from ...device.capture.frames import RawFrame
 from ...device.capture.shots import ShotFolder
-from ...device.capture.white_balance import SteadyWhite
+from ...device.capture.steady_white import SteadyWhite
 from ...device.preview.geometry import Geometry
 from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import ByteArray
 from ...shared.errors import InputError
-from .source import Refused
+from .frame_source import Refused
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
 _COUNTED = 20  # pictures whose times are kept

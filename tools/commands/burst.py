@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 
 from ...shared.errors import InputError
-from ..batch.burst import BurstOrder, series, series_stem
+from ..batch.burst_files import BurstOrder, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job, exit_code, possible_jobs

@@ -29,7 +29,7 @@ from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder
 from ..batch.memory import allowed_memory, format_bytes
 from ..batch.signals import Stopping
-from ..capture.source import FrameSource, doubts, preview_maker
+from ..capture.frame_source import FrameSource, doubts, preview_maker
 from .frame_options import add_source, source_of
 from .options import add, count
 

@@ -35,9 +35,9 @@ from ..io.display import ColourTransform
 from ..io.kind import PictureKind, write_picture
 from ..io.scene import Scene
 from ..simulation.bayer import sample_bayer
-from ..simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames
 from ..simulation.drawn.builtin import builtin_scene
-from ..simulation.noise import PaperProtocol
+from ..simulation.protocols import PaperProtocol
+from ..simulation.simulated_burst import SimulatedBurst, SimulatedFrame, burst_frames
 from ..simulation.simulated_camera import SimulatedCamera
 from .options import add
 

@@ -18,20 +18,20 @@ from ..batch.cluster import SchedulerGoneError, absolute_path
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
 from ..batch.memory import allowed_memory
+from ..evaluation.compared_tiles import Tile, channels_of
 from ..evaluation.crops import render_crops
+from ..evaluation.evaluation_page import build_page, plots_svg
 from ..evaluation.figures import Figures
 from ..evaluation.methods import choose, default_names, missing_packages
-from ..evaluation.page import build_page, plots_svg
 from ..evaluation.scene_sets import Reading
 from ..evaluation.study import Case, Study, collect, missing_cases, remove_results
 from ..evaluation.tables import encode_csv, encode_json, plain_text
 from ..evaluation.team import Team
-from ..evaluation.tiles import Tile, channels_of
 from ..io.page import without_folders
 from ..io.scene import RGB
 from ..io.versions import program_version
-from ..simulation.noise import chosen_protocol
 from ..simulation.pattern_text import read_pattern
+from ..simulation.protocols import chosen_protocol
 from .options import TILE_NAMES, add, count, names, numbers
 
 _SEED = 0  # of the noise

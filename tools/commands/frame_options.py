@@ -10,8 +10,8 @@ from typing import Any
 
 from ..batch.console import to_stdout
 from ..batch.signals import Terminated
+from ..capture.frame_source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 from ..capture.genicam import GENICAM, connected
-from ..capture.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 from .options import add, amount, camera_of, factor, value
 
 LAYOUT = ("width", "height", "pixel_format", "stride")

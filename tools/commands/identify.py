@@ -23,9 +23,9 @@ from ..batch.console import Console
 from ..batch.folders import Source, once, plan
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
 from ..batch.progress import StageProgress
+from ..capture.frame_source import STREAM, SourceOptions
 from ..capture.identity import UNKNOWN, facts_of
 from ..capture.layouts import first_frame, likely_reading
-from ..capture.source import STREAM, SourceOptions
 from ..io.camera_raw import NO_RAW
 from ..io.illustrations import tile_map
 from ..simulation.load import sensor_samples

@@ -7,8 +7,8 @@ import secrets
 from typing import Any
 
 from ...shared import read_camera
+from ..batch.chosen_white import WhiteBalance
 from ..batch.jobs import output_folder
-from ..batch.white_balance import WhiteBalance
 from ..io.formats import FORMATS, OTHER_NAMES
 from ..io.kind import PictureKind
 from .options import add, factor, numbers, pixel_limit

@@ -36,10 +36,10 @@ from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.development import Development
 from ..io.kind import PictureKind, write_picture
-from ..simulation.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
 from ..simulation.lens import Lens
 from ..simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
-from ..simulation.noise import chosen_protocol
+from ..simulation.protocols import chosen_protocol
+from ..simulation.simulated_burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
 from ..simulation.simulated_camera import Exposed, SimulatedCamera
 from .options import add, amount, camera_of, count, numbers, pixel_limit
 

@@ -21,8 +21,8 @@ from ...shared.errors import InputError
 from ..batch.console import Console, fault
 from ..batch.jobs import FAILED, output_folder
 from ..batch.signals import Stopping
+from ..capture.frame_source import doubts, preview_maker
 from ..capture.server import ViewfinderServer
-from ..capture.source import doubts, preview_maker
 from ..capture.viewfinder import Viewfinder, fitting_scale, show_frames
 from .frame_options import add_source, source_of
 from .options import add, value

@@ -12,9 +12,9 @@ from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import FloatArray
 from ..io.scene import Scene
 from ..simulation.bayer import channel_map, sample_bayer
-from ..simulation.noise import BayerShot, Protocol
+from ..simulation.protocols import BayerShot, Protocol
 from ..simulation.simulated_camera import SimulatedCamera
-from .tiles import channels_of, filters_of
+from .compared_tiles import channels_of, filters_of
 
 Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 

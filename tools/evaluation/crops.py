@@ -14,7 +14,7 @@ from ...shared.arrays import ByteArray, DoubleArray, FloatArray
 from ..io.display import ColourTransform
 from ..io.samples import quantise
 from ..io.scene import RGB as COLOURS
-from ..simulation.noise import Protocol
+from ..simulation.protocols import Protocol
 from .cameras import CameraPair
 from .figures import RGB, Figures, Place
 from .measures import WINDOW, window_origins

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..simulation.noise import Protocol
+from ..simulation.protocols import Protocol
+from .compared_tiles import Tile
 from .hue import colour_slopes
 from .measures import PLANES, Histogram, Measures
 from .metrics import QUANTILES
 from .scene_sets import SETS
 from .study import Case, Study
-from .tiles import Tile
 
 EVEN = 0.05  # dB: smaller differences count as none
 

@@ -16,12 +16,12 @@ from ...shared import Camera, CfaPattern, Mosaic, SensorCalibration
 from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
 from ..io.scene import Scene
-from .burst import SimulatedFrame
 from .drawn.builtin import builtin_scene
 from .filters import Filters, filters_for
 from .lens import NO_LENS, Lens
-from .noise import PaperProtocol, Protocol, SensorProtocol
+from .protocols import PaperProtocol, Protocol, SensorProtocol
 from .sensor import simulate_additive, simulate_sensor, typical_noise
+from .simulated_burst import SimulatedFrame
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""

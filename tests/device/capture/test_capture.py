@@ -14,7 +14,7 @@ from panchroma.device.capture import Refused, Saved, Sensor, capture, capture_bu
 from panchroma.device.capture.frame_queue import FrameQueue
 from panchroma.device.capture.frames import FrameLayout, RawFrame
 from panchroma.device.capture.shots import ShotFolder
-from panchroma.device.capture.white_balance import SteadyWhite
+from panchroma.device.capture.steady_white import SteadyWhite
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from panchroma.shared.arrays import ByteArray
 from panchroma.shared.dng import read_preview

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from panchroma.shared.errors import InputError
-from panchroma.tools.batch.burst import series, series_stem
+from panchroma.tools.batch.burst_files import series, series_stem
 from panchroma.tools.batch.folders import DNGS, Source, search
 
 

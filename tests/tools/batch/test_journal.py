@@ -15,10 +15,10 @@ from panchroma import offline
 from panchroma.shared import Camera, CfaPattern, SensorCalibration, Shading
 from panchroma.shared.calibration import NoiseModel
 from panchroma.shared.errors import OutputError
-from panchroma.tools.batch.burst import BurstOrder
+from panchroma.tools.batch.burst_files import BurstOrder
+from panchroma.tools.batch.chosen_white import WhiteBalance
 from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, output_lock
 from panchroma.tools.batch.order import Order
-from panchroma.tools.batch.white_balance import WhiteBalance
 from panchroma.tools.io.kind import PictureKind
 from tests.walking import one_field_changed
 

@@ -10,7 +10,7 @@ import pytest
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.errors import InputError
-from panchroma.tools.calibration.shading import measure_shading
+from panchroma.tools.calibration.measured_shading import measure_shading
 from panchroma.tools.simulation.lens import lens_shading
 from panchroma.tools.simulation.sensor import simulate_sensor
 

@@ -13,7 +13,11 @@ from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.conclude import Result, conclude
 from panchroma.tools.calibration.dark_frames import measure_dark
 from panchroma.tools.calibration.measure import Measurements
-from panchroma.tools.calibration.noise import fit_photon_transfer, measure_flats, noise_of_flats
+from panchroma.tools.calibration.photon_transfer import (
+    fit_photon_transfer,
+    measure_flats,
+    noise_of_flats,
+)
 from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame
 

@@ -16,8 +16,8 @@ from panchroma.tools.commands import evaluate
 from panchroma.tools.evaluation.metrics import BORDER, psnr
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.io.versions import program_version
-from panchroma.tools.simulation.noise import PaperProtocol
 from panchroma.tools.simulation.pattern_text import read_pattern
+from panchroma.tools.simulation.protocols import PaperProtocol
 from panchroma.tools.simulation.simulated_camera import SimulatedCamera
 from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene

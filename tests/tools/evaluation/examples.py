@@ -8,12 +8,12 @@ import numpy as np
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.batch.console import Console
+from panchroma.tools.evaluation.compared_tiles import Tile
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.scene_sets import Reading
 from panchroma.tools.evaluation.study import FOLDER, Study, collect, missing_cases, work
 from panchroma.tools.evaluation.team import Team
-from panchroma.tools.evaluation.tiles import Tile
-from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol
 
 KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 

@@ -22,7 +22,7 @@ from panchroma.tools.evaluation.crops import (
 )
 from panchroma.tools.evaluation.measures import WINDOW, window_origins
 from panchroma.tools.evaluation.study import Study
-from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 
 # scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits

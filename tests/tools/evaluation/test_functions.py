@@ -13,9 +13,9 @@ from panchroma.offline import PAPER, render
 from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation import methods as registry
 from panchroma.tools.evaluation.cameras import CameraPair
+from panchroma.tools.evaluation.compared_tiles import Tile
 from panchroma.tools.evaluation.study import work
-from panchroma.tools.evaluation.tiles import Tile
-from panchroma.tools.simulation.noise import PaperProtocol, SensorProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol, SensorProtocol
 from panchroma.tools.training.graph import Graph
 from tests.data import ROOT
 from tests.tools.command import start

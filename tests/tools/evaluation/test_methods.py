@@ -10,7 +10,7 @@ from panchroma.tools.evaluation.methods import choose, default_names, methods
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.io.versions import package_version
 from panchroma.tools.simulation.bayer import sample_bayer
-from panchroma.tools.simulation.noise import PaperProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol
 
 NAMES = "paper best unlearned preview bilinear dlmmse dlmmse-wb dcb bm3d+dlmmse-wb"
 

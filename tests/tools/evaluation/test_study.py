@@ -26,7 +26,7 @@ from panchroma.tools.evaluation.study import (
     name_case,
     work,
 )
-from panchroma.tools.simulation.noise import PaperProtocol, SensorProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol, SensorProtocol
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of

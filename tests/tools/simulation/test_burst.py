@@ -7,7 +7,8 @@ from panchroma.offline import burst as merged
 from panchroma.shared import CaptureMetadata
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
-from panchroma.tools.simulation.burst import (
+from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.tools.simulation.simulated_burst import (
     CameraMotion,
     SimulatedBurst,
     burst_frames,
@@ -16,7 +17,6 @@ from panchroma.tools.simulation.burst import (
     reduced,
     tremor,
 )
-from panchroma.tools.simulation.drawn.builtin import builtin_scene
 
 HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
 

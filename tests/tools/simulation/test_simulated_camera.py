@@ -15,7 +15,7 @@ from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.bayer import sample_bayer
 from panchroma.tools.simulation.filters import filters_for
-from panchroma.tools.simulation.noise import PaperProtocol, Protocol, SensorProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
 from panchroma.tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, typical_noise
 from panchroma.tools.simulation.simulated_camera import SimulatedCamera
 

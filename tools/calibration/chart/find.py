@@ -17,7 +17,7 @@ from ....shared.colorimetry import Matrix, as_rows
 from ....shared.errors import InputError
 from ...simulation.perspective import apply_homography, homography, rectangle
 from ..colour_matrix import fit_colour, grey_row_fault
-from .picture import linear_picture, shown_picture
+from .outlined import linear_picture, shown_picture
 from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch
 
 # Searches, the likeliest first: pixels of the picture's longer side, exponent of its tone curve,

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from ....shared.arrays import DoubleArray, FloatArray
-from ...simulation.noise import BayerShot
+from ...simulation.protocols import BayerShot
 from ..cameras import with_balance
 from ..method import Method
 from .dlmmse import demosaic_dlmmse

@@ -22,7 +22,7 @@ from ....shared.errors import InputError
 from ....shared.reading import read_text, read_whole
 from ....shared.spelling import meant
 from ...simulation.bayer import channel_map
-from ...simulation.noise import BayerShot
+from ...simulation.protocols import BayerShot
 from ..method import Method
 
 _ORDERS = {"RGGB": (0, 0), "GRBG": (0, 1), "GBRG": (1, 0), "BGGR": (1, 1)}

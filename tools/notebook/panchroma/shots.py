@@ -22,10 +22,10 @@ from .shared import (
 )
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
+from .tools.batch.chosen_white import WhiteBalance
 from .tools.batch.console import fault
 from .tools.batch.in_memory import note_once, render_array, settings_named
 from .tools.batch.previews import Previews
-from .tools.batch.white_balance import WhiteBalance
 from .tools.io.samples import upright
 
 if TYPE_CHECKING:

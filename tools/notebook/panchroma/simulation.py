@@ -19,7 +19,7 @@ from .tools.io.picture import picture_scene
 from .tools.io.scene import Scene
 from .tools.simulation.lens import Lens
 from .tools.simulation.load import load_scene
-from .tools.simulation.noise import chosen_protocol
+from .tools.simulation.protocols import chosen_protocol
 from .tools.simulation.simulated_camera import SimulatedCamera
 
 

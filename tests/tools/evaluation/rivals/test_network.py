@@ -15,7 +15,7 @@ from panchroma.tools.evaluation.methods import choose
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.simulation.bayer import sample_bayer
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
-from panchroma.tools.simulation.noise import BayerShot
+from panchroma.tools.simulation.protocols import BayerShot
 from panchroma.tools.training.graph import Graph, Values
 
 WHITE = np.array([0.5, 1.0, 0.8], np.float32)

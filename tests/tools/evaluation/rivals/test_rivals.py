@@ -8,7 +8,7 @@ from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.evaluation.rivals.bm3d_dlmmse import denoise_bayer
 from panchroma.tools.simulation.bayer import sample_bayer
-from panchroma.tools.simulation.noise import BayerShot
+from panchroma.tools.simulation.protocols import BayerShot
 
 RIVALS = [name for name, method in methods().items() if not method.ours and method.missing is None]
 CODE = 2 / 65535  # what 16 bits over a range of 1.3 may be wrong by

@@ -14,11 +14,11 @@ from ...shared.errors import ForeignFileError, InputError, PanchromaError
 from ...shared.progress import Progress
 from ...shared.series import frame_number
 from .checks import check_memory
+from .chosen_white import WhiteBalance
 from .folders import Source
 from .jobs import Job
 from .order import Order, Subject
 from .progress import Note
-from .white_balance import WhiteBalance
 
 if TYPE_CHECKING:
     from ...offline.burst import Judged, MergedBurst, Motion
