@@ -23,7 +23,7 @@ from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light
 from .gamma import SUFFERS, GammaFit, reconciled
 from .measure import Measurements, ShotMeasurement
 from .photon_transfer import SIGMAS, contradiction, noise_of_flats
-from .place_samples import figures
+from .places import figures
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence

@@ -10,15 +10,7 @@ import numpy as np
 from ...shared import Mosaic
 from ...shared.arrays import DoubleArray, IndexArray
 from ...shared.errors import InputError
-from .place_samples import (
-    CLIP,
-    LEAST_SAMPLES,
-    clipped_moments,
-    figures,
-    levels_of,
-    planes_of,
-    windows,
-)
+from .places import CLIP, LEAST_SAMPLES, clipped_moments, figures, levels_of, planes_of, windows
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
 # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288

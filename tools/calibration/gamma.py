@@ -39,7 +39,7 @@ from ...shared.calibration import derived_channel
 from ...shared.errors import InputError
 from .dark_frames import DarkResult
 from .photon_transfer import fit_photon_transfer
-from .place_samples import PlaceSamples, robust_deviation
+from .places import PlaceSamples, robust_deviation
 
 # Of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64
 # are assumed.

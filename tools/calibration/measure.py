@@ -29,7 +29,7 @@ from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
 from .measured_shading import ShadingResult, measure_shading
 from .photon_transfer import FlatResult, check_flat, measure_flats, noise_of_flats
-from .place_samples import PlaceSamples, figures, patch_samples, without_shading
+from .places import PlaceSamples, figures, patch_samples, without_shading
 
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).

@@ -21,7 +21,7 @@ from ...shared import Mosaic, Shading
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
 from ...shared.shading import ZOOMED, basis
-from .place_samples import CLIP, CLIPPED, cut_windows, inliers, levels_of, planes_of
+from .places import CLIP, CLIPPED, cut_windows, inliers, levels_of, planes_of
 
 # Periods along a side of a window, at least, and windows along an axis.
 _PERIODS, _FEWEST, _MOST = 5, 3, 48

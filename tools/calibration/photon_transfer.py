@@ -16,7 +16,7 @@ from ...shared import Mosaic, NoiseModel, SensorCalibration
 from ...shared.arrays import BoolArray, DoubleArray
 from ...shared.errors import InputError
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
-from .place_samples import (
+from .places import (
     CLIP,
     CLIPPED,
     NO_PLANE,

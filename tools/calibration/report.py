@@ -18,7 +18,7 @@ from .chart.place import NAMES
 from .colour_matrix import ColourFit
 from .conclude import Result
 from .photon_transfer import SIGMAS, NoiseResult
-from .place_samples import figures
+from .places import figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -178,7 +178,7 @@ def _write(
 ) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
     from ..calibration.files import write_camera
-    from ..calibration.place_samples import figures
+    from ..calibration.places import figures
 
     camera, verdict = result.camera, result.verdict
     if camera is None:

@@ -19,7 +19,7 @@ from panchroma.tools.calibration.gamma import (
     with_surroundings,
 )
 from panchroma.tools.calibration.measure import measure_chart
-from panchroma.tools.calibration.place_samples import PlaceSamples, patch_samples
+from panchroma.tools.calibration.places import PlaceSamples, patch_samples
 from tests.tools.calibration.known_camera import (
     BLIND,
     NOISE,

@@ -16,7 +16,7 @@ from panchroma.tools.calibration.dark_frames import DarkResult
 from panchroma.tools.calibration.measure import Measurements, ShotMeasurement, measure_chart
 from panchroma.tools.calibration.measured_shading import ShadingResult
 from panchroma.tools.calibration.photon_transfer import FlatResult
-from panchroma.tools.calibration.place_samples import PlaceSamples
+from panchroma.tools.calibration.places import PlaceSamples
 from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import (

@@ -5,7 +5,7 @@ from scipy.ndimage import convolve, map_coordinates
 
 from ....shared import Mosaic
 from ....shared.arrays import ByteArray, FloatArray
-from ..place_samples import levels_of, listed_defects
+from ..places import levels_of, listed_defects
 from .place import INNER, PATCH, ChartPlace
 
 # pixels: a hole is filled from samples at most this far away; no site of a scattered tile is

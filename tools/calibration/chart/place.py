@@ -9,7 +9,7 @@ from ....shared.arrays import DoubleArray
 from ....shared.colorimetry import Matrix
 from ....shared.errors import InputError
 from ...simulation.perspective import apply_homography, homography, rectangle
-from ..place_samples import Pixels
+from ..places import Pixels
 
 COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
