@@ -63,6 +63,7 @@ def compiled() -> None:
     what the other has compiled. A process that has compiled kernels has to render the bytes that
     all others render, which load them. No later test could tell.
     """
+    import panchroma.offline.burst  # noqa: F401 - has kernels of its own
     from panchroma.offline import available_threads, compile_kernel, kernels_to_compile
     from tests.golden import render as golden
 

@@ -88,7 +88,7 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
             raise InputError(f"{job.source}: has changed while it was read; {remedy}")
         check_memory(subject.mosaic, kind, order.settings, memory, subject.count)
         # now that only the writing can fail
-        compile_ahead([order.settings], processes, listener)
+        compile_ahead(processes, listener)
         for remark in _assumptions(subject.mosaic, kind.has_white_balance):
             listener.note(f"{job.source}: {remark}")
         subject.prepare(listener)

@@ -5,7 +5,6 @@ it in a first run.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
 
 from ...shared.errors import OutputError
 from .memory import available_memory
@@ -31,17 +30,14 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
         yield
 
 
-def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgress) -> None:
-    """Compile what renders with these settings need, unless it has been compiled before, in several
-    processes at a time.
+def compile_ahead(processes: int, progress: StageProgress) -> None:
+    """Compile the renderer, unless it has been compiled before, in several processes at a time.
 
     With one process, for one kernel, or without a folder to keep the result in, it is left to the
     renders.
 
     Parameters
     ----------
-    settings : Sequence[Any]
-        RenderSettings, one or more.
     processes : int
         How many may be started. Call this in the command's own process, not in one that it has
         started.
@@ -51,7 +47,7 @@ def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgre
     from ...offline import kernels_to_compile
 
     try:
-        names = kernels_to_compile(*settings)
+        names = kernels_to_compile()
     except OutputError:  # there is no folder to keep any in
         return
     if min(processes, len(names)) > 1:

@@ -80,7 +80,7 @@ def renderings(
 
     settings = [settings_named(preset) for preset in presets]
     with announced_compilation(progress):
-        compile_ahead(settings, processors(), progress)
+        compile_ahead(processors(), progress)
         return [render(mosaic, setting, progress) for setting in settings]
 
 

@@ -78,7 +78,7 @@ def render_all(
             work = partial(_on_worker, order, memory)
             results = _refuse_unseen(executor.run(work, shots, note))
         elif count > 1:
-            compile_ahead([order.settings], count, StageProgress(note=note))
+            compile_ahead(count, StageProgress(note=note))
             remedy = "render it again with `resume=True`, and fewer processes"
             executor = stack.enter_context(worker_processes(count, remedy, threads_each))
             results = executor.run(partial(attempt, order, allowed // count, 1), shots, note)

@@ -1,8 +1,10 @@
 """Check the installation (versions, missing packages, kernels, memory) and say how to
 repair what is wrong.
 
-It renders tiny pictures, and compiles what they need of the renderer for this processor. With
---compile, compile all of it, so that no render has to: for container images and clusters.
+It renders tiny pictures, and compiles all of the renderer that is not compiled yet, so that no
+render has to. What is compiled serves this version of Panchroma on processors of this model,
+wherever it finds the same cache folder (the line 'kernel cache' names it): in container images, on
+clusters.
 """
 
 import argparse
@@ -35,17 +37,11 @@ GOOD, MISSING, BAD = "ok", "missing", "WRONG"
 _LEAST_MEMORY = 2**30
 
 USAGE = ""
-EXAMPLE = "panchroma doctor --compile"
+EXAMPLE = "panchroma doctor"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma doctor`."""
-    compiled = (
-        "compile all of the renderer that is not compiled yet; what is compiled serves this "
-        "version of Panchroma on processors of this model, wherever it finds the same cache folder "
-        "(the line 'kernel cache' names it)"
-    )
-    parser.add_argument("--compile", action="store_true", help=compiled)
     add(parser, "json")
 
 
@@ -54,7 +50,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     something optional is missing.
     """
     findings = [*_program(), *_checked("packages", _packages)]
-    findings += _checked("kernel cache", partial(_kernels, console, arguments.compile))
+    findings += _checked("kernel cache", partial(_kernels, console))
     for name, check in _pictures().items():
         findings += _checked(name, check)
     findings += _machine()
@@ -155,22 +151,21 @@ def _package(name: str, wanted: Any, extra: str) -> Finding:
     return Finding(name, GOOD, version or "installed")
 
 
-def _kernels(console: Console, everything: bool) -> Iterator[Finding]:
-    """Compile the kernels of all presets, or simply all, that are not in the cache."""
-    from ...offline import PRESETS, kernel_cache, kernels_to_compile
+def _kernels(console: Console) -> Iterator[Finding]:
+    """Compile the kernels that are not in the cache."""
+    from ...offline import kernel_cache, kernels_to_compile
 
-    folder, needed = kernel_cache(), () if everything else PRESETS.values()
-    names = kernels_to_compile(*needed)
+    importlib.import_module("panchroma.offline.burst")  # has kernels of its own
+    folder, names = kernel_cache(), kernels_to_compile()
     with console.progress("doctor") as progress:
         compiled = compile_all(names, processors(), console.note)
         errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
-    if missing := kernels_to_compile(*needed):
+    if missing := kernels_to_compile():
         reason = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
         remedy = "close other programs, free some disk space, or set NUMBA_CACHE_DIR"
         yield Finding("kernel cache", BAD, reason, remedy)
         return
-    left = len(kernels_to_compile())
-    yield Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled, {left} to compile")
+    yield Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled")
 
 
 def _pictures() -> dict[str, Callable[[], Iterator[Finding]]]:

@@ -8,12 +8,14 @@ import subprocess
 import sys
 import threading
 import time
+from importlib import import_module
 from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from panchroma.offline import kernels_to_compile
 from panchroma.offline.numerics import compile as product
 from panchroma.offline.numerics.arrays import Ints1
 from panchroma.offline.numerics.interpolation import interpolate
@@ -58,12 +60,6 @@ def copied(folder: Path) -> None:
 COMPILED, KEPT = "compiling 1 True\n3 2\n", "3 2\n"
 
 
-def hour_old(path: Path, text: str) -> None:
-    """Write a file that is older than all others, as rsync and git may leave it."""
-    path.write_text(text)
-    os.utime(path, (time.time() - 3600,) * 2)
-
-
 def kept_files(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*mirror.zip"))
 
@@ -78,16 +74,18 @@ def test_a_kernel_is_compiled_once_until_a_source_changes_that_kernels_see(tmp_p
     (package / "offline/.#lock.py").symlink_to("nowhere")
     (package / "offline/patches.py").touch()
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-    before = {}
+    before, hour_ago = (
+        {},
+        time.time() - 3600,
+    )  # older than all others, as rsync and git may leave it
     for name in ("shared/arrays.py", "offline/burst/motion.py", "offline/numerics/functions.py"):
         path = package / name
         before[path] = text = path.read_text()
-        # the kernel calls it
-        other = "\n\n@kernel\ndef mirrored(place: int, size: int) -> int:\n    return 7\n"
-        hour_old(
-            path, text + (other if "def mirrored(" in text and "@kernel" in text else "ONE = 1\n")
-        )
-        result = "7 7\n" if name.endswith("functions.py") else "3 2\n"
+        is_called = name.endswith("functions.py")
+        other = "@kernel\ndef mirrored(place: int, size: int) -> int:\n    return 7\n"
+        path.write_text(text + (other if is_called else "ONE = 1\n"))
+        os.utime(path, (hour_ago, hour_ago))
+        result = "7 7\n" if is_called else "3 2\n"
         assert run_python(SCRIPT, folder=tmp_path) == "compiling 1 True\n" + result
     for path, text in before.items():
         path.write_text(text)  # several versions are kept
@@ -212,26 +210,37 @@ def more(chunks: product.Chunks, numbers: Ints1, /) -> None:
         numbers[place] += 1
 
 
-def test_without_a_temporary_folder_a_kernel_is_compiled_all_the_same(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("broken", "error"),
+    [
+        ("TemporaryDirectory", OSError(errno.ENOSPC, "No space left on device")),
+        ("write_durably", OSError(errno.ENOSPC, "No space left on device")),
+        ("write_durably", OutputError("no permission")),
+    ],
+)
+def test_without_a_place_for_it_a_kernel_is_compiled_all_the_same(
+    broken: str, error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
-    monkeypatch.setattr(product, "TemporaryDirectory", full)
-    made, numbers = product.ParallelKernel(more, len), np.arange(3)
-    made(numbers)
-    assert numbers.tolist() == [1, 2, 3]
-
-
-@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), OutputError("no permission")])
-def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(
-    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(product, "write_durably", Mock(side_effect=error))
+    monkeypatch.setattr(product, broken, Mock(side_effect=error))
     monkeypatch.setattr(product, "_folders", lambda _: [tmp_path])
     made, numbers = product.ParallelKernel(more, len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
     assert not made.kept()
+
+
+def test_all_kernels_are_compiled_ahead_until_they_are_kept(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    import_module("panchroma.offline.burst")  # has kernels of its own
+    monkeypatch.setattr(product.ParallelKernel, "ready", False)
+    monkeypatch.setattr(product, "_folders", lambda _: [tmp_path])
+    names = kernels_to_compile()
+    assert names[0] == "solve_fields"  # takes longest
+    assert set(names) == set(product.kernels) >= {"merge", "smooth", "denoise", "solve_linked"}
+    for kernel in product.kernels.values():
+        kernel._files()[0].touch()
+    assert kernels_to_compile() == []
 
 
 NO_MACHINE_CODE = """

@@ -98,17 +98,17 @@ def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     missing, compiled, notes = ["one", "two", "three"], list[str](), list[str]()
-    monkeypatch.setattr(offline, "kernels_to_compile", lambda *settings: missing)
+    monkeypatch.setattr(offline, "kernels_to_compile", lambda: missing)
 
     def compile_all(names: list[str], *_: object) -> list[str]:
         compiled.extend(names)
         return names
 
     monkeypatch.setattr(product, "compile_all", compile_all)
-    product.compile_ahead([offline.PAPER], 1, StageProgress(note=notes.append))
+    product.compile_ahead(1, StageProgress(note=notes.append))
     assert (notes, compiled) == ([], [])
     for _ in range(2):
-        product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
+        product.compile_ahead(2, StageProgress(note=notes.append))
         assert compiled == ["one", "two", "three"]
         assert len(notes) == 1
         missing.clear()

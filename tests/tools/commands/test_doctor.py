@@ -138,36 +138,29 @@ def test_what_fails_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_compiler_that_makes_no_machine_code_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     script = "from panchroma.tools.cli import main\nmain()"
-    for more in ([], ["--compile"]):
-        line = [sys.executable, "-c", script, "doctor", *more]
-        done = subprocess.run(line, capture_output=True, text=True, check=False)
-        assert done.returncode == 1
-        report = done.stderr + done.stdout
-        assert "WRONG   kernel cache " in report
-        assert report.count("-> unset NUMBA_DISABLE_JIT") == 1
+    line = [sys.executable, "-c", script, "doctor"]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    report = done.stderr + done.stdout
+    assert "WRONG   kernel cache " in report
+    assert report.count("-> unset NUMBA_DISABLE_JIT") == 1
 
 
 def test_a_compiler_that_is_broken_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("panchroma.offline.kernel_cache", Mock(side_effect=AttributeError("numba")))
-    (found,) = doctor._checked("kernels", lambda: doctor._kernels(Console(quiet=True), False))
+    (found,) = doctor._checked("kernels", lambda: doctor._kernels(Console(quiet=True)))
     assert (found.state, found.found) == (BAD, "does not run: numba")
 
 
 def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
-    # before, after and in the end of a run; of the last one only before and after
-    missing = iter([["mix"], [], [], [], [], ["merge"], ["mix"], ["mix"]])
-    monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda *_: next(missing))
+    missing = iter([["mix"], [], [], [], ["mix"], ["mix"]])  # before and after each of three runs
+    monkeypatch.setattr("panchroma.offline.kernels_to_compile", lambda: next(missing))
     monkeypatch.setattr(doctor, "compile_all", lambda names, *_: ((name, None) for name in names))
-    compiled, again, kept_nowhere = (
-        next(doctor._kernels(Console(quiet=True), everything)) for everything in (True, False, True)
-    )
-    assert (compiled.state, compiled.found.split(", ")[1:]) == (
-        GOOD,
-        ["1 compiled", "0 to compile"],
-    )
-    assert (again.state, again.found.split(", ")[1:]) == (GOOD, ["0 compiled", "1 to compile"])
+    compiled, again, kept_nowhere = (next(doctor._kernels(Console(quiet=True))) for _ in range(3))
+    assert (compiled.state, compiled.found.split(", ")[1:]) == (GOOD, ["1 compiled"])
+    assert (again.state, again.found.split(", ")[1:]) == (GOOD, ["0 compiled"])
     assert (kept_nowhere.state, kept_nowhere.found) == (BAD, "not compiled: mix")
     nowhere = Mock(side_effect=OutputError("no folder; set NUMBA_CACHE_DIR"))
     monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
-    (finding,) = doctor._checked("kernels", lambda: doctor._kernels(Console(quiet=True), True))
+    (finding,) = doctor._checked("kernels", lambda: doctor._kernels(Console(quiet=True)))
     assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)

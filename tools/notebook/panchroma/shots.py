@@ -175,7 +175,7 @@ def render(
     picture, to the bit.
 
     The first render on a machine compiles the renderer, which takes about half a minute and is said
-    on standard error; in a terminal, `panchroma doctor --compile` does it ahead, on all processors.
+    on standard error; in a terminal, `panchroma doctor` does it ahead, on all processors.
 
     Parameters
     ----------
