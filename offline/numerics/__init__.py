@@ -1,5 +1,5 @@
-"""The only package that uses Numba: arrays and scalars in, arrays out. No settings, no patterns, no
-calibration.
+"""Kernels compiled by Numba that several stages share, and what compiles them and distributes their
+work: arrays and scalars in, arrays out. No settings, no patterns, no calibration.
 
 Results are identical for any number of threads: chunks that run in parallel write to separate
 memory, and the order of every sum depends on the picture alone.

@@ -22,17 +22,7 @@ from inspect import signature
 from pathlib import Path
 from shutil import make_archive, rmtree, unpack_archive
 from tempfile import TemporaryDirectory
-from typing import (
-    Annotated,
-    Any,
-    Concatenate,
-    Generic,
-    ParamSpec,
-    TypeVar,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, get_args, get_type_hints
 
 import numba
 import numpy as np
@@ -227,10 +217,10 @@ def _numba_type(annotation: Any) -> Any:
     if hasattr(annotation, "_fields"):
         fields = get_type_hints(annotation, include_extras=True).values()
         return types.BaseTuple.from_types(tuple(map(_numba_type, fields)), annotation)
-    if get_origin(annotation) is Annotated:
+    if hasattr(annotation, "__metadata__"):  # Annotated
         return annotation.__metadata__[0]
-    if get_origin(annotation) is tuple:
-        return types.BaseTuple.from_types(tuple(map(_numba_type, get_args(annotation))))
+    if items := get_args(annotation):
+        return types.BaseTuple.from_types(tuple(map(_numba_type, items)))
     return {int: types.intp, float: types.float64}[annotation]
 
 

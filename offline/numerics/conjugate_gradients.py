@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...shared.arrays import FloatArray
-from .arrays import Doubles1, Floats1, Floats2, Floats3, Pair, Scalar
+from .arrays import Floats1, Floats2, Floats3, Pair, Scalar
 from .compile import kernel
 from .functions import unset, zeros
 
@@ -67,19 +67,6 @@ class Limits(NamedTuple):
     iterations: int
 
 
-class Edges(NamedTuple):
-    """Weights of a pixel's links to its neighbours."""
-
-    right: Scalar
-    left: Scalar
-    below: Scalar
-    above: Scalar
-    below_right: Scalar
-    above_left: Scalar
-    below_left: Scalar
-    above_right: Scalar
-
-
 @kernel
 def planes(count: int, size: Pair) -> FloatArray:
     """Planes for a rectangle of some rows and columns: zero around it, arbitrary in it."""
@@ -110,7 +97,7 @@ def linked_sum(links: Floats3, values: Floats2, out: Floats2) -> None:
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
             index = np.uintp(row * width) + np.uintp(column)
-            sums[index] = _around(_edges(flat, index, below, plane), x, index, below)
+            sums[index] = _around(flat, index, x, index, below, plane)
 
 
 @kernel
@@ -163,9 +150,8 @@ def solve(
                 solution[field], residual[field], direction[field], applied[field], step
             )
             if not scaled:
-                _precondition(residual[field], inverse[field], better[field])
-                squared[field] = product(residual[field], better[field])
-        worst = _largest(squared)
+                squared[field] = _precondition(residual[field], inverse[field], better[field])
+        worst = squared.max()  # NaN if one is
         norm = norm if norm > 0 else worst
         if used == limits.iterations or not worst > limits.tolerance**2 * norm:
             return math.sqrt(worst / norm) if norm != 0 else 0.0, used
@@ -180,16 +166,6 @@ def solve(
             curvature = product(direction[field], applied[field])
             steps[field] = squared[field] / curvature if curvature != 0 else 0
             before[field] = squared[field]
-
-
-@kernel
-def _largest(products: Doubles1) -> float:
-    """The largest product of a field, NaN if one is."""
-    largest = 0.0
-    for value in products:
-        if value > largest or math.isnan(value):
-            largest = value
-    return largest
 
 
 @kernel
@@ -213,37 +189,38 @@ def _multiply(links: Floats3, diagonal: Scalar, values: Floats3, product: Floats
             for column in range(width):
                 first = np.uintp(row * width) + np.uintp(column)
                 second, third = first + plane, first + plane + plane
-                edges = _edges(flat, first, below, plane)
-                one = diagonal * x[first] - _around(edges, x, first, below)
-                two = diagonal * x[second] - _around(edges, x, second, below)
-                three = diagonal * x[third] - _around(edges, x, third, below)
+                one = diagonal * x[first] - _around(flat, first, x, first, below, plane)
+                two = diagonal * x[second] - _around(flat, first, x, second, below, plane)
+                three = diagonal * x[third] - _around(flat, first, x, third, below, plane)
                 out[first] = one
                 out[second] = two
                 out[third] = three
 
 
 @kernel
-def _edges(links: Floats1, index: Unsigned, below: Unsigned, plane: Unsigned) -> Edges:
-    """The links of a pixel. below, plane: elements of a row and of a plane."""
-    down, right, left = index + plane, index + plane + plane, index + plane + plane + plane
-    return Edges(
-        links[index], links[index - _NEXT], links[down], links[down - below],
-        links[right], links[right - below - _NEXT], links[left], links[left - below + _NEXT],
-    )  # fmt: skip
+def _around(
+    links: Floats1,
+    pixel: Unsigned,
+    values: Floats1,
+    index: Unsigned,
+    below: Unsigned,
+    plane: Unsigned,
+) -> Scalar:
+    """The sum of the neighbours' values, each times its link.
 
-
-@kernel
-def _around(edges: Edges, values: Floats1, index: Unsigned, below: Unsigned) -> Scalar:
-    """The sum of the neighbours' values, weighted."""
+    pixel, index: of the pixel in a plane of links, and in the values. below, plane: elements of a
+    row and of a plane.
+    """
+    down, right, left = pixel + plane, pixel + plane + plane, pixel + plane + plane + plane
     return (
-        edges.right * values[index + _NEXT]
-        + edges.left * values[index - _NEXT]
-        + edges.below * values[index + below]
-        + edges.above * values[index - below]
-        + edges.below_right * values[index + below + _NEXT]
-        + edges.above_left * values[index - below - _NEXT]
-        + edges.below_left * values[index + below - _NEXT]
-        + edges.above_right * values[index - below + _NEXT]
+        links[pixel] * values[index + _NEXT]
+        + links[pixel - _NEXT] * values[index - _NEXT]
+        + links[down] * values[index + below]
+        + links[down - below] * values[index - below]
+        + links[right] * values[index + below + _NEXT]
+        + links[right - below - _NEXT] * values[index - below - _NEXT]
+        + links[left] * values[index + below - _NEXT]
+        + links[left - below + _NEXT] * values[index - below + _NEXT]
     )
 
 
@@ -291,8 +268,9 @@ def _inverses(diagonal: Floats3) -> FloatArray:
 
 
 @kernel
-def _precondition(residual: Floats2, inverse: Floats2, better: Floats2) -> None:
-    """Write the residual over the diagonal to `better`."""
+def _precondition(residual: Floats2, inverse: Floats2, better: Floats2) -> float:
+    """Write the residual over the diagonal to `better`. Returns the product of both."""
     scale, r, z = inverse.reshape(-1), residual.reshape(-1), better.reshape(-1)
     for index in range(len(z)):
         z[index] = scale[index] * r[index]
+    return product(residual, better)

@@ -5,7 +5,7 @@ arrays.
 import numpy as np
 
 from ...shared.arrays import FloatArray
-from .arrays import Area, Floats1, Pair, Scalar
+from .arrays import Area, Pair, Scalar
 from .compile import kernel
 from .lanes import BYTES, WIDTH, Lanes, root_seed
 
@@ -78,34 +78,23 @@ def chunk_at(number: int, shape: Pair, size: Pair) -> Area:
 
 
 @kernel
-def _aligned(size: int) -> Floats1:
-    """A line of arbitrary values, aligned to the size of a vector, where reading is fastest."""
-    buffer = np.empty(size + WIDTH, np.float32)
-    first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
-    return buffer[first : first + size]
-
-
-@kernel
-def _zeroed(size: int) -> Floats1:
-    line = _aligned(size)
-    for index in range(size):
-        line[index] = np.float32(0)
-    return line
-
-
-@kernel
 def unset(*shape: int) -> FloatArray:
-    """An array of float32, of arbitrary values, aligned to the size of a vector."""
+    """An array of float32, of arbitrary values, aligned to the size of a vector, where reading is
+    fastest.
+    """
     size = 1
     for length in shape:
         size *= length
-    return _aligned(size).reshape(shape)
+    buffer = np.empty(size + WIDTH, np.float32)
+    first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
+    return buffer[first : first + size].reshape(shape)
 
 
 @kernel
 def zeros(*shape: int) -> FloatArray:
     """An array of zeros, otherwise like `unset`."""
-    size = 1
-    for length in shape:
-        size *= length
-    return _zeroed(size).reshape(shape)
+    result = unset(*shape)
+    line = result.reshape(-1)
+    for index in range(len(line)):
+        line[index] = np.float32(0)
+    return result

@@ -37,9 +37,6 @@ _FLAGS = ("contract",)
 class LanesType(types.Type):  # type: ignore[misc]
     """Numba's type of lanes."""
 
-    def __init__(self) -> None:
-        super().__init__(name="lanes")
-
 
 @register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
@@ -47,7 +44,7 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
         super().__init__(manager, kind, _FLOATS)
 
 
-_LANES = LanesType()
+_LANES = LanesType("lanes")
 
 
 def _fits(*arguments: Any) -> bool:

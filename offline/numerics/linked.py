@@ -57,22 +57,6 @@ class Extent(NamedTuple):
     tolerance: float
 
 
-class Solution(NamedTuple):
-    """Results, written.
-
-    Attributes
-    ----------
-    fields : Floats3
-        (F, rows, W).
-    residuals, used : Doubles1, Ints1
-        (chunks,), relative residual of the worst field, and iterations.
-    """
-
-    fields: Floats3
-    residuals: Doubles1
-    used: Ints1
-
-
 def fitted(
     luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent, solver: str
 ) -> FloatArray:
@@ -89,62 +73,73 @@ def fitted(
     rows, width = extent.end - extent.first, luminance.shape[1]
     chunks = -(-rows // SIDE) * -(-width // SIDE)
     fields = np.empty((len(samples.weights), rows, width), np.float32)
-    solution = Solution(fields, np.empty(chunks), np.empty(chunks, np.intp))
-    contiguous = Samples(*map(np.ascontiguousarray, samples))
-    solve_linked(np.ascontiguousarray(luminance), contiguous, prior, extent, solution)
-    check_convergence(solver, solution.used, solution.residuals, extent.tolerance)
+    residuals, used = np.empty(chunks), np.empty(chunks, np.intp)
+    inputs = Samples(*map(np.ascontiguousarray, samples))
+    solve_linked(np.ascontiguousarray(luminance), inputs, prior, extent, fields, residuals, used)
+    check_convergence(solver, used, residuals, extent.tolerance)
     return fields
 
 
-@parallel_kernel(chunks=lambda *arguments: len(arguments[-1].used))
+@parallel_kernel()
 def solve_linked(
     chunks: Chunks,
     luminance: Frozen2,
     samples: Samples,
     prior: Prior,
     extent: Extent,
-    solution: Solution,
+    fields: Floats3,
+    residuals: Doubles1,
+    used: Ints1,
 ) -> None:
-    """Solve the chunks of some rows, see `fitted`."""
+    """Solve the chunks of some rows, see `fitted`.
+
+    Parameters
+    ----------
+    fields : Floats3
+        (F, rows, W), written.
+    residuals, used : Doubles1, Ints1
+        (chunks,), written: relative residual of the worst field, and iterations.
+    """
     height, width = luminance.shape
     for chunk in range(chunks[0], chunks[1]):
         top, bottom, left, end = chunk_at(chunk, (extent.end - extent.first, width), (SIDE, SIDE))
         above = max(extent.first + top - extent.halo, 0)
         below = min(extent.first + bottom + extent.halo, height)
         before, after = max(left - extent.halo, 0), min(end + extent.halo, width)
-        links = zeros(4, below - above, after - before)
-        link(luminance[above:below, before:after], prior, links)
-        weights = samples.weights[:, above:below, before:after]
-        products = samples.products[:, above:below, before:after]
-        fields, residual, used = _solved(
-            weights, products, links, np.float32(prior.fading), extent.tolerance
+        solution, residuals[chunk], used[chunk] = _solved(
+            luminance[above:below, before:after],
+            samples.weights[:, above:below, before:after],
+            samples.products[:, above:below, before:after],
+            prior,
+            extent.tolerance,
         )
-        solution.residuals[chunk], solution.used[chunk] = residual, used
-        for field in range(len(weights)):
+        for field in range(len(fields)):
             for row in range(top, bottom):
-                line = fields[field, BORDER + extent.first + row - above]
+                line = solution[field, BORDER + extent.first + row - above]
                 for column in range(left, end):
-                    solution.fields[field, row, column] = line[column - before]
+                    fields[field, row, column] = line[column - before]
 
 
 @kernel
-def link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
+def _link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
     """Write how much each pixel is to be like those to the right, below, below right and below
     left; little across edges.
 
     Parameters
     ----------
     links : Floats3
-        (4, H, W), zeros at first.
+        Planes of `conjugate_gradients`, zeros at first.
     """
     smoothness, scale = np.float32(prior.smoothness), np.float32(1 / prior.edge**2)
     rows, half = len(luminance), _HALF * smoothness
     for row in range(rows):
-        _link_row(luminance[row, :-1], luminance[row, 1:], smoothness, scale, links[0, row])
+        here, at = luminance[row], BORDER + row
+        _link_row(here[:-1], here[1:], smoothness, scale, links[0, at])
         if row + 1 < rows:
-            _link_row(luminance[row], luminance[row + 1], smoothness, scale, links[1, row])
-            _link_row(luminance[row, :-1], luminance[row + 1, 1:], half, scale, links[2, row])
-            _link_row(luminance[row, 1:], luminance[row + 1, :-1], half, scale, links[3, row, 1:])
+            there = luminance[row + 1]
+            _link_row(here, there, smoothness, scale, links[1, at])
+            _link_row(here[:-1], there[1:], half, scale, links[2, at])
+            _link_row(here[1:], there[:-1], half, scale, links[3, at, 1:])
 
 
 @kernel
@@ -156,20 +151,19 @@ def _link_row(here: Floats1, there: Floats1, weight: Scalar, scale: Scalar, link
 
 @kernel
 def _solved(
-    weights: Floats3, products: Floats3, links: Floats3, fading: Scalar, tolerance: float
+    luminance: Floats2, weights: Floats3, products: Floats3, prior: Prior, tolerance: float
 ) -> tuple[FloatArray, float, int]:
     """The fields of a chunk, in planes of `conjugate_gradients`, its relative residual and the
     iterations used.
     """
     count, rows, columns = weights.shape
     padded = (count + TOGETHER - 1) // TOGETHER * TOGETHER
-    graph, degree = planes(4, (rows, columns)), planes(1, (rows, columns))[0]
-    for side in range(4):
-        _place(links[side], graph[side])
+    degree, fading = planes(1, (rows, columns))[0], np.float32(prior.fading)
     shape = degree.shape
-    diagonal, residual, fields = zeros(padded, *shape), zeros(padded, *shape), zeros(padded, *shape)
+    links, diagonal, residual = zeros(4, *shape), zeros(padded, *shape), zeros(padded, *shape)
+    _link(luminance, prior, links)
     residual[0] = _ONE
-    linked_sum(graph, residual[0], degree)
+    linked_sum(links, residual[0], degree)
     residual[0] = _ZERO
     for field in range(padded):
         if field < count:
@@ -179,9 +173,8 @@ def _solved(
             line, sums = diagonal[field, row], degree[row]
             for column in range(columns):
                 line[column] += sums[column] + fading
-    left, used = solve(
-        System(graph, diagonal), residual, fields, Limits(tolerance, _ITERATIONS), 0.0
-    )
+    fields, limits = zeros(padded, *shape), Limits(tolerance, _ITERATIONS)
+    left, used = solve(System(links, diagonal), residual, fields, limits, 0.0)
     return fields, left, used
 
 

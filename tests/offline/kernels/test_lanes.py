@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from panchroma.offline.numerics import functions, lanes
-from panchroma.offline.numerics.lanes import BYTES, WIDTH, load, store
+from panchroma.offline.numerics.lanes import WIDTH, load, store
 from panchroma.shared.arrays import FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 
@@ -90,17 +89,3 @@ def test_exponential() -> None:
 def test_mirrored_is_the_border_of_numpy(size: int) -> None:
     wide = np.pad(np.arange(size, dtype=np.float32), 20, mode="reflect")
     assert [MIRRORED(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()
-
-
-@callable_kernel
-def places_of_zeros(sizes: "NDArray[np.intp]") -> "NDArray[np.intp]":
-    places = np.empty(len(sizes), np.intp)
-    for index in range(len(sizes)):
-        memory = functions.zeros(sizes[index])
-        is_right = len(memory) == sizes[index] and not memory.any()
-        places[index] = memory.ctypes.data if is_right else -1
-    return places
-
-
-def test_zeros_begin_on_a_boundary() -> None:
-    assert not (places_of_zeros(np.arange(1, 200)) % BYTES).any()
