@@ -22,21 +22,16 @@ from ..render import colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
 from ..stages.shading import ShadingCorrection
 from ..units import check_frames
-from .align import Alignment, View, align
 from .colour import ColourSamples, Spreading, relit_sites, single_frame_weight
 from .merge import denoised, merge_luminance, uncovered
 from .motion import Motion, in_frame, in_reference
 from .select import Comparison, Judged, compare_frames, copies
 
 __all__ = [
-    "Alignment",
     "Judged",
     "MergedBurst",
     "Motion",
-    "View",
-    "align",
     "burst_memory",
-    "copies",
     "in_frame",
     "in_reference",
     "merge_burst",
@@ -121,9 +116,8 @@ def merge_burst(
     )
     judged = dict(zip(distinct, comparison.frames, strict=True))
     for copy, original in copied.items():
-        judged[copy] = Judged(
-            f"is a copy of frames[{original}]: its samples are the same", copy_of=original
-        )
+        reason = f"is a copy of frames[{original}]: its samples are the same"
+        judged[copy] = Judged(reason, copy_of=original)
     progress.stage("merging", 1)
     merged = _merged(comparison, settings)
     progress.advance()

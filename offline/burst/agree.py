@@ -1,7 +1,7 @@
 """Agreement of a frame with the reference at each pixel, beyond noise: 0 where something moved, was
 hidden or changed.
 
-They are compared where both measure luminance. The light has detail finer than a pixel, which each
+They are compared where both measure luminance. The image has detail finer than a pixel, which each
 frame samples at other places (aliasing), so edges and texture differ even where nothing has
 changed: differences are tolerated in proportion to the contrast of both. Four signs show a change:
 another mean; differences as large as the texture; many small differences of one sign over a wide
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum_filter
 
-from ...shared.arrays import ByteArray, DoubleArray, FloatArray, strips
+from ...shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray, strips
 from ...shared.mosaic import Mosaic
 from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
@@ -29,7 +29,7 @@ from .align import DEVIATIONS, TINY, View
 from .motion import Motion, displaced, in_frame, in_reference
 
 CLIPPED = 0.98
-"""Share of the sensor's limit from which on light counts as clipped. Chosen."""
+"""Fraction of the sensor's limit from which on a sample counts as clipped. Chosen."""
 NEIGHBOURHOOD = 1.5
 """Pixels: standard deviation of the Gaussian neighbourhood in which contrast is measured.
 
@@ -55,7 +55,7 @@ _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of 
 # 1.5 dB)
 _LOW, _HIGH = 0.3, 0.8
 _FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
-_BRIGHT = 0.92  # of the limit: light that counts less (bracket: 0.3 dB if none does)
+_BRIGHT = 0.92  # of the limit: brighter samples count less (bracket: 0.3 dB if none does)
 _STRIP = 256  # rows that are compared at a time
 # rows around them that they depend on
 _HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2
@@ -86,7 +86,7 @@ class Reference:
 
 
 def lit_evenly(view: View, shot: Mosaic) -> View:
-    """A frame without its shading, to find its motion: there light moves, and shading does not.
+    """A frame without its shading, to find its motion: the image moves, shading does not.
 
     Its noise is that of the mean over the frame, and the limit that of the least gain.
     """
@@ -105,12 +105,12 @@ def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -
     own, other = (mosaic.calibration.shading for mosaic in (shot, reference))
     if own is None and other is None:
         return frame
-    height, width = shot.shape
-    gain = other.of_plane(shot.shape) if other else np.ones(shot.shape, np.float32)
-    ratio = own.of_plane(shot.shape) if own else np.ones(shot.shape, np.float32)
-    for rows in strips(height, _STRIP):
-        down, across = np.arange(rows.start, rows.stop)[:, None], np.arange(width)
-        places = in_reference(motion, down, across, shot.shape)
+    ratio, gain = (
+        shading.of_plane(shot.shape) if shading else np.ones(shot.shape, np.float32)
+        for shading in (own, other)
+    )
+    for rows in strips(len(ratio), _STRIP):
+        places = in_reference(motion, *_pixels(rows, shot), shot.shape)
         ratio[rows] /= map_coordinates(gain, places, order=1, mode="nearest")
     return View(
         frame.luminance * ratio,
@@ -136,18 +136,20 @@ def agreement(reference: Reference, frame: View, moved: FloatArray, motion: Moti
     # rather than interpolated, in both
     measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
     deviation, result = colour_change(reference, frame, motion), np.empty(moved.shape, np.uint8)
+    own = reference.frame
     for rows in strips(len(moved), _STRIP):
         first = max(rows.start - _HALO, 0)
         near = slice(first, rows.stop + _HALO)
-        own = replace(reference.frame, luminance=reference.frame.luminance[near])
-        agrees = agreement_of_luminance(
-            own, View(moved[near], frame.noise, frame.limit), measured[near]
-        )
-        agrees = agrees[rows.start - first : rows.stop - first]
-        result[rows] = np.rint(
-            agrees * _agreement_of(_on_pixels(deviation, motion, reference.shot, rows))
-        )
+        views = replace(own, luminance=own.luminance[near]), replace(frame, luminance=moved[near])
+        agrees = agreement_of_luminance(*views, measured[near])[rows.start - first :]
+        colour = _agreement_of(_on_pixels(deviation, motion, reference.shot, rows))
+        result[rows] = np.rint(agrees[: len(colour)] * colour)
     return result
+
+
+def _pixels(rows: slice, shot: Mosaic) -> tuple[IndexArray, IndexArray]:
+    """Rows and columns of some rows of a frame."""
+    return np.arange(rows.start, rows.stop)[:, None], np.arange(shot.shape[1])
 
 
 def agreement_of_luminance(reference: View, frame: View, measured: FloatArray) -> ByteArray:
@@ -168,12 +170,9 @@ def agreement_of_luminance(reference: View, frame: View, measured: FloatArray) -
 
 
 def unclipped(view: View) -> FloatArray:
-    """1 for light well below the limit, 0 for clipped light, (H, W)."""
-    if not np.isfinite(view.limit):
-        return np.ones_like(view.luminance)
-    return np.clip(
-        (CLIPPED - view.luminance / np.float32(view.limit)) / np.float32(CLIPPED - _BRIGHT), 0, 1
-    )
+    """1 for luminance well below the limit, 0 where it is clipped, (H, W)."""
+    below = CLIPPED - view.luminance / np.float32(view.limit)
+    return np.clip(below / np.float32(CLIPPED - _BRIGHT), 0, 1)
 
 
 def _agreement_of(deviation: FloatArray) -> FloatArray:
@@ -189,9 +188,8 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     r_mean, f_mean, power, power_shown, mean, variance = _means(
         weight, NEIGHBOURHOOD, r, f, r * r, f * f, difference, difference * difference
     )
-    contrast = np.maximum(
-        np.minimum(power - r_mean * r_mean - own, power_shown - f_mean * f_mean - other), 0
-    )
+    texture, shown = power - r_mean * r_mean - own, power_shown - f_mean * f_mean - other
+    contrast = np.maximum(np.minimum(texture, shown), 0)
     even = np.square(_EXPOSURE * r_mean)
     tolerated, left = _MEAN**2 * contrast + even, _noise_left(NEIGHBOURHOOD)
     largest = mean * mean / (tolerated + DEVIATIONS**2 * left * noise + TINY)
@@ -213,9 +211,8 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     )
     least = noise / 4 + TINY  # what noise makes of a gradient
     dd, aa = np.maximum(dd - noise / 4, 0) + least, np.maximum(aa - noise / 4, 0) + least
-    explained = (aa * d * d - 2 * da * d * a + dd * a * a) / np.maximum(
-        dd * aa - da * da, 1e-3 * dd * aa
-    )
+    determinant = np.maximum(dd * aa - da * da, 1e-3 * dd * aa)
+    explained = (aa * d * d - 2 * da * d * a + dd * a * a) / determinant
     scatter = DEVIATIONS**2 * _noise_left(_SHIFTED) * noise
     return np.maximum(largest, explained / (_SHIFT**2 * (dd + aa) + even + scatter + TINY))
 
@@ -232,7 +229,7 @@ def _noise_left(sigma: float) -> float:
 
 
 # Chosen on a thing that only its colour shows: half and twice of each change its picture by the
-# decibels in brackets. share of the light by which a channel may differ: of one block, and over a
+# decibels in brackets. fraction of luminance by which a channel may differ: of one block, over a
 # neighbourhood (0.02, 0.2)
 _BLOCK, _NEARBY = 0.03, 0.02
 _WIDTH = 1.5  # blocks: standard deviation of that neighbourhood (0.4)
@@ -280,9 +277,8 @@ def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArr
     half = np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
     noise, rough = there(noise), there(rough[None])
     own = _block_colours(frame, mosaic)
-    beyond = own.channels - np.clip(
-        own.channels, (middle - half) * own.luminance, (middle + half) * own.luminance
-    )
+    low, high = (middle - half) * own.luminance, (middle + half) * own.luminance
+    beyond = own.channels - np.clip(own.channels, low, high)
     filled = np.square(FILL_ERROR * middle) * (own.contrast + rough)
     spread = DEVIATIONS**2 * (own.noise + noise)
     alone = np.square(beyond) / (np.square(_BLOCK * own.luminance) + filled + spread + TINY)
@@ -302,12 +298,9 @@ def _on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slic
     """
     sites = Sites.in_frame(mosaic)
     worst = maximum_filter(np.pad(deviation, 1, mode="edge"), 2)[1:, 1:]
-    places = in_frame(
-        motion, np.arange(rows.start, rows.stop)[:, None], np.arange(mosaic.shape[1]), mosaic.shape
-    )
-    at = (
-        places - np.array(sites.middle, np.float32)[:, None, None]
-    ) / sites.grid.period + np.float32(0.5)
+    places = in_frame(motion, *_pixels(rows, mosaic), mosaic.shape)
+    middle, half = np.array(sites.middle, np.float32)[:, None, None], np.float32(0.5)
+    at = (places - middle) / sites.grid.period + half
     return map_coordinates(worst, at, order=0, mode="nearest")
 
 

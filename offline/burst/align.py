@@ -54,10 +54,10 @@ _MOVED, _USUAL = 0.3, 4.0
 _ROUNDS = 2  # on each copy, each without what the one before has seen moving
 # of ECC: shift and rotation; iterations and change of the coefficient that end it
 _MODEL = cv2.MOTION_EUCLIDEAN, (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-5)
-# of the mean light, added before roots are taken: noise in the dark would decide. Without roots
+# of the mean luminance, added before roots are taken: noise in the dark would decide. Without roots
 # errors are twice as large (0.008 instead of 0.005 pixels, 0.037 instead of 0.016 with lamps)
 _BLACK = 0.1
-_ROUNDING = 1e-6  # of the power of the light: what rounding makes of differences
+_ROUNDING = 1e-6  # of the power of luminance: what rounding makes of differences
 _STEP = 32  # pixels between nodes of local shifts
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
@@ -150,22 +150,18 @@ def align(reference: View, frame: View) -> Alignment | str:
     Parameters
     ----------
     reference, frame : View
-        Luminance of every pixel (`recover_luminance`). Noise decides only how much the two may
-        differ.
+        Luminance of every pixel (`recover_luminance`), of one shape. Noise decides only how much
+        the two may differ.
 
     Returns
     -------
     Alignment | str
-        Why the frame cannot be aligned, if it cannot: another size, another scene, or too little
+        Why the frame cannot be aligned, if it cannot: few pixels, another scene, or too little
         texture.
     """
-    shape, other = reference.luminance.shape, frame.luminance.shape
-    if other != shape:
-        return (
-            f"{other[1]} x {other[0]} pixels, expected {shape[1]} x {shape[0]} like the reference"
-        )
-    if min(shape) < _SMALLEST:
-        return f"{shape[1]} x {shape[0]} pixels are too few to be aligned"
+    height, width = reference.luminance.shape
+    if min(height, width) < _SMALLEST:
+        return f"{width} x {height} pixels are too few to be aligned"
     gain = _gain(reference, frame)
     copies = list(_copies(reference, frame, gain))[::-1]
     # where a large thing moves, its shift may be the likeliest
@@ -220,7 +216,7 @@ def _gain(reference: View, frame: View) -> float:
 
 
 def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
-    """Smaller and smaller copies. Light that is clipped in one is in both."""
+    """Smaller and smaller copies. What is clipped in one is clipped in both."""
     limit = np.float32(min(reference.limit, frame.limit / gain))
     both = reference.luminance, frame.luminance / np.float32(gain)
     planes = [np.minimum(plane, limit) for plane in both]
@@ -266,7 +262,7 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     lit = inside & (own > 0) & (other > 0)
     gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
     moved = np.where(inside, moved / np.float32(gain), copy.reference)
-    # not another light on the scene
+    # not where illumination differs
     differs = smoothed(np.square(_texture(moved - copy.reference)), _TEXTURE_WIDTH)
     texture = smoothed(np.square(_texture(copy.reference)), _TEXTURE_WIDTH)
     usual = _MOVED * texture + _USUAL * np.median(differs)
@@ -274,8 +270,8 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
 
 
 def _refined(copy: _Copy, motion: Motion) -> Alignment:
-    """The shift and rotation, pixels of the copies, by which the roots of their light correlate
-    most, so that lamps do not decide alone; those given if OpenCV finds no better ones.
+    """The shift and rotation, pixels of the copies, by which the roots of their luminance
+    correlate most, so that lamps do not decide alone; those given if OpenCV finds no better ones.
     """
     black = _BLACK * max(float(copy.reference.mean()), TINY)
     frame, reference = (
@@ -359,6 +355,5 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
 
 def _around(plane: FloatArray, reach: int) -> FloatArray:
     """Means of the square around each pixel."""
-    return np.asarray(
-        cv2.blur(plane.astype(np.float32), (2 * reach + 1, 2 * reach + 1)), np.float32
-    )
+    side = 2 * reach + 1
+    return np.asarray(cv2.blur(plane.astype(np.float32), (side, side)), np.float32)

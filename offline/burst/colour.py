@@ -164,7 +164,7 @@ class ColourSamples:
 
     @property
     def level(self) -> float:
-        """Mean luminance. Lengths in light are shares of it, so that the exposure changes no
+        """Mean luminance. Differences of luminance are fractions of it, so that exposure changes no
         picture but its brightness.
         """
         return max(float(self.filled.mean()), TINY) if self.filled.size else 1.0
@@ -189,10 +189,8 @@ class ColourSamples:
         share = inside * self.weight[rest] * variance / with_distance
         full, within = (*shape, len(sites.pattern.channels)), block.clip(0, np.array(shape) - 1)
         place = np.ravel_multi_index((*within.T, self.channels[rest]), full)
-        sums = (
-            np.bincount(place, share * filled * factor, minlength=math.prod(full))
-            for factor in (filled, self.values[rest])
-        )
+        factors = filled, self.values[rest]
+        sums = (np.bincount(place, share * filled * factor, math.prod(full)) for factor in factors)
         return BlockSums(*(np.asarray(plane, np.float64).reshape(full) for plane in sums))
 
 
@@ -253,9 +251,8 @@ class Spreading(RowStage):
         most 1.
         """
         error, order = self.samples.error, np.argsort(self.samples.places[:, 0], kind="stable")
-        precision = error / (
-            error + self.samples.variance * np.square(self.measured.gamma32[self.samples.channels])
-        )
+        gamma = self.measured.gamma32[self.samples.channels]
+        precision = error / (error + self.samples.variance * np.square(gamma))
         return order, self.samples.places[order, 0], precision
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
@@ -298,23 +295,17 @@ def samples_of(
     last = rows - 1, columns - 1
     places = (samples.places[near] - (band.first, 0)).clip(0, last)
     first = places.astype(np.intp)
-    (down, across), (top, left) = (places - first).T, first.T
-    bottom, right = np.minimum(first + 1, last).T
-    shares = np.stack(
-        [(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across], axis=1
-    )
-    corners = [(top, left), (top, right), (bottom, left), (bottom, right)]
-    pixels = np.stack([columns * row + column for row, column in corners], axis=1)
+    (top, left), (bottom, right) = first.T, np.minimum(first + 1, last).T
+    pixels = np.stack([columns * y + x for y in (top, bottom) for x in (left, right)], axis=1)
+    down, across = (places - first).T
+    shares = np.stack([y * x for y in (1 - down, down) for x in (1 - across, across)], axis=1)
     channels = samples.channels[near].astype(np.intp)
-    colour = (
-        band.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]] * shares
-    ).sum(axis=1)
+    chromaticity = band.chromaticity.reshape(rows * columns, -1)[pixels, channels[:, None]]
+    colour = (chromaticity * shares).sum(axis=1)
     residual = gamma[channels] * (samples.values[near] - colour * samples.filled[near])
     weights = (samples.weight[near] * precision)[:, None] * shares
     shape = len(gamma), rows, columns
     at = (channels[:, None] * (rows * columns) + pixels).ravel()
-    sums = (
-        np.bincount(at, plane.ravel(), math.prod(shape))
-        for plane in (weights, weights * residual[:, None])
-    )
+    planes = weights, weights * residual[:, None]
+    sums = (np.bincount(at, plane.ravel(), math.prod(shape)) for plane in planes)
     return Samples(*(plane.reshape(shape).astype(np.float32) for plane in sums))

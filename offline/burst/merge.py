@@ -1,6 +1,6 @@
 """Luminance from the panchromatic samples of all frames of a burst, each at its own place.
 
-The frames sample one light field at places that differ by fractions of a pixel: together they show
+The frames sample one image at places that differ by fractions of a pixel: together they show
 more of it than one frame can. It is kept on a grid of half pixels. The start is the mean of the
 interpolated frames. Then, in several rounds, what the grid misses of the samples is added around
 them (iterated back-projection: Irani and Peleg 1991). Where that is no more than noise, nothing is
@@ -215,15 +215,13 @@ def _measured(panchromatic: Bools2, y: float, x: float) -> float:
     down, across = y - top, x - left
     upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, right]
     lower = (1 - across) * panchromatic[bottom, left] + across * panchromatic[bottom, right]
-    share: float = (1 - down) * upper + down * lower
-    return share
+    return (1 - down) * upper + down * lower
 
 
 @kernel
 def _variance(noise: Doubles2, frame: int, signal: Scalar) -> float:
     """Variance of the noise of a frame's panchromatic samples, more than 0."""
-    variance: float = max(noise[frame, 0] * max(signal, _ZERO) + noise[frame, 1], _LEAST)
-    return variance
+    return max(noise[frame, 0] * max(signal, _ZERO) + noise[frame, 1], _LEAST)
 
 
 @kernel

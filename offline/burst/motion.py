@@ -113,16 +113,11 @@ class Motions(NamedTuple):
     def of(cls, motions: Sequence[Motion], shape: tuple[int, ...]) -> "Motions":
         """Motions of frames of this shape, whose local shifts have the same nodes."""
         turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
-        local = [motion.local for motion in motions if motion.local is not None]
-        nodes = local[0].shape if local else (1, 1, 2)
-        shifts = np.array(
-            [np.zeros(nodes) if motion.local is None else motion.local for motion in motions],
-            np.float32,
-        )
-        spacing = [
-            (count - 1) / max(size - 1, 1) for count, size in zip(nodes, shape, strict=False)
-        ]
-        return cls(np.array(turns), np.array(starts), shifts, (spacing[0], spacing[1]))
+        local = [motion.local for motion in motions]
+        nodes = next((grid.shape for grid in local if grid is not None), (1, 1, 2))
+        shifts = np.array([np.zeros(nodes) if grid is None else grid for grid in local], np.float32)
+        down, across = ((nodes[axis] - 1) / max(shape[axis] - 1, 1) for axis in range(2))
+        return cls(np.array(turns), np.array(starts), shifts, (down, across))
 
 
 @kernel

@@ -30,10 +30,10 @@ _LEAST_AGREEMENT = 0.2  # share of the frame
 _LEAST_SHARPNESS = 0.85  # of the reference's detail; noise and aliasing leave 0.98 or more of it
 # of what noise accounts for: windows with less detail beyond noise do not show sharpness
 _DETAIL = 0.5
-# a quarter of the windows brighter or darker by this share than the middle: light from elsewhere
+# a quarter of the windows brighter or darker by this fraction than the median: a light elsewhere
 _UNEVEN = 0.12
-_LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared
-# share of clipped pixels; light in units of the noise: beyond, a frame shows nothing
+_LIT = 5.0  # standard deviations of the noise, above which a pixel counts when frames are compared
+# fraction of clipped pixels; mean luminance in units of noise: beyond, a frame shows nothing
 _GONE, _DARK = 0.9, 0.5
 # Pixels: Gaussians whose difference shows detail that a soft frame has lost, and windows that are
 # compared.
@@ -114,8 +114,8 @@ class Comparison:
     reference : int
         Its index.
     cleaned : Frame
-        Its samples, defects mended and highlights restored; `lost` where no other frame has seen
-        its light.
+        Its samples, defects mended and highlights restored; `lost` where no other frame has
+        measured them.
     frames : list[Judged]
         What became of each frame, in the order given.
     kept : list[Kept]
@@ -144,7 +144,7 @@ def copies(frames: Sequence[Mosaic], reference: int | None = None) -> dict[int, 
     Examples
     --------
     >>> import numpy as np
-    >>> from panchroma.offline.burst import copies
+    >>> from panchroma.offline.burst.select import copies
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> one, other = (np.random.default_rng(seed).integers(5000, 6000, (24, 36), np.uint16) for seed
     ...     in (1, 2))
@@ -178,10 +178,7 @@ def compare_frames(
         Where the reference's points lie in each frame, if that is known.
     """
     models = noise_models(shots, settings.noise)
-    frames = [
-        view_of(mend_frame(shot, model, settings), settings)
-        for shot, model in zip(shots, models, strict=True)
-    ]
+    frames = [view_of(shot, model, settings) for shot, model in zip(shots, models, strict=True)]
     known: Sequence[Motion | None] = motions or [None] * len(shots)
     tried = list[Comparison]()
     for number in candidates_of(frames) if reference is None else [reference]:
@@ -225,11 +222,7 @@ def judge(
     """
     if reason := misfit(shot, reference.shot) or emptiness(frame):
         return Judged(reason, motion), None
-    aligned = (
-        align(reference.lit_evenly, lit_evenly(frame, shot))
-        if motion is None
-        else Alignment(motion)
-    )
+    aligned = Alignment(motion) if motion else align(reference.lit_evenly, lit_evenly(frame, shot))
     if isinstance(aligned, str):
         return Judged(aligned), None
     frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
@@ -334,8 +327,8 @@ def _sharpness(reference: View, frame: View, visible: BoolArray) -> float:
 
 
 def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
-    """Difference of the light of a quarter of the windows from what the exposure explains, a share
-    of it.
+    """Difference of the luminance of a quarter of the windows from what the exposure explains, a
+    fraction of it.
     """
     share, own, other = (
         _window_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance)
@@ -369,13 +362,10 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     known = [mosaic.calibration.noise for mosaic in mosaics]
     is_stated = any(model and any(model.shot + model.read) for model in known)
     if settings.estimate and None in known and not is_stated:
-        speeds = [mosaic.metadata.iso for mosaic in mosaics]
-        alike = {
-            iso: [mosaic for mosaic, its in zip(mosaics, speeds, strict=True) if its == iso]
-            for iso in speeds
-        }
-        estimates = {iso: estimate_noise(*group) for iso, group in alike.items()}
-        known = [estimates[iso] for iso in speeds]
+        isos = [mosaic.metadata.iso for mosaic in mosaics]
+        groups = {iso: [mosaic for mosaic in mosaics if mosaic.metadata.iso == iso] for iso in isos}
+        estimates = {iso: estimate_noise(*group) for iso, group in groups.items()}
+        known = [estimates[iso] for iso in isos]
     other = next((model for model in known if model), None)
     if other is None:
         return known
@@ -403,7 +393,8 @@ def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSetting
     return mend_defects(uncleaned(mosaic, samples), settings.defects)
 
 
-def view_of(frame: Frame, settings: RenderSettings) -> View:
+def view_of(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> View:
     """A frame as it is compared and merged."""
+    frame = mend_frame(mosaic, noise, settings)
     luminance = recover_luminance(frame.mosaic, settings.luminance)
     return View(luminance, frame.noise, frame.clipping, frame.sites.of(frame.signal))

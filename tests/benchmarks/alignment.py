@@ -20,7 +20,8 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from panchroma.offline import BEST
-from panchroma.offline.burst import Alignment, Motion, View, align, in_frame, in_reference
+from panchroma.offline.burst import Motion, in_frame, in_reference
+from panchroma.offline.burst.align import Alignment, View, align
 from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray

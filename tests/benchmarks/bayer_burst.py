@@ -16,7 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from panchroma.offline.burst import Motion, View, align, in_frame, in_reference
+from panchroma.offline.burst import Motion, in_frame, in_reference
+from panchroma.offline.burst.align import View, align
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.calibration import NoiseModel
 from panchroma.shared.errors import InputError

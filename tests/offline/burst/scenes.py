@@ -8,7 +8,7 @@ from panchroma.shared.arrays import DoubleArray, FloatArray
 SHAPE = (150, 210)
 
 
-def light(y: DoubleArray, x: DoubleArray, seed: int = 0) -> DoubleArray:
+def luminance_at(y: DoubleArray, x: DoubleArray, seed: int = 0) -> DoubleArray:
     """Luminance, about 0.5 to 2.5, at points: waves of 6 to 80 pixels in all directions."""
     random = np.random.default_rng(seed)
     scene = np.full(y.shape, 1.5)
@@ -29,7 +29,7 @@ def pixels(shape: tuple[int, int] = SHAPE) -> tuple[DoubleArray, DoubleArray]:
 def seen(motion: Motion, shape: tuple[int, int] = SHAPE, seed: int = 0) -> FloatArray:
     """What a frame sees of the scene after a motion."""
     y, x = in_reference(motion, *pixels(shape), shape).astype(np.float64)
-    return light(y, x, seed).astype(np.float32)
+    return luminance_at(y, x, seed).astype(np.float32)
 
 
 def error(found: Motion, true: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:

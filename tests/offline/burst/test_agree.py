@@ -1,4 +1,4 @@
-"""How far frames agree: in spite of noise, a little more light and sampling; each kind of change is
+"""How far frames agree: in spite of noise, a little more exposure and sampling; each kind of change is
 found by a sign of its own.
 """
 
@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from panchroma.offline.burst import Motion, View
+from panchroma.offline.burst import Motion
 from panchroma.offline.burst import agree as module
 from panchroma.offline.burst.agree import agreement_of_luminance, lit_evenly, shaded_alike
+from panchroma.offline.burst.align import View
 from panchroma.offline.frame import Sites
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray
@@ -22,7 +23,7 @@ THING = np.zeros(SHAPE)
 THING[25:65, 35:85] = 1
 
 
-def light(y: DoubleArray = Y, x: DoubleArray = X, contrast: float = 0.2) -> DoubleArray:
+def luminance_at(y: DoubleArray = Y, x: DoubleArray = X, contrast: float = 0.2) -> DoubleArray:
     return 1 + contrast * np.sin(y / 2.5) * np.cos(x / 3)
 
 
@@ -71,17 +72,23 @@ def test_what_scales_samples_scales_their_noise_and_their_limit(
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
 @pytest.mark.parametrize(
-    "frame", [light(), 1.005 * light(), light(Y, X + 0.1)], ids=["same", "light", "sampling"]
+    "frame",
+    [luminance_at(), 1.005 * luminance_at(), luminance_at(Y, X + 0.1)],
+    ids=["same", "exposure", "sampling"],
 )
 def test_what_has_not_changed_agrees(frame: DoubleArray, sigma: float) -> None:
-    assert agrees(light(), frame, sigma) > 0.9
+    assert agrees(luminance_at(), frame, sigma) > 0.9
 
 
 CHANGES = {
-    "_MEAN": (light(), light() + 0.12 * THING, 0.02),
-    "_TEXTURE": (light(contrast=0.05), light(contrast=0.05) + 0.06 * THING * (-1) ** (Y + X), 0.01),
-    "_FAR": (light(contrast=0.05), light(contrast=0.05) + 0.02 * THING, 0.05),
-    "_SHIFT": (light(), light(Y, X + 0.6), 0.02),
+    "_MEAN": (luminance_at(), luminance_at() + 0.12 * THING, 0.02),
+    "_TEXTURE": (
+        luminance_at(contrast=0.05),
+        luminance_at(contrast=0.05) + 0.06 * THING * (-1) ** (Y + X),
+        0.01,
+    ),
+    "_FAR": (luminance_at(contrast=0.05), luminance_at(contrast=0.05) + 0.02 * THING, 0.05),
+    "_SHIFT": (luminance_at(), luminance_at(Y, X + 0.6), 0.02),
 }
 
 

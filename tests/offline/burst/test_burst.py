@@ -25,7 +25,7 @@ from panchroma.shared.errors import ConvergenceError, InputError, RangeError
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.scenes import darker_corners
 
-from .scenes import SHAPE, light
+from .scenes import SHAPE, luminance_at
 
 SHIFTS = [(0.0, 0.0), (1.3, -2.2), (-2.6, 0.4), (0.7, 2.9), (2.4, 1.6), (-1.1, -1.7)]
 ROUNDING, ROUNDING_IN_STEPS = 1e-4, 1e-2  # the latter of the network for colour, with its 8 bits
@@ -38,12 +38,12 @@ STAGES = replace(BEST, learned=PAPER.learned)
 def scene(
     motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE, strength: float = 1.5
 ) -> FloatArray:
-    """What a frame sees: fine waves of light, and coloured lines of some strength that are thinner
+    """What a frame sees: fine waves of luminance, and coloured lines of some strength that are thinner
     than the distance of two blocks.
     """
     row, column = (plane.astype(np.float32) for plane in np.indices(shape))
     y, x = (plane.astype(np.float64) for plane in in_reference(motion, row, column, shape))
-    brightness = light(y, x) / 3
+    brightness = luminance_at(y, x) / 3
     lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
     share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
     share[..., 0] += strength * lines
@@ -59,8 +59,8 @@ def shots(
 ) -> list[Mosaic]:
     calibration, taken = SensorCalibration(pattern.channels), []
     for seed, motion in enumerate(motions):
-        light, random = scene(motion, len(pattern.channels), shape), np.random.default_rng(seed)
-        taken.append(simulate_additive(light, pattern, calibration, sigma, random))
+        truth, random = scene(motion, len(pattern.channels), shape), np.random.default_rng(seed)
+        taken.append(simulate_additive(truth, pattern, calibration, sigma, random))
     return taken
 
 

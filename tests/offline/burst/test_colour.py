@@ -39,11 +39,11 @@ def samples_of(
     random = np.random.default_rng(0)
     height, width, channels = truth.shape
     y, x, of = (random.integers(most, size=count) for most in (height, width, channels))
-    light = luminance[y, x]
-    values = truth[y, x, of] * light + random.normal(0, variance**0.5, count).astype(np.float32)
+    filled = luminance[y, x]
+    values = truth[y, x, of] * filled + random.normal(0, variance**0.5, count).astype(np.float32)
     places, ones = np.stack([y, x], axis=1).astype(np.float32), np.ones(count, np.float32)
     variances = ones * np.float32(variance)
-    return ColourSamples(places, of.astype(np.uint8), values, light, variances, ones, own=0)
+    return ColourSamples(places, of.astype(np.uint8), values, filled, variances, ones, own=0)
 
 
 def spread(

@@ -18,7 +18,7 @@ SHIFTS = np.linspace(-0.4, 0.5, 24, dtype=np.float32).reshape(3, 4, 2)
 MOTIONS = [Motion(), Motion((0.6, -1.3), 0.01), Motion((-2.2, 0.4), -0.02, SHIFTS)]
 
 
-def light(y: DoubleArray, x: DoubleArray) -> DoubleArray:
+def luminance_at(y: DoubleArray, x: DoubleArray) -> DoubleArray:
     """A scene of waves, of which the shortest are 5 pixels long."""
     return 1 + 0.4 * np.sin(y / 2.5) * np.cos(x / 3) + 0.2 * np.sin((x + y) / 1.2)
 
@@ -36,7 +36,9 @@ def burst(
     sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = MOTIONS
 ) -> FloatArray:
     random = np.random.default_rng(0)
-    planes = [light(*places(motion, shape)) + random.normal(0, sigma, shape) for motion in motions]
+    planes = [
+        luminance_at(*places(motion, shape)) + random.normal(0, sigma, shape) for motion in motions
+    ]
     return np.array(planes, np.float32)
 
 
@@ -90,7 +92,7 @@ def test_shows_more_than_one_frame_can() -> None:
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
     fine, noise_ratio = merged(arguments(planes, agreement, motions=motions))
-    assert np.abs(fine[::2, ::2] - light(*pixels(shape)))[4:-4, 4:-4].max() < 0.02
+    assert np.abs(fine[::2, ::2] - luminance_at(*pixels(shape)))[4:-4, 4:-4].max() < 0.02
     assert noise_ratio[4:-4, 4:-4].max() < 0.5
     agreement[1:] = 0
     fine, noise_ratio = merged(arguments(planes, agreement, motions=motions))

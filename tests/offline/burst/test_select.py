@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER
-from panchroma.offline.burst import View, copies, merge_burst
-from panchroma.offline.burst.select import candidates_of, noise_models
+from panchroma.offline.burst import merge_burst
+from panchroma.offline.burst.align import View
+from panchroma.offline.burst.select import candidates_of, copies, noise_models
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
 SHAPE, PATTERN, CAMERA = (150, 132), CfaPattern.bayer(6), SensorCalibration.of_bits(12)
@@ -53,13 +54,6 @@ def test_what_cannot_be_compared_is_no_copy() -> None:
     other = replace(one, pattern=CfaPattern.bayer(6, "GRBG"))
     for frames in ([one, other, replace(one, samples=one.codes[:60])], [shot(1), shot(2)], []):
         assert copies(frames) == {}
-
-
-def test_a_frame_with_other_channels_is_left_out_with_the_reason() -> None:
-    one, pattern = shot(1), CfaPattern.of_letters("CMWWWW/YGWWWW" + 4 * "/WWWWWW")
-    other = Mosaic(shot(2).codes, pattern, SensorCalibration.of_bits(12, channels=pattern.channels))
-    merged = merge_burst([one, other], reference=0)
-    assert merged.frames[1].reason == "has another filter pattern than the reference"
 
 
 WIDE = (300, 420)
