@@ -1,6 +1,6 @@
 """Rendered in bands: the same bytes, every row once."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -30,16 +30,25 @@ def at_once(mosaic: Mosaic, settings: RenderSettings) -> FloatArray:
         return render(mosaic, settings).rgb
 
 
-def stitched(mosaic: object, **settings: object) -> FloatArray:
-    return np.concatenate(list(render_bands(mosaic, replace(PAPER, **settings))))  # type: ignore[arg-type]
+# forty-five repetitions look further than a band is high
+REPEATED = [
+    replace(PAPER, refinement=RefinementSettings(repetitions=repetitions))
+    for repetitions in (0, 1, 5, 45)
+]
 
 
 @pytest.mark.parametrize(
-    ("period", "shape"), [*zip((3, 4, 6, 8), SHAPES, strict=True), (6, SHAPES[0]), (4, SHAPES[2])]
+    ("period", "shape", "presets"),
+    [
+        *zip((3, 4, 6, 8, 6, 4), [*SHAPES, SHAPES[0], SHAPES[2]], [(PAPER, BEST)] * 6, strict=True),
+        (6, (400, 14), REPEATED),
+    ],
 )
-def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
+def test_bands_are_the_whole(
+    period: int, shape: tuple[int, int], presets: Sequence[RenderSettings]
+) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(period - 1, 1)), shape)
-    for settings in (PAPER, BEST):
+    for settings in presets:
         found = list(render_bands(mosaic, settings))
         assert len(found) > 1 or settings is BEST or shape[0] < 300
         assert np.array_equal(np.concatenate(found), at_once(mosaic, settings))
@@ -56,17 +65,6 @@ def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
     )
     assert not np.array_equal(
         render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb
-    )
-
-
-@pytest.mark.parametrize("repetitions", [0, 1, 5, 45])
-def test_bands_wait_for_what_refinement_looks_at(repetitions: int) -> None:
-    """Forty-five repetitions look further than a band is high."""
-    mosaic = shot(CfaPattern.bayer(6, origin=(2, 2)), (400, 14))
-    refinement = RefinementSettings(repetitions=repetitions)
-    assert np.array_equal(
-        stitched(mosaic, refinement=refinement),
-        at_once(mosaic, replace(PAPER, refinement=refinement)),
     )
 
 
@@ -117,17 +115,17 @@ def test_the_padded_frame_is_the_frame_mirrored_twice() -> None:
 @pytest.mark.parametrize("reach", [0, 5, 30])
 def test_windows_show_every_row_once_with_its_surroundings(step: int, reach: int) -> None:
     height, random = 100, np.random.default_rng(step)
-    light = random.random((height, 3), np.float32)
+    luminance = random.random((height, 3), np.float32)
     colour = random.random((height, 3, 2), np.float32)
     cuts = [0, 9, 10, 43, 60, 97, height]
-    bands = (Band(first, light[first:end], colour[first:end]) for first, end in pairwise(cuts))
+    bands = (Band(first, luminance[first:end], colour[first:end]) for first, end in pairwise(cuts))
     done = 0
     for band, (first, end) in regroup(bands, height, Halo(reach, step, -3)):
         assert first == done
         assert end == height or (end + 3) % step == 0
         assert band.first <= max(first - reach, 0)
         assert band.end >= min(end + reach, height)
-        assert np.array_equal(band.luminance, light[band.first : band.end])
+        assert np.array_equal(band.luminance, luminance[band.first : band.end])
         assert np.array_equal(band.rows(first, end).chromaticity, colour[first:end])
         done = end
     assert done == height

@@ -108,47 +108,40 @@ def test_without_any_stage_the_picture_is_grey_luminance(
         )
 
 
-def spoilt(plane: FloatArray, value: float) -> FloatArray:
-    plane = plane.copy()
-    plane[-1, 2] = value
-    return plane
+def spoilt(value: float) -> Callable[[FloatArray], FloatArray]:
+    def spoil(plane: FloatArray) -> FloatArray:
+        plane = plane.copy()
+        plane[-1, 2] = value
+        return plane
+
+    return spoil
 
 
-@pytest.mark.parametrize(
-    ("made", "words"),
-    [
-        (lambda shown: None, "returned NoneType, expected an offline.Band"),
-        (lambda shown: shown.chromaticity, "returned ndarray, expected an offline.Band"),
-        (
-            lambda shown: replace(shown, luminance=shown.luminance.astype(float)),
-            r"a luminance that is float64 \(50, 40\), expected float32",
-        ),
-        (
-            lambda shown: replace(shown, chromaticity=shown.chromaticity.astype(float)),
-            "a chromaticity that is float64",
-        ),
-        (
-            lambda shown: replace(shown, chromaticity=shown.luminance),
-            r"float32 \(50, 40\), expected float32 \(50, 40, 3\)",
-        ),
-        (
-            lambda shown: replace(shown, luminance=shown.luminance[:, 1:]),
-            r"float32 \(50, 39\), expected float32 \(50, 40\)",
-        ),
-        (lambda shown: shown.rows(0, 49), r"a luminance that is float32 \(49, 40\)"),
-        (lambda shown: replace(shown, first=3), "rows from 3 on, expected 0 to 50"),
-        (lambda shown: replace(shown, luminance=None), "a luminance that is NoneType"),
-        (
-            lambda shown: replace(shown, luminance=spoilt(shown.luminance, np.nan)),
-            "luminance that is not finite, first in row 49, column 2",
-        ),
-        (
-            lambda shown: replace(shown, chromaticity=spoilt(shown.chromaticity, np.inf)),
-            "chromaticity that is not finite",
-        ),
-        (lambda shown: replace(shown, residual=shown.chromaticity), "a residual that is"),
-    ],
-)
+def changed(name: str, change: Callable[[FloatArray], Any]) -> Callable[[Band], Band]:
+    """Make something else of one plane of a band."""
+    return lambda shown: replace(shown, **{name: change(getattr(shown, name))})
+
+
+WRONG: list[tuple[Callable[[Band], Any], str]] = [
+    (lambda shown: None, "returned NoneType, expected an offline.Band"),
+    (lambda shown: shown.chromaticity, "returned ndarray, expected an offline.Band"),
+    (changed("luminance", np.float64), r"a luminance that is float64 \(50, 40\), expected float32"),
+    (changed("chromaticity", np.float64), "a chromaticity that is float64"),
+    (changed("chromaticity", lambda plane: plane[..., 0]), r"\(50, 40\), expected .*\(50, 40, 3\)"),
+    (changed("luminance", lambda plane: plane[:, 1:]), r"\(50, 39\), expected float32 \(50, 40\)"),
+    (changed("luminance", lambda plane: None), "a luminance that is NoneType"),
+    (
+        changed("luminance", spoilt(np.nan)),
+        "luminance that is not finite, first in row 49, column 2",
+    ),
+    (changed("chromaticity", spoilt(np.inf)), "chromaticity that is not finite"),
+    (lambda shown: shown.rows(0, 49), r"a luminance that is float32 \(49, 40\)"),
+    (lambda shown: replace(shown, first=3), "rows from 3 on, expected 0 to 50"),
+    (lambda shown: replace(shown, residual=shown.chromaticity), "a residual that is"),
+]
+
+
+@pytest.mark.parametrize(("made", "words"), WRONG)
 @pytest.mark.parametrize("place", [0, None])
 def test_what_is_no_such_band_is_refused_and_the_stage_named(
     made: Callable[[Band], Any], words: str, place: int | None
@@ -160,11 +153,9 @@ def test_what_is_no_such_band_is_refused_and_the_stage_named(
 
 
 def test_planes_may_lie_in_memory_as_they_like() -> None:
-    turned = Own(lambda shown: replace(shown, chromaticity=np.asfortranarray(shown.chromaticity)))
+    turned = Own(changed("chromaticity", np.asfortranarray))
     even = Own(
-        lambda shown: replace(
-            shown, chromaticity=np.broadcast_to(np.float32(1 / 3), shown.chromaticity.shape)
-        )
+        changed("chromaticity", lambda plane: np.broadcast_to(np.float32(1 / 3), plane.shape))
     )
     for settings in (PAPER, BEST):
         assert np.array_equal(
@@ -177,22 +168,17 @@ class NoStage:
     name = "nothing"
 
 
+KIND = "expected objects of classes derived from panchroma.offline.RowStage"
+HALO = "the stage 'own' has .*, expected a radius of 0 or more, and an alignment of 1 or more"
+
+
 @pytest.mark.parametrize(
     ("stages", "words"),
     [
         ([], "stages is list, expected a function"),
         (lambda *_: None, "stages made NoneType, expected a list"),
-        (lambda *_: [Own], "expected objects of classes derived from panchroma.offline.RowStage"),
-        (
-            lambda *_: [NoStage()],
-            "expected objects of classes derived from panchroma.offline.RowStage",
-        ),
-        (lambda *_: [None], "expected objects of classes derived from panchroma.offline.RowStage"),
-        (
-            lambda *_: [Own(same, 0, 0)],
-            "the stage 'own' has .*, expected a radius of 0 or more, and an alignment of 1 or more",
-        ),
-        (lambda *_: [Own(same, -1)], "expected a radius of 0 or more"),
+        *((lambda *_, item=item: [item], KIND) for item in (Own, NoStage(), None)),
+        *((lambda *_, halo=halo: [Own(same, *halo)], HALO) for halo in ((0, 0), (-1,))),
     ],
 )
 def test_what_is_no_list_of_stages_is_refused(stages: Any, words: str) -> None:
