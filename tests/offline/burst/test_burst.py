@@ -248,7 +248,9 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     merged.samples.values[:] = np.nan
     with pytest.raises(ConvergenceError, match="samples: conjugate gradients stopped"):
         picture(merged)
-    monkeypatch.setattr("panchroma.offline.numerics.linked.check_convergence", lambda *_: None)
+    merged.measured.luminance[40, 50] = np.nan
+    for module in ("panchroma.offline.numerics.linked", "panchroma.offline.stages.affinity"):
+        monkeypatch.setattr(f"{module}.check_convergence", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         picture(merged)
 
