@@ -10,14 +10,13 @@ import pytest
 from panchroma.offline import BEST, PAPER, render, render_bands
 from panchroma.offline import patches as product
 from panchroma.offline.bands import Band, Halo, regroup
-from panchroma.offline.patches import band_rows, pad_frame, patches_of
+from panchroma.offline.patches import band_rows, patches_of
 from panchroma.offline.settings import RenderSettings
 from panchroma.offline.stages.refinement import RefinementSettings
 from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import shot
-from tests.reference import geometry
 
 SHAPES = [(300, 41), (437, 90), (701, 33), (60, 400)]
 
@@ -99,16 +98,6 @@ def test_bands_cover_every_row_and_patch_once(
         assert end == following
         assert end % chunk == 0
         assert (end - first) * grid.period >= product._BAND
-
-
-def test_the_padded_frame_is_the_frame_mirrored_twice() -> None:
-    grid = CfaPattern.bayer(6, origin=(2, 5)).grid((9, 13))
-    _, rows, columns = pad_frame(np.ones((9, 13), np.float32), grid)
-    top, left = geometry.first_patch(CfaPattern.bayer(6, origin=(2, 5)))
-    assert rows.tolist() == [geometry.mirrored(top + place, 9) for place in range(12)]
-    assert columns.tolist() == [geometry.mirrored(left + place, 13) for place in range(18)]
-    wider = pad_frame(np.ones((9, 13), np.float32), grid, 4).rows
-    assert wider.tolist() == [rows[geometry.mirrored(place, 12)] for place in range(-4, 16)]
 
 
 @pytest.mark.parametrize("step", [1, 7, 24])

@@ -1,15 +1,20 @@
 """Lanes and the functions of them: each does what NumPy does, element by element."""
 
+from collections.abc import Callable
+from typing import Any
+
+import numba
 import numpy as np
 import pytest
 
 from panchroma.offline.numerics import functions, lanes
 from panchroma.offline.numerics.lanes import WIDTH, load, store
 from panchroma.shared.arrays import FloatArray
-from tests.offline.kernels.from_python import callable_kernel
 
 # What the docstrings of the approximations promise.
 APPROXIMATE = 1e-6
+# Python can call what it compiles, with arguments of any type.
+callable_kernel: Callable[..., Any] = numba.njit(fastmath={"contract"}, error_model="numpy")
 MIRRORED = callable_kernel(functions.mirrored)
 
 
