@@ -20,15 +20,18 @@ from ...shared import CfaPattern, Mosaic, SensorCalibration
 from ...shared.arrays import DoubleArray, FloatArray
 from ..simulation.load import load_scene
 from ..simulation.sensor import simulate_additive
-from .drawings import drawing
+from .drawings import drawing, page
 
 DRAWN = "drawn"
 """The name of a source that is a drawing instead of a file."""
+PAGE = "page"
+"""The name of a source that is a page of print."""
 _SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".npy", ".dng"}
 _KEPT_BACK = 20  # one source in this many is kept back, to measure the loss
 # share without noise, and its range otherwise, drawn logarithmically
 _CLEAN, _SIGMAS = 1 / 3, (0.003, 0.04)
 _BLURS = (0.0, 0.4, 0.6, 0.8)  # pixels: standard deviations of optics
+_SOFTENED = 0.7  # share of pages of print that are varied; the others are as sharp as drawn
 _WHITE = 0.35  # standard deviation of the logarithm of each channel's gain
 _OWN_NOISE = 2e-5  # largest shot noise of a picture itself, variance per scene unit
 _KIND = np.float16  # what is kept on the disk: off by 5e-4 of a value at most
@@ -47,22 +50,32 @@ def kept_back(sources: Sequence[str]) -> list[bool]:
     one side.
     """
     places = enumerate(sources)
-    numbers = (place if source == DRAWN else sources.index(source) for place, source in places)
+    made = DRAWN, PAGE
+    numbers = (place if source in made else sources.index(source) for place, source in places)
     return [number % _KEPT_BACK == _KEPT_BACK // 2 for number in numbers]
+
+
+def pictured(source: str, random: np.random.Generator) -> FloatArray:
+    """A picture file, a drawing (`DRAWN`) or a page of print (`PAGE`), varied, (H, W, 3)."""
+    if source == DRAWN:
+        return varied(drawing(random), random)
+    if source == PAGE:
+        return varied(page(random), random) if random.random() < _SOFTENED else page(random)
+    return varied(load_scene(source).rgb, random)
 
 
 def photographed(
     source: str, patterns: Sequence[CfaPattern], clean: float, random: np.random.Generator
 ) -> tuple[FloatArray, Mosaic]:
-    """A picture file or a drawing (`DRAWN`), varied, (H, W, 3), and a shot of it with one of the
-    patterns, which begins anywhere.
+    """A picture, varied, (H, W, 3), and a shot of it with one of the patterns, which begins
+    anywhere. source: as for `pictured`.
 
     Parameters
     ----------
     clean : float
         The share of shots without noise.
     """
-    scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
+    scene = pictured(source, random)
     sigma = 0.0 if random.random() < clean else float(np.exp(random.uniform(*np.log(_SIGMAS))))
     pattern = patterns[int(random.integers(len(patterns)))]
     down, across = random.integers(pattern.period, size=2).tolist()
@@ -72,11 +85,13 @@ def photographed(
 
 
 def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> list[FloatArray]:
-    """Inputs and target of the network for h x w superpixels of K x K pixels, from a picture file
-    or a drawing (`DRAWN`). The same arguments give the same bytes.
+    """Inputs and target of the network for h x w superpixels of K x K pixels. The same arguments
+    give the same bytes.
 
     Parameters
     ----------
+    source : str
+        As for `pictured`.
     pattern : CfaPattern
         Its tile; where in the frame that begins is random.
 
@@ -99,7 +114,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     grid = Superpixels.of(measured.sites)
     # superpixels that lie wholly inside the frame
     rows, columns = ((1, count - 1) for count in grid.shape)
-    error, variance, _ = Residuals(grid, corrected, measured).of(rows, columns)
+    error, variance = Residuals(grid, corrected, measured).of(rows, columns)
     truth = Band(0, np.ones(mosaic.shape, np.float32), scene)
     return [
         _picture(grid, corrected, rows, columns).astype(_KIND),

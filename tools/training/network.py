@@ -1,15 +1,11 @@
 """The network, in PyTorch: residual convolutions on the grid of superpixels, with inputs and output
-in units of local activity.
+in the units of `offline.stages.colour_network.Contrast`.
 
-Activity is the contrast of luminance and colour around a superpixel, with what the render misses at
-the sites. A network that works in units of brightness instead learns nothing, or harms flat places.
-The correction is bounded by the contrast of colour alone, less a fraction of what noise explains:
-where a place has one colour, grey or another, nothing is corrected.
+A network that works in units of brightness instead learns nothing, or harms flat places.
 """
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from operator import mul
 from typing import Any
 
 import numpy as np
@@ -17,26 +13,11 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from ...offline.stages.colour_network import (
-    BASIS,
-    EVIDENCE,
-    GATE,
-    LUMINANCE,
-    MARGIN,
-    RANGE,
-    REACH,
-    SURROUNDINGS,
-)
+from ...offline.stages.colour_network import REACH, SURROUNDINGS
 from ...shared.arrays import FloatArray
 
 CHANNELS, BLOCKS = 128, REACH - 1
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
-HALO = REACH + MARGIN
-"""Superpixels around a result that it depends on: two for activity, and one for each 3 x 3
-convolution.
-"""
-LEAST = 1e-30
-"""Least squared activity, scene units squared, which only keeps quotients finite."""
 HUE, DARK = 0.06, 0.002
 """A hue is wrong if colour is off by more than this share of luminance (mean of the channels), and
 this many scene units.
@@ -45,6 +26,7 @@ this many scene units.
 
 # of gradient descent: largest step, steps up to it, weight decay
 _RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4
+_BETAS = 0.9, 0.98  # of gradients, and of their squares, which vary much
 _FAINT = 1e-5  # error, scene units squared, that hardly counts: 50 dB
 # one value in so many shows how they are spread: a prime number, to meet every channel
 _SAMPLED = 7
@@ -58,7 +40,7 @@ class Network(nn.Module):  # type: ignore[misc]
     period : int
         K.
     sites : int
-        S, of a block. `forward` takes what `features` returns.
+        S, of a block. `forward` takes what `Contrast.inputs` returns.
     """
 
     def __init__(self, period: int, sites: int, channels: int = CHANNELS) -> None:
@@ -90,39 +72,6 @@ class Network(nn.Module):  # type: ignore[misc]
         return lit, deep, self.deep[block](deep)
 
 
-def features(light: Any, colour: Any, error: Any, variance: Any) -> tuple[Any, Any]:
-    """(inputs of the network, bounded activity), two superpixels less on each side.
-
-    Parameters
-    ----------
-    light, colour : Any
-        From `pixels_of`.
-    error : Any
-        (N, S, h, w), variance: (N, 1, h, w), from `offline.stages.colour_network.Residuals`.
-    """
-    pixels = light.shape[1]
-    mean_light, *tints, noise = (
-        around(plane.mean(dim=1, keepdim=True))
-        for plane in (light, colour[:, :pixels], colour[:, pixels:], variance)
-    )
-    light, colour, error, variance = map(inner, (light, colour, error, variance))
-    positive = mean_light.clamp_min(1e-4)
-    tints = [tint / positive for tint in tints]
-    # What one chromaticity, the mean of the surroundings, does not explain.
-    odd = colour - torch.cat([light * tint for tint in tints], 1)
-    plain = light - mean_light
-    square = (error**2).mean(1, keepdim=True) + (odd**2).mean(1, keepdim=True)
-    evidence, contrast = around(square), around((plain**2).mean(1, keepdim=True))
-    planes = plain, odd, error, variance, noise, positive, *tints
-    plain, odd, error, variance, noise, positive, *tints = map(inner, planes)
-    scale = torch.sqrt((evidence + LUMINANCE * contrast).clamp_min(LEAST))
-    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - GATE * noise)))
-    levels = torch.log2(1 + torch.sqrt(variance) / scale), 0.3 * torch.log2(1 + positive / scale)
-    ratios = (plain / scale, odd / scale, error / scale)
-    inputs = torch.cat([*ratios, *tints, *levels, bound / scale], 1)
-    return inputs.clamp(-RANGE, RANGE), bound
-
-
 def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float]:
     """The steps in which values inside a network can be rounded to 8 bits with the least squared
     error.
@@ -133,12 +82,12 @@ def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float
     Parameters
     ----------
     batches : Iterable[Sequence[Any]]
-        Pictures, as for `losses`.
+        As for `losses`.
     """
     samples: dict[str, list[FloatArray]] = defaultdict(list)
     with torch.no_grad():
-        for picture, _, error, variance in batches:
-            values = {"features": features(*pixels_of(picture, network.period), error, variance)[0]}
+        for inputs, *_ in batches:
+            values = {"features": inputs}
             output = values["found"] = network.enter(values["features"])
             for block in range(BLOCKS):
                 names = (f"wide.{block}", f"deep.{block}", f"added.{block}")
@@ -166,10 +115,12 @@ def _unit(values: FloatArray, most: int) -> float:
 
 def optimiser_of(network: nn.Module) -> Any:
     """Optimiser of the weights of a network."""
-    return torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
+    return torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY, betas=_BETAS)
 
 
-def descent(optimiser: Any, done: int, steps: int, factor: float = 1.0) -> Iterator[int]:
+def descent(
+    optimiser: Any, done: int, steps: int, factor: float = 1.0, warm_up: int = _WARM_UP
+) -> Iterator[int]:
     """Number the steps, after those that are done, and set how far each goes: more at first, less
     in the end.
 
@@ -177,31 +128,14 @@ def descent(optimiser: Any, done: int, steps: int, factor: float = 1.0) -> Itera
     ----------
     factor : float, optional
         Of the usual length.
+    warm_up : int, optional
+        Steps up to the largest one.
     """
     for step in range(done, steps):
-        rate = min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
+        rate = min(1.0, (step + 1) / warm_up) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
         for group in optimiser.param_groups:
             group["lr"] = factor * _RATE * float(rate)
         yield step
-
-
-def pixels_of(picture: Any, period: int) -> tuple[Any, Any]:
-    """Light (N, K^2, h, w), the mean of the channels, and the components of colour in `BASIS` (N, 2
-    K^2, h, w), pixel by pixel.
-
-    Parameters
-    ----------
-    picture : Any
-        (N, 3, h K, w K).
-    """
-    planes = functional.pixel_unshuffle(picture, period).chunk(3, 1)
-    colour = [sum(map(mul, row.tolist(), planes)) for row in BASIS]
-    return sum(planes) / 3, torch.cat(colour, 1)
-
-
-def around(plane: Any) -> Any:
-    """Mean over 3 x 3 superpixels, one less on each side."""
-    return functional.avg_pool2d(plane, 3, 1)
 
 
 def inner(planes: Any, width: int = 1) -> Any:
@@ -219,18 +153,12 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
     Parameters
     ----------
     batch : Sequence[Any]
-        Picture, truth, error, variance, as in `examples.Example`.
+        What `run.prepare` returns, of each crop.
     """
-    picture, truth, error, variance = batch
-    # differences: 16 bits are too few
-    with torch.no_grad(), torch.autocast(picture.device.type, enabled=False):
-        light, colour = pixels_of(picture, network.period)
-        inputs, bound = features(light, colour, error, variance)
-        true_light, right = pixels_of(truth, network.period)
-        missing = inner(right - colour, HALO)
-        scale, known = inner(bound, BLOCKS + 1), inner(variance, HALO)
-        unit = torch.sqrt(scale**2 + 0.25 * known + 1e-5)
-        limit = HUE * inner(true_light, HALO) + DARK
+    inputs, *rest = batch
+    missing, light, scale, variance = (inner(planes, REACH) for planes in rest)
+    unit = torch.sqrt(scale**2 + 0.25 * variance + 1e-5)
+    limit = HUE * light + DARK
     left = missing - network(inputs).float() * scale
     return _measures(left, unit, limit), _measures(missing, unit, limit)
 

@@ -16,9 +16,17 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from ...offline.stages.colour_network import BASIS, SURROUNDINGS
+from ...offline.stages.colour_network import (
+    BASIS,
+    MARGIN,
+    REACH,
+    SURROUNDINGS,
+    WEIGHTS,
+    Contrast,
+)
 from ...offline.version import ALGORITHM
 from ...shared.arrays import FloatArray, IndexArray
 from ...shared.errors import InputError
@@ -26,16 +34,16 @@ from ...shared.networks import Block, network_file, network_for
 from ...shared.pattern import PANCHROMATIC, CfaPattern
 from ...shared.writing import durable_file
 from ..batch.progress import StageProgress
-from .examples import DRAWN, kept_back, make_example
+from .examples import DRAWN, PAGE, kept_back, make_example
 from .graph import Turn, load_weights, save_graph
-from .network import HALO, Network, descent, losses, optimiser_of, share_left, units
+from .network import Network, descent, losses, optimiser_of, share_left, units
 
 Example = list[Any]
-"""Tensors of what `examples.make_example` returns."""
+"""Tensors of what `prepare` returns."""
 Examples = tuple[list[Path], list[Path]]
 """Files of examples to learn from, and of those kept back."""
 _NORM = 1.0  # of the gradient: larger ones are cut
-_WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
+_SHARES = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints
 _JUDGED = 12  # batches of the sources kept back
 _MEASURED = 64  # examples that show how large the values in a network are
@@ -56,7 +64,8 @@ class Plan:
     batch : int
         Examples in each.
     variants : int
-        Examples made of each source; a drawing is added for every four photographs.
+        Examples made of each source; a page of print is added for every three photographs, and a
+        drawing for every four.
     patch : int
         Superpixels per side of what is learned from at a time, without surroundings.
     seed : int
@@ -145,24 +154,32 @@ def turn_of(plan: Plan) -> Turn | None:
     """
     if not (plan.transposed or plan.exchanged):
         return None
+    return turned(plan, transposed=bool(plan.transposed), exchanged=plan.exchanged)
+
+
+def turned(plan: Plan, *, transposed: bool, exchanged: bool) -> Turn:
+    """An orientation of a picture in which its superpixels are the same: rows become columns, or
+    half a turn with red and blue in exchange, or both, or neither.
+    """
     period, sites = plan.pattern.period, len(plan.pattern.sites)
     pixels, order = np.arange(period**2).reshape(period, period), list(range(sites))
     colour: FloatArray = np.eye(len(BASIS), dtype=np.float32)
-    if plan.transposed:
+    if transposed:
         pixels, order = pixels.T, plan.transposed
-    if plan.exchanged:
+    if exchanged:
         pixels, order, colour = pixels[::-1, ::-1], order[::-1], BASIS[:, ::-1] @ BASIS.T
     places = np.eye(period**2, dtype=np.float32)[pixels.ravel()]
     outputs = np.kron(colour, places)
     rest = np.eye(SURROUNDINGS - len(BASIS), dtype=np.float32)
     inputs = block_diag(places, outputs, np.eye(sites, dtype=np.float32)[order], colour, rest)
-    return Turn(inputs, outputs, bool(plan.transposed), plan.exchanged)
+    return Turn(inputs, outputs, transposed, exchanged)
 
 
 def make_examples(plan: Plan, work: Path, jobs: int, progress: StageProgress) -> Examples:
     """Make the examples that are not there yet."""
     examples: Examples = [], []
-    missing, sources = [], [*plan.sources, *[DRAWN] * -(-len(plan.sources) // 4)]
+    missing, count = [], len(plan.sources)
+    sources = [*plan.sources, *[PAGE] * -(-count // 3), *[DRAWN] * -(-count // 4)]
     for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
         for variant in range(plan.variants):
             path = work / f"{variant}-{number:05d}.npz"
@@ -213,7 +230,7 @@ def _descend(
         batch = _batch(examples, plan, (plan.seed, 0, step))
         with torch.autocast(device, dtype=torch.bfloat16):
             left, before = losses(network, batch)
-        loss = (share_left(left, before) * torch.tensor(_WEIGHTS, device=device)).sum()
+        loss = (share_left(left, before) * torch.tensor(_SHARES, device=device)).sum()
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), _NORM)
@@ -272,10 +289,48 @@ def _site_numbers(pattern: CfaPattern) -> IndexArray:
     return np.where(colour, colour.cumsum().reshape(colour.shape) - 1, -1)
 
 
+def prepare(
+    picture: FloatArray, truth: FloatArray, error: FloatArray, variance: FloatArray
+) -> list[NDArray[Any]]:
+    """What the network sees of a picture and what it has to find, for all superpixels but the
+    outermost `MARGIN`; all but the first two are in scene units.
+
+    Parameters
+    ----------
+    picture, truth, error, variance : FloatArray
+        What `examples.make_example` returns.
+
+    Returns
+    -------
+    list[NDArray[Any]]
+        `Contrast.inputs`; missing colour, (2 K^2, h, w); true luminance, (K^2, h, w); bound and
+        variance, (1, h, w) each. The first three are float16.
+    """
+    rows, columns = variance.shape[1:]
+    period = picture.shape[1] // rows
+    pixels, right = (
+        np.tensordot(
+            WEIGHTS,
+            planes.astype(np.float32)
+            .reshape(3, rows, period, columns, period)
+            .transpose(0, 2, 4, 1, 3)
+            .reshape(3, period**2, rows, columns),
+            1,
+        )
+        for planes in (picture, truth)
+    )
+    contrast = Contrast.of(pixels, error.astype(np.float32), variance[0])
+    right = right[..., MARGIN:-MARGIN, MARGIN:-MARGIN]
+    missing = (right[1:] - contrast.pixels[1:]).reshape(-1, *contrast.bound.shape)
+    small = (contrast.inputs(), missing, right[0])
+    large = contrast.bound, contrast.variance
+    return [*(planes.astype(np.float16) for planes in small), *(plane[None] for plane in large)]
+
+
 def _read(path: Path, device: str, progress: StageProgress) -> Example:
     """An example, as tensors."""
     with np.load(path) as arrays:
-        example = [torch.from_numpy(values).to(device) for values in arrays.values()]
+        example = [torch.from_numpy(planes).to(device) for planes in prepare(*arrays.values())]
     progress.advance()
     return example
 
@@ -289,24 +344,37 @@ def _judge(network: Network, batches: Sequence[Example]) -> list[float]:
 
 
 def _batch(examples: Sequence[Example], plan: Plan, seed: tuple[int, ...]) -> Example:
-    """Crops of random examples: picture, truth, error and variance, each a tensor (batch, ...)."""
-    random, side, period = np.random.default_rng(seed), plan.patch + 2 * HALO, plan.pattern.period
-    transposed, exchanged = plan.transposed, plan.exchanged
+    """Crops of random examples, each turned at random if its superpixels allow it."""
+    random, side, period = np.random.default_rng(seed), plan.patch + 2 * REACH, plan.pattern.period
     large = [example for example in examples if min(example[-1].shape[1:]) >= side]
     if not large:
-        needed = f"{side * period} pixels a side are needed"
+        needed = f"{(side + 2 * MARGIN) * period} pixels a side are needed"
         raise InputError(f"the pictures are too small to learn from: {needed}")
     windows: list[Example] = []
     for _ in range(plan.batch):
-        picture, truth, error, variance = large[random.integers(len(large))]
-        first = [int(random.integers(size - side + 1)) for size in variance.shape[1:]]
-        blocks = tuple(slice(start, start + side) for start in first)
-        pixels = tuple(slice(start * period, (start + side) * period) for start in first)
-        window = [picture[:, *pixels], truth[:, *pixels], error[:, *blocks], variance[:, *blocks]]
-        if random.random() < 0.5 and transposed:
-            window = [plane.transpose(1, 2) for plane in window]
-            window[2] = window[2][transposed]
-        if random.random() < 0.5 and exchanged:
-            window = [plane.flip(0, 1, 2) for plane in window]
-        windows.append(window)
-    return [torch.stack(planes).float() for planes in zip(*windows, strict=True)]
+        example = large[random.integers(len(large))]
+        first = [int(random.integers(size - side + 1)) for size in example[-1].shape[1:]]
+        down, across = (slice(start, start + side) for start in first)
+        window = [planes[:, down, across].float() for planes in example]
+        aside, over = random.random(2) < 0.5
+        turn = turned(
+            plan,
+            transposed=bool(aside and plan.transposed),
+            exchanged=bool(over and plan.exchanged),
+        )
+        windows.append(turn_window(window, turn))
+    return [torch.stack(planes) for planes in zip(*windows, strict=True)]
+
+
+def turn_window(window: Example, turn: Turn) -> Example:
+    """An example in another orientation."""
+    inputs, missing, light, *rest = window
+    places = turn.inputs[: len(light), : len(light)]
+    matrices = (turn.inputs, turn.outputs, places)
+    planes = [
+        torch.tensordot(torch.from_numpy(matrix).to(values), values, 1)
+        for matrix, values in zip(matrices, (inputs, missing, light), strict=True)
+    ]
+    planes = [*planes, *rest]
+    planes = [values.transpose(1, 2) for values in planes] if turn.transposed else planes
+    return [values.flip(1, 2) for values in planes] if turn.back else planes

@@ -2,18 +2,21 @@
 the truth.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from panchroma.shared import CfaPattern
-from panchroma.tools.training.drawings import SIZE, drawing
-from panchroma.tools.training.examples import DRAWN, make_example
+from panchroma.shared.arrays import FloatArray
+from panchroma.tools.training.drawings import SIZE, drawing, page
+from panchroma.tools.training.examples import DRAWN, PAGE, make_example
 
 SMALL = "builtin:200x150"
 PAPER = CfaPattern.bayer(6)
 
 
-@pytest.mark.parametrize("source", [SMALL, DRAWN])
+@pytest.mark.parametrize("source", [SMALL, DRAWN, PAGE])
 def test_the_same_seed_gives_the_same_example(source: str) -> None:
     first, again, other = (make_example(source, PAPER, (0, seed)) for seed in (1, 1, 2))
     assert all(map(np.array_equal, first, again))
@@ -32,9 +35,10 @@ def test_picture_and_truth_show_the_same_place(period: int) -> None:
         assert here < 0.5 * float(np.square(np.roll(picture, shift, (1, 2)) - truth).mean())
 
 
-def test_drawings_are_light() -> None:
-    for seed in range(6):
-        light = drawing(np.random.default_rng(seed))
+@pytest.mark.parametrize(("draw", "most"), [(drawing, 1.001), (page, 1.7)])
+def test_drawings_are_light(draw: Callable[[np.random.Generator], FloatArray], most: float) -> None:
+    for seed in range(12):
+        light = draw(np.random.default_rng(seed))
         assert light.shape == (SIZE, SIZE, 3)
         assert light.dtype == np.float32
-        assert 0 < light.min() <= light.max() <= 1.001
+        assert 0 < light.min() <= light.max() <= most

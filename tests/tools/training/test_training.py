@@ -6,18 +6,19 @@ import json
 import shutil
 import sys
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from panchroma.offline.stages.colour_network import BASIS, WEIGHTS, Contrast, cut_superpixels
+from panchroma.offline.stages.block_network import LINES, PLANES, PROPOSALS, mixed
+from panchroma.offline.stages.colour_network import BASIS
 from panchroma.offline.stages.luminance_network import SIDE
 from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
-from panchroma.shared.networks import Block, load_network, network_for
+from panchroma.shared.networks import load_network, network_for
 from panchroma.shared.runtime import session
 from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.samples import quantise
@@ -27,12 +28,12 @@ torch = pytest.importorskip(
     "torch", reason="training: PyTorch is not installed: pip install -e '.[training]'"
 )
 
-from panchroma.tools.training import run  # noqa: E402
+from panchroma.tools.training import blocks, run  # noqa: E402
 from panchroma.tools.training.__main__ import main  # noqa: E402
-from panchroma.tools.training.examples import DRAWN  # noqa: E402
+from panchroma.tools.training.examples import DRAWN, PAGE  # noqa: E402
 from panchroma.tools.training.graph import load_weights, save_graph  # noqa: E402
 from panchroma.tools.training.luminance import examples, learn, save  # noqa: E402
-from panchroma.tools.training.network import Network, features, pixels_of, units  # noqa: E402
+from panchroma.tools.training.network import Network, units  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning"
@@ -134,28 +135,26 @@ ORDER = [0, 2, 1, 3]  # the greens change places
 def test_what_is_learned_from_is_turned_as_a_whole(
     tile: str, transposed: list[int], exchanged: bool
 ) -> None:
-    """If the error of each site is its own colour, it is still so in every piece."""
-    plan = run.Plan((), CfaPattern.of_letters(tile), 1, batch=12, patch=4)
+    """As if the picture had been turned."""
+    plan = run.Plan((), CfaPattern.of_letters(tile), 1)
     assert (plan.transposed, plan.exchanged) == (transposed, exchanged)
-    letters, period = Block.of(plan.pattern).letters, plan.pattern.period
-    margin = (period - len(letters)) // 2
-    sites = [
-        ("RGB".index(letter), margin + y, margin + x)
-        for y, row in enumerate(letters)
-        for x, letter in enumerate(row)
-        if letter != "W"
-    ]
-
-    def own(picture: Any) -> Any:
-        """The colours of the sites."""
-        planes = [picture[..., channel, y::period, x::period] for channel, y, x in sites]
-        return torch.stack(planes, -3)
-
-    picture = torch.rand(3, 20 * period, 22 * period, generator=torch.Generator().manual_seed(1))
-    example = [picture, picture, own(picture), torch.ones(1, 20, 22)]
-    windows, _, error, _ = run._batch([example], plan, (1,))
-    assert torch.equal(error, own(windows))
-    assert len({tuple((window[:, 0, 0] > 0.5).tolist()) for window in windows}) > 1
+    period, sites = plan.pattern.period, len(plan.pattern.sites)
+    random = np.random.default_rng(0)
+    shapes = (3, 12 * period, 14 * period), (3, 12 * period, 14 * period), (sites, 12, 14)
+    parts = [random.uniform(0.2, 1, shape).astype(np.float32) for shape in (*shapes, (1, 12, 14))]
+    for aside, over in product((False, bool(transposed)), (False, exchanged)):
+        other = [part.copy() for part in parts]
+        if aside:
+            other = [part.transpose(0, 2, 1) for part in other]
+            other[2] = other[2][transposed]
+        if over:
+            other = [part[:, ::-1, ::-1] for part in other]
+            other[:3] = [part[::-1] for part in other[:3]]
+        example = [torch.from_numpy(planes).float() for planes in run.prepare(*parts)]
+        found = run.turn_window(example, run.turned(plan, transposed=aside, exchanged=over))
+        expected = run.prepare(*(np.ascontiguousarray(part) for part in other))
+        for mine, its in zip(found, expected, strict=True):
+            assert mine.numpy() == pytest.approx(its.astype(np.float32), abs=4e-3)
 
 
 def test_training_begins_with_the_weights_for_the_same_places() -> None:
@@ -186,30 +185,21 @@ def random_network(period: int, sites: int) -> Network:
     return network
 
 
-def rendered(period: int = 4, sites: int = 4) -> list[FloatArray]:
-    """Luminance (h, w), chromaticity, and error and variance at the sites, by superpixels; contrast
-    drowns in the noise on the right.
-    """
-    random, (down, across) = np.random.default_rng(0), (24, 21)
-    light = random.uniform(0.1, 1, (down * period, across * period)).astype(np.float32)
-    colour = random.uniform(0, 1, (*light.shape, 3)).astype(np.float32)
-    error = random.normal(0, 0.05, (sites, down, across)).astype(np.float32)
-    return [light, colour, error, np.tile(np.linspace(0, 0.4, across, dtype=np.float32), (down, 1))]
-
-
 def batch(period: int = 4, sites: int = 4) -> list[Any]:
-    """The same as a batch of one picture without truth."""
-    light, colour, error, variance = rendered(period, sites)
-    picture = np.ascontiguousarray((colour * light[..., None]).transpose(2, 0, 1))
-    picture, error, variance = (
-        torch.from_numpy(planes[None]) for planes in (picture, error, variance[None])
-    )
-    return [picture, None, error, variance]
+    """A batch of one picture, whose contrast drowns in the noise on the right."""
+    random, (down, across) = np.random.default_rng(0), (24, 21)
+    shape = down * period, across * period
+    light, tints = random.uniform(0.1, 1, shape), random.uniform(0, 1, (3, *shape))
+    picture = (light * tints).astype(np.float32)
+    error = random.normal(0, 0.05, (sites, down, across)).astype(np.float32)
+    variance = np.tile(np.linspace(0, 0.4, across, dtype=np.float32), (1, down, 1))
+    prepared = run.prepare(picture, picture, error, variance)
+    return [torch.from_numpy(planes[None]).float() for planes in prepared]
 
 
 @pytest.mark.parametrize("tile", ["K=4", "K=5", "kodak", "RGWW/BWWW/WWWW/WWWW"])
 def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> None:
-    """Rounded to 8 bits, it is off by 1 to 2 %.
+    """Rounded to 8 bits, it is off by 1 to 3 %.
 
     Where a superpixel is the same in another orientation, the file answers by the mean of what the
     network finds in both: transposed, or after half a turn with red and blue in exchange, or after
@@ -218,17 +208,13 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     plan = run.Plan((), CfaPattern.of_letters(tile), 1)
     sites, period = len(plan.pattern.sites), plan.pattern.period
     network, path = random_network(period, sites), tmp_path / "one.onnx"
-    picture, _, error, variance = batch(period, sites)
+    planes = batch(period, sites)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    inputs, _ = features(*pixels_of(picture, period), error, variance)
-    exchange = torch.tensor(BASIS[:, ::-1] @ BASIS.T)
-    if plan.transposed:
-        picture, error, variance = picture.mT, error.mT[:, plan.transposed], variance.mT
-    if plan.exchanged:
-        picture, error, variance = (plane.flip(1, 2, 3) for plane in (picture, error, variance))
+    inputs, exchange = planes[0], torch.tensor(BASIS[:, ::-1] @ BASIS.T)
+    turn = run.turned(plan, transposed=bool(plan.transposed), exchanged=plan.exchanged)
     with torch.no_grad():
         alone = network(inputs)
-        turned = network(features(*pixels_of(picture, period), error, variance)[0])
+        turned = network(run.turn_window([plane[0] for plane in planes], turn)[0][None])
     planes = torch.nn.functional.pixel_shuffle(turned, period)
     if plan.exchanged:
         planes = torch.einsum("nchw,ck->nkhw", planes.flip(2, 3), exchange)
@@ -240,25 +226,11 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
         asked = {"features": inputs.numpy(), "twice": np.array(twice)}
         (output,) = load_network(path).run(None, asked)
         assert output.shape == expected.shape
-        assert np.linalg.norm(output - expected) < 0.025 * np.linalg.norm(expected)
+        assert np.linalg.norm(output - expected) < 0.03 * np.linalg.norm(expected)
     kept = load_weights(path)
     assert kept.keys() == weights.keys()
     for name in weights.keys() - {"enter.weight"}:
         assert np.abs(kept[name] - weights[name]).max() < 1e-3
-
-
-def test_the_render_shows_the_network_what_it_has_learned_from() -> None:
-    """Features and bounds of a picture in both forms."""
-    light, colour, error, variance = rendered()
-    rows, columns = map(np.arange, light.shape)
-    pixels = np.empty((3, 16, len(rows) // 4, len(columns) // 4), np.float32)
-    cut_superpixels(light, colour, WEIGHTS, rows, columns, pixels)
-    contrast = Contrast.of(pixels, error, variance)
-    picture, _, *residuals = batch()
-    expected, bound = features(*pixels_of(picture, 4), *residuals)
-    assert np.abs(contrast.inputs() - expected[0].numpy()).max() < 1e-4
-    assert np.abs(contrast.bound - bound[0, 0].numpy()).max() < 1e-5
-    assert 0 < (bound == 0).float().mean() < 1
 
 
 def test_weights_can_be_rounded_again_without_learning(
@@ -304,3 +276,62 @@ def test_what_corrects_filled_luminance_is_learned_and_written(sites: int, tmp_p
     (output,) = session(tmp_path / "luminance.onnx").run(None, {"seen": inputs})
     assert output.shape == (5, sites)
     assert output == pytest.approx(network(torch.from_numpy(inputs)).detach().numpy(), abs=1e-4)
+
+
+@pytest.fixture(scope="module")
+def blocks_made(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Files of examples for the network of blocks: drawings, and pages of print."""
+    folder = tmp_path_factory.mktemp("blocks")
+    paths = [folder / f"{number}.npz" for number in range(4)]
+    for number, path in enumerate(paths):
+        np.savez(path, *blocks.example((DRAWN, PAGE)[number % 2], (0, number)))
+    return paths
+
+
+def test_the_same_seed_gives_the_same_blocks(blocks_made: list[Path]) -> None:
+    again = blocks.example(DRAWN, (0, 0))
+    with np.load(blocks_made[0]) as arrays:
+        assert all(map(np.array_equal, again, arrays.values()))
+    planes, colour = again
+    assert planes.shape == (PLANES, *colour.shape[1:])
+    own = (planes[-3 * PROPOSALS :][:3].astype(np.float64) + 1) / 3
+    colour = colour[:3]
+    light = colour.sum(axis=0)
+    bright = light > 0.5
+    assert np.median(np.abs(own * light - colour)[:, bright]) < 0.1  # they show the same place
+
+
+def test_blocks_with_red_and_blue_in_exchange_are_those_of_the_scene(
+    blocks_made: list[Path],
+) -> None:
+    """Every plane of red is that of blue then, and twice in exchange is what it was."""
+    order = np.array(blocks._EXCHANGED)
+    assert np.array_equal(order[order], np.arange(PLANES))
+    assert np.count_nonzero(order != np.arange(PLANES)) == 2 * (4 + len(LINES) + PROPOSALS)
+
+
+def test_the_network_of_blocks_learns_goes_on_and_is_written(
+    blocks_made: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sides, reports = (blocks_made, blocks_made), Reports()
+    one, other = tmp_path / "one", tmp_path / "other"
+    for folder in (one, other):
+        folder.mkdir()
+    network = blocks.learn(sides, 6, one, reports)
+    monkeypatch.setattr(blocks, "_REPORT", 3)
+    with pytest.raises(KeyboardInterrupt):
+        blocks.learn(sides, 6, other, Reports("step 3"))
+    again = blocks.learn(sides, 6, other, SILENT)
+    assert len(reports.texts) == 1
+    for mine, its in zip(network.parameters(), again.parameters(), strict=True):
+        assert mine.detach().numpy() == pytest.approx(its.detach().numpy(), abs=1e-6)
+    inputs = np.random.default_rng(0).normal(size=(1, PLANES, 16, 24)).astype(np.float32)
+    with torch.no_grad():
+        for layer in network.parameters():
+            layer.add_(0.02 * torch.randn(layer.shape))
+        found = network.half().float()(torch.from_numpy(inputs))
+    blocks.save(network, tmp_path / "blocks.onnx")
+    (answer,) = session(tmp_path / "blocks.onnx").run(None, {"planes": inputs})
+    assert answer == pytest.approx(found.numpy(), abs=2e-3)
+    lines = torch.cat(blocks.lines(torch.from_numpy(inputs), found), 1).numpy()
+    assert mixed(inputs[0], answer[0]) == pytest.approx(lines[0], abs=2e-3)

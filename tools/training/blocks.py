@@ -1,0 +1,479 @@
+"""Learn the chromaticity of blocks, `offline.stages.block_network`.
+
+    python -m panchroma.tools.training.blocks FOLDER... -o DIR
+
+Photographs, drawings and pages of print are simulated with several patterns, white balances and
+kinds of noise, some over-exposed, some with defects, some as the reference of a burst. From the
+planes of each block the network foretells the mean colour at its sites, and that of the pixels
+around by their luminance. A training that was
+interrupted goes on where it stopped.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from ...offline import use_threads
+from ...offline.frame import Sites
+from ...offline.render import clean_frame
+from ...offline.settings import BEST
+from ...offline.stages.block_network import (
+    CHOICES,
+    LINES,
+    NEAR,
+    PATH,
+    PLANES,
+    PROPOSALS,
+    UNIT,
+    alike_blocks,
+    block_planes,
+)
+from ...offline.stages.chromaticity import block_sums
+from ...offline.stages.colour_network import BASIS
+from ...offline.stages.denoising import denoise_luminance
+from ...offline.stages.luminance import recover_luminance
+from ...offline.version import ALGORITHM
+from ...shared import CfaPattern, SensorCalibration
+from ...shared.arrays import DoubleArray, FloatArray
+from ...shared.calibration import NoiseModel
+from ...shared.errors import InputError, PanchromaError
+from ...shared.writing import durable_file
+from ..batch.console import Console
+from ..batch.jobs import output_folder
+from ..batch.progress import StageProgress
+from ..simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_additive, simulate_sensor
+from .__main__ import add_common
+from .examples import DRAWN, PAGE, kept_back, photographs, pictured
+from .graph import Graph
+from .network import descent, optimiser_of
+
+WIDTHS = 48, 64, 96, 128
+"""Channels on the grid of blocks, and on grids of every second, fourth and eighth block."""
+_BATCH, _SIDE = 16, 32  # crops in a step, and blocks along the side of one
+_REPORT, _JUDGED = 400, 12  # steps between two checkpoints; batches of sources kept back
+_NORM = 1.0  # of the gradient: larger ones are cut
+# of the usual length of a step, and steps up to the largest one: longer ones diverge
+_FACTOR, _WARM_UP = 0.3, 200
+_LEAK = 0.1  # slope of what is below zero: with 0, nine of ten features died
+# what the weights of proposals begin with: of the block itself, of blocks beside it, of blocks that
+# are alike; 0 of the others
+_OWN, _BESIDE, _ALIKE = 1.0, -2.0, 2.0
+# pattern -> how often it is drawn
+_PATTERNS = {"K=6": 7, "K=4": 2, "K=5": 1, "K=8": 1, "RGWW/BWWW/WWWW/WWWW": 1, "kodak": 1}
+# how often a shot is one with additive noise, of a real sensor, the reference of a burst, and with
+# defects that nobody listed
+_SHOTS = {"additive": 0.65, "sensor": 0.2, "burst": 0.1, "defects": 0.05}
+_CLEAN, _SIGMAS = 0.3, (0.003, 0.06)  # share without noise, and its range otherwise
+_DARK, _STOPS = 0.25, 3.0  # share of scenes that are darkened, and how far at most
+_BALANCED, _GAMMA = 0.3, 0.25  # share with other weights of Eq. 7, standard deviation of their logs
+_EXPOSURES = (-2.0, 1.7)  # stops, of a real sensor
+_NOISIER = (-0.7, 1.3)  # its noise relative to a typical one, powers of ten
+_OTHERS = 7  # frames of a burst at most
+_DEFECTS = 3e-4  # share of samples
+# squares, in units of the mean light, of errors that hardly count, of a crop and of a block; and
+# light that is dark
+_FAINT, _FAINTEST, _DIM = 5e-5, 2e-6, 0.01
+
+
+def lit(values: Any) -> Any:
+    """What is below zero, made small."""
+    return functional.leaky_relu(values, _LEAK)
+
+
+def residual(inputs: Any, first: nn.Module, second: nn.Module) -> Any:
+    """What comes of a pair of convolutions, added to what went in."""
+    return inputs + second(lit(first(inputs)))
+
+
+class BlockNetwork(nn.Module):  # type: ignore[misc]
+    """A U-Net: pairs of convolutions on grids of blocks, each half as fine as the one before, and
+    back.
+    """
+
+    def __init__(self, widths: Sequence[int] = WIDTHS) -> None:
+        super().__init__()
+        last = len(widths) - 1
+
+        def wide(inputs: int, outputs: int) -> nn.Conv2d:
+            return nn.Conv2d(inputs, outputs, 3, padding=1, padding_mode="replicate")
+
+        self.levels = last
+        self.enter = wide(PLANES, widths[0])
+        for level, (fine, coarse) in enumerate(pairwise(widths)):
+            self.add_module(f"halve{level}", nn.Conv2d(fine, coarse, 2, 2))
+            self.add_module(f"spread{level}", nn.Conv2d(coarse, fine, 1))
+        for level, width in enumerate(widths):
+            for side in ("down", "up"):
+                self.add_module(f"{side}{level}a", wide(width, width))
+                self.add_module(f"{side}{level}b", wide(width, width))
+        self.leave = wide(widths[0], 4 + CHOICES)
+        for name, layer in self.named_children():
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)
+            if name.endswith("b") or name == "leave":  # at first, a pair changes nothing
+                nn.init.zeros_(layer.weight)
+        with torch.no_grad():
+            self.leave.bias[4 : 4 + len(NEAR)] = _BESIDE
+            self.leave.bias[4 + len(NEAR) // 2] = _OWN
+            self.leave.bias[-1 - len(LINES)] = _ALIKE
+
+    def forward(self, planes: Any) -> Any:
+        """(N, PLANES, h, w), h and w multiples of 2^levels -> (N, 4 + CHOICES, h, w)."""
+        values, finer = lit(self.enter(planes)), []
+        for level in range(self.levels + 1):
+            values = self._pair("down", level, values)
+            if level < self.levels:
+                finer.append(values)
+                values = lit(self.get_submodule(f"halve{level}")(values))
+        values = self._pair("up", self.levels, values)
+        for level in reversed(range(self.levels)):
+            spread = self.get_submodule(f"spread{level}")(values)
+            spread = functional.interpolate(spread, scale_factor=2, mode="nearest")
+            values = self._pair("up", level, finer[level] + spread)
+        return self.leave(values)
+
+    def _pair(self, side: str, level: int, values: Any) -> Any:
+        first, second = (self.get_submodule(f"{side}{level}{part}") for part in "ab")
+        return residual(values, first, second)
+
+
+def lines(planes: Any, answer: Any) -> tuple[Any, Any]:
+    """Chromaticities times gamma and slopes, (N, 3, h, w) each, as
+    `offline.stages.block_network.mixed` has them.
+    """
+    weights = torch.softmax(answer[:, 4:], 1)[:, :, None]
+    triples = planes[:, -3 * (len(LINES) + PROPOSALS) :].unflatten(1, (-1, 3))
+    slopes, (own, *others) = triples[:, : len(LINES)], triples[:, len(LINES) :].unbind(1)
+    wide, (rows, columns) = functional.pad(own, (1, 1, 1, 1), mode="replicate"), own.shape[2:]
+    beside = [wide[..., down : down + rows, across : across + columns] for down, across in NEAR]
+    basis = UNIT * torch.from_numpy(BASIS).to(answer)
+    odd, slope = (
+        torch.einsum("nkyx,ki->niyx", answer[:, first : first + 2], basis) for first in (0, 2)
+    )
+    odd = odd + (weights * torch.stack([*beside, *others], 1)).sum(1)
+    slope = slope + (weights[:, -len(LINES) :] * slopes).sum(1)
+    return (1 + odd - odd.mean(1, keepdim=True)) / 3, (slope - slope.mean(1, keepdim=True)) / 3
+
+
+def losses(found: Any, slope: Any, truth: Any) -> Any:
+    """Measures of the error of colour in each crop, (6, N): three at the sites of blocks, and three
+    at all pixels around them.
+
+    The three are the logarithm of the energy; the mean logarithm of that of blocks, so that even
+    places count; and the logarithm of the mean size relative to light, so that dark colour counts.
+    At a pixel of luminance l the colour is t l + s (l - x), with the components t of chromaticity
+    and s of its slope, and luminance x of the block; with u = t + s, v = - s x and the means <.>
+    around the block, the energy of its error is
+
+        u^2 <l^2> + 2 u v <l> + v^2 - 2 u <l p> - 2 v <p> + <p^2>,   summed over the components.
+
+    Parameters
+    ----------
+    found, slope : Any
+        What `lines` returns.
+    truth : Any
+        What `example` returns.
+    """
+    colour, mean, light_mean = truth[:, :3], truth[:, 3:6], truth[:, 6:9]
+    first, second, power, level = truth[:, 9:].unsqueeze(2).unbind(1)
+    light = colour.sum(1, keepdim=True)
+    at_sites = (light * found - colour).square().sum(1)
+    basis = torch.from_numpy(BASIS).to(found)
+    t, s, p, lp = (
+        torch.einsum("niyx,ki->nkyx", planes, basis) for planes in (found, slope, mean, light_mean)
+    )
+    u, v = t + s, -s * level
+    around = u * u * second + 2 * u * v * first + v * v - 2 * u * lp - 2 * v * p
+    around = (around.sum(1) + power[:, 0]).clamp_min(0)
+    return torch.cat([_measures(at_sites, light[:, 0]), _measures(around, first[:, 0])])
+
+
+def _measures(square: Any, light: Any) -> Any:
+    """The three measures of squared errors of blocks, (N, h, w), in light that is as bright."""
+    relative = square / (light + _DIM).square()
+    return torch.stack(
+        [
+            (square + _FAINT).mean((1, 2)).log(),
+            (square + _FAINTEST).log().mean((1, 2)),
+            (relative + _FAINT).sqrt().mean((1, 2)).log(),
+        ]
+    )
+
+
+def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+    """Planes of the blocks of a picture, float16 (PLANES, rows, columns), and their colours,
+    float32 (13, rows, columns), in units of the mean light. The same arguments give the same bytes.
+
+    The colours, with c = (R, G, B) times gamma, l their sum, p the components of c in `BASIS`, and
+    the mean <.> of the pixels around a block, which count the less the farther they are, up to K
+    pixels down and across: c at the sites, <c>, <l c>, <l>, <l^2>, <p^2>, and luminance at the
+    sites as it is filled in.
+    """
+    random = np.random.default_rng(seed)
+    scene = pictured(source, random)
+    if random.random() < _DARK:
+        scene = scene * np.float32(2 ** -random.uniform(0, _STOPS))
+    odds = np.array(list(_PATTERNS.values())) / sum(_PATTERNS.values())
+    pattern = CfaPattern.of_letters(str(random.choice(list(_PATTERNS), p=odds)))
+    down, across = random.integers(pattern.period, size=2).tolist()
+    pattern, gamma = replace(pattern, origin=(down, across)), np.ones(3)
+    if random.random() < _BALANCED:
+        gamma = np.exp(random.normal(0, _GAMMA, 3))
+        gamma *= 3 / gamma.sum()
+    scene = (scene / gamma).astype(np.float32)
+    camera = SensorCalibration(gamma=tuple(gamma.tolist()))
+    sigma = 0.0 if random.random() < _CLEAN else float(np.exp(random.uniform(*np.log(_SIGMAS))))
+    kind = str(random.choice(list(_SHOTS), p=list(_SHOTS.values())))
+    if kind == "sensor":
+        noisier, exposure = 10 ** random.uniform(*_NOISIER), 2 ** random.uniform(*_EXPOSURES)
+        noise = NoiseModel((TYPICAL_SHOT * noisier,) * 4, (TYPICAL_READ * noisier,) * 4)
+        mosaic = simulate_sensor(scene, pattern, replace(camera, noise=noise), exposure, random)
+        scene = scene * np.float32(exposure)
+    else:
+        mosaic = simulate_additive(scene, pattern, camera, sigma, random)
+    if kind == "defects":
+        samples = mosaic.signal.copy()
+        wrong = random.random(samples.shape) < _DEFECTS
+        samples[wrong] = random.uniform(0, 3, np.count_nonzero(wrong))
+        mosaic = replace(mosaic, samples=samples)
+    frame = clean_frame(mosaic)
+    filled = recover_luminance(frame.mosaic, BEST.luminance)
+    luminance, others = denoise_luminance(filled, frame.mosaic, BEST.denoising), None
+    for _ in range(int(random.integers(1, _OTHERS)) if kind == "burst" else 0):
+        shot = clean_frame(simulate_additive(scene, pattern, camera, sigma, random))
+        sums = block_sums(shot, luminance)
+        others = sums if others is None else others + sums
+    alike = alike_blocks(frame, luminance, BEST.chromaticity, BEST.pooling, others=others)
+    planes, filled = block_planes(frame, luminance, alike, others)
+    sites = Sites.in_frame(mosaic)
+    colour = np.moveaxis(scene * (gamma / frame.level), 2, 0)
+    at_sites = np.stack([sites.of(plane).mean(axis=2) for plane in colour])
+    light, power = colour.sum(axis=0), np.square(np.tensordot(BASIS, colour, 1)).sum(axis=0)
+    down, across = (
+        _nearness(middle, sites.grid.period, count, size)
+        for middle, count, size in zip(sites.middle, sites.shape, mosaic.shape, strict=True)
+    )
+    pixels = [*colour, *(light * colour), light, light**2, power]
+    around = [down @ plane @ across.T for plane in pixels]
+    filled /= np.float32(frame.level)
+    return planes.astype(np.float16), np.array([*at_sites, *around, filled], np.float32)
+
+
+def _nearness(middle: float, period: int, count: int, size: int) -> DoubleArray:
+    """How far each of so many pixels in a row counts for each block, (blocks, pixels); they sum to
+    1. middle: of the first block.
+    """
+    middles = middle + period * np.arange(count)
+    near = np.maximum(1 - np.abs(np.arange(size) - middles[:, None]) / period, 0)
+    return np.asarray(near / near.sum(axis=1, keepdims=True))
+
+
+def _make(source: str, seed: tuple[int, ...], path: Path) -> None:
+    use_threads(1)
+    if not path.exists():
+        with durable_file(path, overwrite=True) as file:
+            np.savez(file, *example(source, seed))
+
+
+def _read(path: Path) -> list[Any]:
+    with np.load(path) as arrays:
+        return [torch.from_numpy(values) for values in arrays.values()]
+
+
+def _batch(examples: Sequence[list[Any]], seed: tuple[int, ...]) -> tuple[Any, Any]:
+    """Crops of random examples, turned and mirrored, some with red and blue in exchange."""
+    random, crops = np.random.default_rng(seed), list[list[Any]]()
+    for _ in range(_BATCH):
+        pair = examples[int(random.integers(len(examples)))]
+        down, across = (int(random.integers(size - _SIDE + 1)) for size in pair[1].shape[1:])
+        pair = [plane[:, down : down + _SIDE, across : across + _SIDE] for plane in pair]
+        pair = [plane.transpose(1, 2) for plane in pair] if random.random() < 0.5 else pair
+        flipped = [axis for axis in (1, 2) if random.random() < 0.5]
+        pair = [plane.flip(flipped) for plane in pair]
+        if random.random() < 0.5:
+            pair = [pair[0][_EXCHANGED], pair[1][[2, 1, 0, 5, 4, 3, 8, 7, 6, *range(9, 13)]]]
+        crops.append(pair)
+    planes, truth = (torch.stack(arrays).float() for arrays in zip(*crops, strict=True))
+    return planes.contiguous(memory_format=torch.channels_last), truth
+
+
+def _exchanged() -> list[int]:
+    """The order of the planes of a block with red and blue in exchange."""
+    order = list(range(PLANES))
+    for first in (0, 4, 7, 13, *range(PLANES - 3 * (len(LINES) + PROPOSALS), PLANES, 3)):
+        order[first], order[first + 2] = first + 2, first
+    return order
+
+
+_EXCHANGED = _exchanged()
+
+
+def learn(
+    sides: tuple[list[Path], list[Path]],
+    steps: int,
+    work: Path,
+    progress: StageProgress,
+    start: Path | None = None,
+) -> BlockNetwork:
+    """The network, by gradient descent from the last checkpoint in `work` on.
+
+    Parameters
+    ----------
+    sides : tuple[list[Path], list[Path]]
+        Files of examples to learn from, and of those kept back.
+    start : Path | None, optional
+        A checkpoint of another training, whose weights are the first.
+    """
+    torch.manual_seed(0)
+    network = BlockNetwork().to(memory_format=torch.channels_last)
+    optimiser, done, checkpoint = optimiser_of(network), 0, work / "checkpoint.pt"
+    if checkpoint.exists():
+        state = torch.load(checkpoint, weights_only=True)
+        network.load_state_dict(state["network"])
+        optimiser.load_state_dict(state["optimiser"])
+        done = state["steps"]
+    elif start is not None:
+        network.load_state_dict(torch.load(start, weights_only=True)["network"])
+    if done == steps:
+        return network
+    progress.stage("reading", 1)
+    learned, kept = (
+        [pair for path in paths if min((pair := _read(path))[1].shape[1:]) >= _SIDE]
+        for paths in sides
+    )
+    judged = [_batch(kept, (1, number)) for number in range(_JUDGED)]
+    progress.stage("training", steps)
+    progress.advance(done)
+    for step in descent(optimiser, done, steps, _FACTOR, _WARM_UP):
+        planes, truth = _batch(learned, (0, step))
+        with torch.autocast("cpu", torch.bfloat16):
+            answer = network(planes)
+        loss = losses(*lines(planes, answer.float()), truth).sum(0).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), _NORM)
+        optimiser.step()
+        progress.advance()
+        if (step + 1) % _REPORT == 0 or step + 1 == steps:
+            state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
+            with durable_file(checkpoint, overwrite=True) as file:
+                torch.save(state | {"steps": step + 1}, file)
+            with torch.no_grad():
+                left = [losses(*lines(x, network(x)), y).mean(1) for x, y in judged]
+            decibels = torch.stack(left).mean(0) * (10 / np.log(10))
+            figures = ", ".join(f"{figure:.2f}" for figure in decibels.tolist())
+            progress.remark(f"step {step + 1}: {figures} dB")
+    return network
+
+
+def save(network: BlockNetwork, path: Path) -> None:
+    """Write the network to an ONNX file, with weights of 16 bits."""
+    graph = Graph()
+    for name, weight in network.state_dict().items():
+        half = graph.store(f"{name}_half", weight.detach().numpy().astype(np.float16))
+        graph.add("Cast", [half], name, to=1)
+    sides = graph.store("sides", np.array([0, 0, 1, 1, 0, 0, 1, 1]))
+    twice = graph.store("twice", np.array([1, 1, 2, 2], np.float32))
+
+    def wide(name: str, inputs: str, result: str = "") -> str:
+        padded = graph.add("Pad", [inputs, sides], f"{name}.around", mode="edge")
+        return graph.add("Conv", [padded, f"{name}.weight", f"{name}.bias"], result or f"{name}.of")
+
+    def kept(values: str) -> str:
+        return graph.add("LeakyRelu", [values], f"{values}.lit", alpha=_LEAK)
+
+    def pair(name: str, inputs: str) -> str:
+        return graph.add("Add", [inputs, wide(f"{name}b", kept(wide(f"{name}a", inputs)))], name)
+
+    values, finer = kept(wide("enter", "planes")), []
+    for level in range(network.levels + 1):
+        values = pair(f"down{level}", values)
+        if level < network.levels:
+            finer.append(values)
+            name = f"halve{level}"
+            inputs = [values, f"{name}.weight", f"{name}.bias"]
+            values = kept(graph.add("Conv", inputs, f"{name}.of", strides=[2, 2]))
+    values = pair(f"up{network.levels}", values)
+    for level in reversed(range(network.levels)):
+        name = f"spread{level}"
+        coarse = graph.add("Conv", [values, f"{name}.weight", f"{name}.bias"], f"{name}.of")
+        nearest = {"mode": "nearest", "nearest_mode": "floor"}
+        nearest["coordinate_transformation_mode"] = "asymmetric"
+        fine = graph.add("Resize", [coarse, "", twice], f"{name}.fine", **nearest)
+        values = pair(f"up{level}", graph.add("Add", [finer[level], fine], f"{name}.sum"))
+    wide("leave", values, "answer")
+    shape = ["rows", "columns"]
+    graph.write(path, ("planes", [1, PLANES, *shape]), ("answer", [1, 4 + CHOICES, *shape]))
+
+
+def main() -> int:
+    """Learn, and write the file; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m panchroma.tools.training.blocks", description=__doc__.partition("\n\n")[0]
+    )
+    add_common(parser, 12000)
+    output = f"for {PATH.name}, the examples and the checkpoint"
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help=output)
+    parser.add_argument("--start", type=Path, help="checkpoint of another training to go on from")
+    arguments, console = parser.parse_args(), Console()
+    try:
+        files = photographs(arguments.folders)
+        sources = [*files, *[PAGE] * len(files), *[DRAWN] * (-(-len(files) // 4))]
+        folder = output_folder(arguments.output)
+        work = folder / PATH.stem
+        work.mkdir(exist_ok=True)
+        _check_plan(work, sources, arguments.steps)
+        torch.set_num_threads(arguments.jobs)
+        with console.progress("blocks") as progress:
+            paths = _make_examples(sources, arguments.variants, work, arguments.jobs, progress)
+            network = learn(paths, arguments.steps, work, progress, arguments.start)
+        save(network, folder / PATH.name)
+        console.say(str(folder / PATH.name))
+    except PanchromaError as error:
+        parser.error(str(error))
+    return 0
+
+
+def _check_plan(work: Path, sources: Sequence[str], steps: int) -> None:
+    """Note what is learned from. Raises InputError where another training has begun."""
+    names = [Path(source).name for source in sources]
+    document = json.dumps({"sources": names, "steps": steps, "algorithm": ALGORITHM}, indent=1)
+    begun = work / "plan.json"
+    if begun.exists() and begun.read_text(encoding="utf-8") != document:
+        fault = "holds another training (other sources, steps or version)"
+        raise InputError(f"{work}: {fault}; give another folder, or remove it")
+    begun.write_text(document, encoding="utf-8")
+
+
+def _make_examples(
+    sources: Sequence[str], variants: int, work: Path, jobs: int, progress: StageProgress
+) -> tuple[list[Path], list[Path]]:
+    """Make the examples that are not there yet."""
+    sides: tuple[list[Path], list[Path]] = [], []
+    tasks = list[tuple[str, tuple[int, ...], Path]]()
+    for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
+        for variant in range(variants):
+            path = work / f"{variant}-{number:05d}.npz"
+            sides[is_kept].append(path)
+            tasks.append((source, (variant, number), path))
+    progress.stage("examples", len(tasks))
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        for _ in pool.map(_make, *zip(*tasks, strict=True), chunksize=4):
+            progress.advance()
+    return sides
+
+
+if __name__ == "__main__":
+    sys.exit(main())
