@@ -24,12 +24,6 @@ from ..shared.shading import Shading
 from .bands import DARK, Band
 from .numerics.chunks import BLOCK_ROWS, in_strips
 
-EVEN = 0.01 / 3
-"""Distance of colours from their line, a share of the luminance, that even surfaces have: less of
-it is not taken off.
-
-Chosen: half or twice changes 0.1 dB.
-"""
 # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
 _WIDEST = 4
 
@@ -172,19 +166,26 @@ class Sites:
         """
         return blocks[self.grid.whole]
 
-    def surroundings(self, signal: FloatArray) -> "Surroundings":
+    def surroundings(self, signal: FloatArray, rows: slice | None = None) -> "Surroundings":
         """Interpolate luminance at the sites from the panchromatic samples of a plane, (H, W), in
         and next to each block.
 
         At a site it is the mean of these samples, weighted by 1 / distance^2; 0 without samples.
+
+        Parameters
+        ----------
+        rows : slice | None, optional
+            Of blocks; None = all.
         """
+        first, end = (0, self.shape[0]) if rows is None else (rows.start, rows.stop)
         # (S, R)
         near = 1 / np.square(self.ring - np.array(self.pattern.sites)[:, None, :2]).sum(axis=2)
-        filled = np.empty((*self.shape, len(near)))
-        lowest, highest = np.empty((2, *self.shape))
+        filled = np.empty((end - first, self.shape[1], len(near)))
+        lowest, highest = np.empty((2, end - first, self.shape[1]))
 
         def work(rows: slice) -> None:
-            values = np.stack(list(self.beside(signal, rows, self.ring.tolist())))
+            these = slice(first + rows.start, first + rows.stop)
+            values = np.stack(list(self.beside(signal, these, self.ring.tolist())))
             inside = ~np.isnan(values)
             lowest[rows], highest[rows] = np.fmin.reduce(values), np.fmax.reduce(values)
             weight = np.einsum("sr,rij->ijs", near, inside)
@@ -192,7 +193,7 @@ class Sites:
                 weight > 0, weight, 1
             )
 
-        in_strips(work, self.shape[0], BLOCK_ROWS)
+        in_strips(work, end - first, BLOCK_ROWS)
         return Surroundings(filled, lowest, highest)
 
     def beside(
@@ -292,28 +293,6 @@ class BlockSums:
         return chromaticities
 
 
-def sum_noise(
-    sites: Sites, filled: DoubleArray, gamma: DoubleArray, noise: NoiseModel
-) -> DoubleArray:
-    """Standard deviation of the noise in what a block's channels add up to, less the luminance
-    around it; float64 B, scene units.
-
-    That is sum_i gamma_i (mean of the samples of channel i), less the mean of the panchromatic
-    samples around the block (Eq. 7). Shot noise is that of a grey block. For a Bayer block with
-    gamma = (1, 1, 1) it is 1.6 times the noise of one sample.
-
-    Parameters
-    ----------
-    filled : DoubleArray
-        Luminance at the sites, (*B, S).
-    """
-    shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
-    squares = (gamma[sites.channels] / sites.pattern.site_counts[sites.channels]) ** 2
-    shot_noise = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / len(sites.ring)
-    fixed = squares @ variance[sites.channels] + variance[-1] / len(sites.ring)
-    return np.sqrt(shot_noise * np.maximum(mean_of_sites(filled), 0) + fixed)
-
-
 def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid) -> FloatArray:
     """Distance of luminance at a site from the mean of the pixels one block's size to either side;
     the larger of both axes.
@@ -339,35 +318,6 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
             pair.append(luminance[np.ix_(*moved)])
         bends.append(np.abs(sum(pair) / 2 - luminance[site]))
     return np.maximum(*bends)
-
-
-@dataclass(frozen=True, eq=False)
-class ColourLines:
-    """Colour as a linear function of luminance, around each whole block (see
-    `stages.colour_lines`).
-
-    Attributes
-    ----------
-    offset, slope : FloatArray
-        Of gamma_i times channel i, in units of luminance, float32 (C, rows, columns); they sum to 0
-        and to 1.
-    share : FloatArray
-        How far each line is believed, 0 to 1, float32 (rows, columns).
-    span : FloatArray
-        Lowest and highest luminance at the sites of the blocks around, float32 (2, rows, columns):
-        what is darker or brighter has the colour of that end.
-    """
-
-    offset: FloatArray
-    slope: FloatArray
-    share: FloatArray
-    span: FloatArray
-
-    def at(self, luminance: FloatArray) -> FloatArray:
-        """The channels at a `luminance`, (rows, columns), or (C, rows, columns) of places
-        of each channel.
-        """
-        return self.offset + self.slope * luminance
 
 
 def unknown() -> FloatArray:
@@ -399,6 +349,10 @@ class Frame:
     blocks : FloatArray
         Chromaticity of every block, float32 (block rows, block columns, C); empty until it is
         estimated.
+    lines : FloatArray
+        Of every block, how colour goes with luminance beside chromaticity: slope, and slope times
+        the luminance of the block, float32 (block rows, block columns, 2 C); empty where no network
+        has found them.
     fill_error : FloatArray
         Standard deviation of the error of filled luminance in each of the B whole blocks, float32
         B; empty where the settings do nothing with the sites.
@@ -406,8 +360,6 @@ class Frame:
         Share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1;
         None = all of them. A burst corrects the rest itself, with the samples of all frames;
         `fill_error` says the same of luminance.
-    lines : ColourLines | None
-        Colour as a function of luminance around the blocks; None = not asked for.
 
     Examples
     --------
@@ -426,9 +378,9 @@ class Frame:
     shading: Shading | None = None
     luminance: FloatArray = field(default_factory=unknown)
     blocks: FloatArray = field(default_factory=unknown)
+    lines: FloatArray = field(default_factory=unknown)
     fill_error: FloatArray = field(default_factory=unknown)
     kept: FloatArray | None = None
-    lines: ColourLines | None = None
 
     @property
     def pattern(self) -> CfaPattern:
@@ -509,15 +461,46 @@ class Frame:
             in_strips(work, len(unclipped), BLOCK_ROWS)
         return unclipped
 
+    def variance(self, signal: FloatArray, rows: slice, channels: IndexArray) -> FloatArray:
+        """Variance of the noise of samples of some channels in rows of whole blocks, float32 (rows,
+        columns, channels); it was scaled with them when their shading was made even.
+        """
+        if self.noise is None:
+            return np.zeros_like(signal)
+        gains = self.colour_gains(rows, channels).astype(np.float32)
+        return self.noise.variance(signal, channels, gains)
+
     def scaled_variance(self, rows: slice) -> FloatArray | None:
         """Variance of the noise at the sites of these rows of blocks, times gamma^2, float32 (rows,
         columns, S); None = no noise.
         """
         if self.noise is None or not self.noise.of_colours:
             return None
-        channels = self.sites.channels
-        samples = self.sites.in_rows(self.signal, rows)
-        return self.noise.variance(samples, channels) * self.gamma32[channels] ** 2
+        channels, samples = self.sites.channels, self.sites.in_rows(self.signal, rows)
+        return self.variance(samples, rows, channels) * self.gamma32[channels] ** 2
+
+    def sum_noise(self, filled: DoubleArray) -> DoubleArray:
+        """Standard deviation of the noise in what a block's channels add up to, less the luminance
+        around it; float64 B.
+
+        That is sum_i gamma_i (mean of the samples of channel i), less the mean of the panchromatic
+        samples around the block (Eq. 7). Shot noise is that of a grey block. For a Bayer block with
+        gamma = (1, 1, 1) it is 1.6 times the noise of one sample.
+
+        Parameters
+        ----------
+        filled : DoubleArray
+            Luminance at the sites, (*B, S).
+        """
+        if self.noise is None:
+            return np.zeros(self.sites.shape)
+        channels, counts = self.sites.channels, self.pattern.site_counts
+        shot, variance = np.array(self.noise.shot), np.array(self.noise.read) ** 2
+        gains = self.colour_gains(slice(0, self.sites.shape[0]), channels)
+        squares, around = (self.gamma / counts)[channels] ** 2, len(self.sites.ring)
+        shot_noise = (gains * shot[channels]) @ squares / self.gamma.sum() + shot[-1] / around
+        fixed = (gains**2 * variance[channels]) @ squares + variance[-1] / around
+        return np.sqrt(shot_noise * np.maximum(mean_of_sites(filled), 0) + fixed)
 
     def colour_gains(self, rows: slice, channels: IndexArray) -> NDArray[Any]:
         """Gains by which samples of some channels in rows of whole blocks have the shading of

@@ -9,6 +9,8 @@ from .settings import BEST, RenderSettings
 # again). per pixel of the frame: samples in scene units, luminance, what replaces them, `lost`
 _PLANES = 9.0
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated
+# while a network does that: per colour site, per block that it is given at once, and how many
+_FOUND, _BLOCK, _BLOCKS = 30.0, 2100.0, 185e3
 # per colour site, kept until the picture is finished: what is known of them
 _SITE = 10.0
 # Bytes per pixel of a band, for luminance and for each channel, while it goes through the stages in
@@ -49,7 +51,9 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     )
     band = max(end - first for first, end in band_rows(pattern.grid(mosaic.shape)))
     stages = held * (1 + len(pattern.channels)) * min(band, height) * width + _NETWORK * learned
-    return round(_PLANES * height * width + max(_BLOCK_SITE * sites, _SITE * sites + stages))
+    blocks = min(height * width / pattern.period**2, _BLOCKS) * settings.chromaticity.learned
+    steps = _BLOCK_SITE * sites, _FOUND * sites + _BLOCK * blocks, _SITE * sites + stages
+    return round(_PLANES * height * width + max(steps))
 
 
 def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -> int:

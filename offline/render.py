@@ -21,10 +21,9 @@ from .frame import BlockSums, Frame
 from .numerics.chunks import copy_together
 from .patches import band_rows
 from .settings import BEST, RenderSettings
+from .stages.block_network import learned_chromaticities, serves
 from .stages.chromaticity import estimate_chromaticities
-from .stages.colour_lines import LineProjection, fit_colour_lines
 from .stages.colour_network import ColourNetwork
-from .stages.confidence import replace_doubtful_colour
 from .stages.correction import Correction, SiteResidual, fill_error, update_luminance
 from .stages.defects import mend_defects
 from .stages.denoising import denoise_luminance
@@ -95,11 +94,8 @@ def row_stages(frame: Frame, settings: RenderSettings) -> list[RowStage]:
         Refinement(frame, settings.refinement) if settings.refinement.used else None,
     ]
     if frame.fill_error.size:
-        lines, pinned = frame.lines, frame.pattern.is_scattered and settings.pinning.used
+        pinned = frame.pattern.is_scattered and settings.pinning.used
         stages += [
-            LineProjection(frame.sites, lines, frame.gamma32)
-            if lines is not None and settings.lines.used
-            else None,
             SiteResidual(frame),
             Pinning(frame) if pinned else None,
             Correction(frame) if settings.correction.used and not pinned else None,
@@ -309,17 +305,20 @@ def estimate_colour(
     3
     """
     luminance = _checked_luminance(luminance, frame.shape)
-    # c_j, Eqs. 6-9
-    blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, others)
-    blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, others)
-    blocks = replace_doubtful_colour(blocks, frame, settings.confidence)
+    if settings.chromaticity.learned and serves(frame.pattern):
+        blocks, lines = learned_chromaticities(
+            frame, luminance, settings.chromaticity, settings.pooling, progress, others
+        )
+        frame = replace(frame, lines=lines)
+    else:  # c_j, Eqs. 6-9
+        blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, others)
+        blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, others)
     frame = replace(frame, luminance=luminance, blocks=blocks)
     if not settings.asks_for_sites:
         return frame
-    lines = fit_colour_lines(frame, luminance, blocks, settings.lines)
     error = fill_error(luminance, frame.sites)
     error = error if alone is None else error * alone
-    frame = replace(frame, fill_error=error, kept=alone, lines=lines)
+    frame = replace(frame, fill_error=error, kept=alone)
     return replace(frame, luminance=update_luminance(frame, settings.posterior))
 
 

@@ -6,8 +6,6 @@ from typing import Any
 from .stage import Switch, check_settings
 from .stages.affinity import AffinitySettings
 from .stages.chromaticity import ChromaticitySettings
-from .stages.colour_lines import LinesSettings
-from .stages.confidence import ConfidenceSettings
 from .stages.correction import PosteriorSettings
 from .stages.defects import DefectsSettings
 from .stages.denoising import DenoisingSettings
@@ -45,8 +43,6 @@ class RenderSettings:
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
-    confidence: ConfidenceSettings = ConfidenceSettings()
-    lines: LinesSettings = LinesSettings()
     posterior: PosteriorSettings = PosteriorSettings()
     affinity: AffinitySettings = AffinitySettings()
     propagation: PropagationSettings = PropagationSettings()
@@ -94,8 +90,7 @@ BEST = RenderSettings(
     # Of 14 pictures to learn from, blocks of 8 pixels besides gain 0.04 dB at sigma 0.03, and 0.01
     # at 0.01.
     denoising=DenoisingSettings(strength=1.0, sizes=(4, 8, 12)),
-    # one photograph without noise gains half a decibel, the others 0.05
-    chromaticity=ChromaticitySettings(detail=3.0),
+    chromaticity=ChromaticitySettings(learned=True),
     pooling=PoolingSettings(
         passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))
     ),
@@ -105,6 +100,11 @@ BEST = RenderSettings(
     # from chromaticities without noise it would only remove detail
     refinement=RefinementSettings(repetitions=0),
 ).switched(True)
-UNLEARNED = replace(BEST, learned=PAPER.learned, luminance=replace(BEST.luminance, learned=False))
+UNLEARNED = replace(
+    BEST,
+    luminance=replace(BEST.luminance, learned=False),
+    chromaticity=replace(BEST.chromaticity, learned=False),
+    learned=PAPER.learned,
+)
 PRESETS = {"best": BEST, "unlearned": UNLEARNED, "paper": PAPER}
 """The presets by name; unlearned is best without networks."""

@@ -106,13 +106,17 @@ class NoiseModel:
         """
         return math.sqrt(self.shot[plane] * max(signal, 0.0) + self.read[plane] ** 2)
 
-    def variance(self, signal: FloatArray, plane: int | IndexArray = -1) -> FloatArray:
+    def variance(
+        self, signal: FloatArray, plane: int | IndexArray = -1, gain: float | FloatArray = 1.0
+    ) -> FloatArray:
         """Variance of samples, float32 like `signal`, scene units squared.
 
         Parameters
         ----------
         plane : int | IndexArray, optional
             Of all samples, or of each along the last axis.
+        gain : float | FloatArray, optional
+            By which samples with this noise were multiplied, > 0; float32.
 
         Examples
         --------
@@ -123,7 +127,7 @@ class NoiseModel:
         [0.0, 2.0]
         """
         shot, read = (np.array(figures, np.float32)[plane] for figures in (self.shot, self.read))
-        return shot * signal.clip(0) + read**2
+        return gain * (shot * signal.clip(0) + gain * read**2)
 
     def in_units_of(self, unit: float) -> "NoiseModel":
         """Return the noise of samples in units of `unit` scene units, > 0."""

@@ -117,6 +117,7 @@ def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -
         frame.noise and frame.noise.in_units_of(1 / float(ratio.mean())),
         frame.limit * min(float(ratio.min()), 1.0),
         frame.colours * Sites.in_frame(shot).of(ratio),
+        frame.colour_gains,
     )
 
 
@@ -318,7 +319,8 @@ def _block_colours(frame: View, mosaic: Mosaic) -> _BlockColours:
     values = sites.means(frame.colours.astype(np.float64))
     channels, noise = gamma * values, np.zeros_like(values)
     if frame.noise:
-        variance = frame.noise.variance(values, np.arange(len(gamma)))
+        gains = sites.means(np.broadcast_to(frame.colour_gains, frame.colours.shape))
+        variance = frame.noise.variance(values, np.arange(len(gamma)), gains)
         own = variance * gamma**2 / np.maximum(sites.pattern.site_counts, 1)
         filled = np.square(channels / np.maximum(luminance, TINY)[..., None]) / len(sites.channels)
         noise = own + filled * frame.variance(luminance)[..., None]

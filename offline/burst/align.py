@@ -84,12 +84,15 @@ class View:
     colours : FloatArray
         (block rows, block columns, S), the samples of its whole blocks; empty where nothing looks
         at them.
+    colour_gains : FloatArray | float
+        By which these were multiplied to even their shading, as `colours`; it scales their noise.
     """
 
     luminance: FloatArray
     noise: NoiseModel | None = None
     limit: float = np.inf
     colours: FloatArray = field(default_factory=unknown)
+    colour_gains: FloatArray | float = 1.0
 
     def variance(self, signal: Any) -> Any:
         """Variance of panchromatic samples at a mean signal."""
@@ -103,7 +106,8 @@ class View:
     def darker(self, gain: float) -> "View":
         """Return the frame as if it had been exposed `gain` times less."""
         noise, unit = self.noise and self.noise.in_units_of(gain), np.float32(gain)
-        return View(self.luminance / unit, noise, self.limit / gain, self.colours / unit)
+        light, limit, colours = self.luminance / unit, self.limit / gain, self.colours / unit
+        return View(light, noise, limit, colours, self.colour_gains)
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,7 +115,8 @@ class ColourSamples:
             channels = np.broadcast_to(sites.channels, used.shape)[used]
             values, places = one.frame.colours[used], places[:, used]
             filled = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
-            variance = noise.variance(values, channels) if noise else np.zeros_like(values)
+            gains = np.broadcast_to(one.frame.colour_gains, used.shape)[used]
+            variance = noise.variance(values, channels, gains) if noise else np.zeros_like(values)
             weight = agrees[used] / np.float32(255)
             frames.append((places.T, channels.astype(np.uint8), values, filled, variance, weight))
         places, channels, values, filled, variance, weight = (

@@ -397,4 +397,6 @@ def view_of(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) 
     """A frame as it is compared and merged."""
     frame = mend_frame(mosaic, noise, settings)
     luminance = recover_luminance(frame.mosaic, settings.luminance)
-    return View(luminance, frame.noise, frame.clipping, frame.sites.of(frame.signal))
+    colours, every = frame.sites.of(frame.signal), slice(0, frame.sites.shape[0])
+    gains = frame.colour_gains(every, frame.sites.channels).astype(np.float32)
+    return View(luminance, frame.noise, frame.clipping, colours, gains)

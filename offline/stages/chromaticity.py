@@ -11,12 +11,6 @@ where sigma_z, the noise, pulls dark blocks towards grey. `blocks.BlockSums` sol
 five blocks along four orientations then propose values for each block, channel by channel; the
 nearest proposal replaces its chromaticity, until nothing changes. tests/reference/chromaticity.py
 transcribes this literally.
-
-Not in the paper: medians remove fine detail of colour with the errors. An error of a block also
-violates Eq. 7 (its samples do not add up to its luminance), detail does not. With r the
-chromaticity that the medians removed, e the violation, n the variance of noise, all times luminance
-and averaged over the blocks around, the share max(0, 1 - (e^2 / detail + n) / r^2) of r is
-returned.
 """
 
 from dataclasses import dataclass
@@ -30,26 +24,25 @@ from ..numerics.arrays import Bools1, Doubles1, Doubles3
 from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import ORIENTATIONS, mirrored
-from ..numerics.gaussian import smoothed
-from ..stage import CountOrNone, NotNegative, StageSettings
+from ..stage import CountOrNone, StageSettings
 
 
 @dataclass(frozen=True)
 class ChromaticitySettings(StageSettings):
-    """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
+    """Chromaticities of blocks, by Eqs. 6-9 and the oriented medians after them, or by a network.
 
     Attributes
     ----------
     repetitions : CountOrNone
         Largest number of repetitions of the medians of five blocks ("till convergence" in the
         paper); 0 = no medians.
-    detail : NotNegative
-        How much of what the medians removed is returned where blocks add up to their luminance, 0
-        or more; 0 = nothing.
+    learned : bool
+        Let a network find them where it serves the pattern (`stages.block_network`); not in the
+        paper.
     """
 
     repetitions: CountOrNone = 20
-    detail: NotNegative = 0.0
+    learned: bool = False
 
 
 # Least sigma_z of the regularisation, scene units: makes a dark block grey, and changes no
@@ -58,10 +51,6 @@ _LEAST_SIGMA = 1e-6
 # sum_i gamma_i c_i, 1 before the medians, above which scaling is harmless: it changes a vector by
 # twice at most.
 _LEAST_TOTAL = 0.5
-_LEAST_DIVISOR = 1e-30  # keeps quotients finite
-# blocks: standard deviation of the neighbourhood in which detail is told from errors; half or
-# twice: 0.07 dB
-_DETAIL_WIDTH = 2.0
 
 
 def estimate_chromaticities(
@@ -89,7 +78,6 @@ def estimate_chromaticities(
     if others is not None:
         own = BlockSums(sums.weight, sums.weight * chromaticity)
         chromaticity = (own + others).solved(sigma, gamma)
-    unfiltered = chromaticity
     if settings.repetitions:
         chromaticity = oriented_medians(chromaticity, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors
@@ -105,25 +93,7 @@ def estimate_chromaticities(
             scaled[rows] = np.where(total > _LEAST_TOTAL, scaled[rows], projected)
 
     in_strips(constrain, len(scaled), BLOCK_ROWS)
-    if settings.detail:
-        scaled += _detail(unfiltered - scaled, sums, sigma, gamma, settings.detail)
     return frame.sites.grid.extend(scaled.astype(np.float32))
-
-
-def _detail(
-    removed: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, gain: float
-) -> DoubleArray:
-    """Return the share of what the medians removed that is detail, (rows, columns, C)."""
-    mean, certain = sums.weight.mean(axis=2), sums.weight + sigma**2
-    violation = ((sums.product + sigma**2 / gamma.sum()) / certain) @ gamma - 1
-    energies = (
-        mean * violation**2,
-        (sigma**2 * mean[..., None] / certain).sum(axis=2),
-        mean * (removed**2).sum(axis=2),
-    )
-    error, noise, power = smoothed(np.stack(energies).astype(np.float32), _DETAIL_WIDTH)
-    wrong = (error / gain + noise) / np.maximum(power, np.float32(_LEAST_DIVISOR))
-    return np.clip(1 - wrong, 0, 1)[..., None] * removed
 
 
 def block_sums(frame: Frame, luminance: FloatArray) -> BlockSums:

@@ -16,8 +16,7 @@ r_s of the render at the S sites before they were corrected, and the variance v 
 The network sees d_0 / a, d_k / a, r / a, t_k, log2(1 + sqrt v / a), 0.3 log2(1 + <l> / a) and b /
 a. Its answer times b is added to p_k, but leads no chromaticity p_k / l out of the range of those
 in 3 x 3 superpixels. Clipped blocks have an infinite v, so that b is 0 around them.
-`tools/training/network.py` has the same formulas for training, `models/README.md` the pictures that
-were learned from.
+`tools/training` learns from the same inputs; `models/README.md` names the pictures.
 
 Chunks with little noise are looked at twice, where a superpixel is the same in another orientation:
 the answer is the mean of both.
@@ -145,10 +144,9 @@ class ColourNetwork(RowStage):
                 (index * side - _HALO, (index + 1) * side + _HALO)
                 for index, side in zip(chunk, sides, strict=True)
             ]
-            error, variance, unexplained = residuals.of(*window)
+            error, variance = residuals.of(*window)
             pixels = grid.cut(band, gamma, window[0], window[1])
             contrast = Contrast.of(pixels, error, variance)
-            contrast = contrast._replace(bound=contrast.bound * _inner(unexplained, MARGIN))
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
             inner = worth[REACH:-REACH, REACH:-REACH]
             box = [np.flatnonzero(inner.any(axis=axis)) for axis in (1, 0)]
@@ -517,20 +515,15 @@ class Residuals:
         noise = frame.scaled_variance(rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
         variance = np.where(frame.unclipped[rows], variance, np.float32(UNKNOWN))
-        # In photographs the network also corrects what a colour line explains, in print lines are
-        # certain: 8 costs 0.02 dB.
-        unexplained = (
-            np.ones_like(variance) if frame.lines is None else 1 - frame.lines.share[rows] ** 32
-        )
         self._grid, self._first = grid, (grid.blocks[0] + rows.start, grid.blocks[1])
-        self._values = np.concatenate([error, variance[..., None], unexplained[..., None]], axis=2)
-        self._outside = np.array([0] * len(grid.sites) + [UNKNOWN, 1], np.float32)
+        self._values = np.concatenate([error, variance[..., None]], axis=2)
+        self._outside = np.array([0] * len(grid.sites) + [UNKNOWN], np.float32)
 
-    def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the residuals at the S sites of some superpixels, mirrored, the variance of their
-        noise, and how little lines explain.
+    def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray]:
+        """Return the residuals at the S sites of some superpixels, mirrored, and the variance of
+        their noise.
 
-        Float32 (S, h, w), (h, w) and (h, w): 0, UNKNOWN and 1 in superpixels without a whole block.
+        Float32 (S, h, w) and (h, w): 0 and UNKNOWN in superpixels without a whole block.
         """
         count = self._values.shape[:2]
         places = [
@@ -545,4 +538,4 @@ class Residuals:
         ]
         values = np.where((down[:, None] & across)[..., None], values, self._outside)
         planes = np.ascontiguousarray(self._grid.turned(values.transpose(2, 0, 1)))
-        return planes[:-2], planes[-2], planes[-1]
+        return planes[:-1], planes[-1]

@@ -17,10 +17,10 @@ the distance in pixels. With C channels and P_st = [c_s = c_t] - 1 / C,
     E[d | e] = D R (w o x),  E[t_s,i | e] = T sum_t R_st ([c_t = i] - 1 / C) x_t.
 
 The variances follow from the mean power of the residuals around a block, M = max(<mean e^2> - 2
-mean v, 0), and the error of filling f, a multiple of luminance's curvature: D = min(f^2, M / q)
-with q = mean w^2, and T = max(M - D q, M / 2) C / (C - 1). Where luminance is flat, as at an edge
-between two colours of one brightness, all of M is colour. With a colour line of confidence p, which
-says what colour is, D moves to M / q and T to 0 by p.
+mean v, 0), and the error of filling f, a multiple of luminance's curvature at the block, or of that
+around it where that is larger: D = min(f^2, M / q) with q = mean w^2, and T = max(M - D q, M / 2)
+C / (C - 1). Where luminance is flat, as at an edge between two colours of one brightness, all of M
+is colour. Where the lines of blocks are known, w is what a unit of luminance adds on them.
 
 - `update_luminance`: E[d | e] for the chromaticities of the blocks, before colour is spread.
 - `Correction`: E[d | e] and E[t | e] for the finished picture, added to all channels of all sites.
@@ -36,7 +36,7 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from ...shared.site_errors import nearness
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import EVEN, Frame, Sites, curvature, mean_of_sites
+from ..frame import Frame, Sites, curvature, mean_of_sites
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
@@ -56,9 +56,6 @@ class PosteriorSettings(Switch):
 # a setting of its own
 _CURVED = 0.7
 _TINT = 0.5  # fraction of the power of residuals that is colour at least (0.3)
-# least fraction of it on a line: dark channels do not show luminance; 0.01 makes speckles 5 times
-# white
-_DOUBT = 0.1
 _DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of residuals (0.4)
 # blocks: standard deviation of the neighbourhood over which their power is averaged (0.3)
 _WIDTH = 0.7
@@ -115,25 +112,18 @@ def update_luminance(frame: Frame, settings: Switch) -> FloatArray:
 
 
 def _block_residuals(frame: Frame, rows: slice) -> tuple[FloatArray, FloatArray]:
-    """Return e and w, float32 (rows, columns, S), by the chromaticities of blocks, and by colour
-    lines as far as these count.
+    """Return e and w, float32 (rows, columns, S), by the chromaticities of blocks, and by their
+    lines where these are known: c l + s (l - l_j), w = c + s.
     """
     sites, gamma = frame.sites, frame.gamma32
-    filled = sites.in_rows(frame.luminance, rows)
-    weight = np.take(sites.whole(frame.blocks)[rows] * gamma, sites.channels, axis=2)
-    picture = weight * filled
-    if (lines := frame.lines) is not None:
-        offset, slope = (
-            np.moveaxis(plane[:, rows][sites.channels], 0, 2)
-            for plane in (lines.offset, lines.slope)
-        )
-        apart = offset + slope * filled - picture
-        least = np.float32(EVEN**2) * mean_of_sites(filled, filled)
-        far = np.maximum(mean_of_sites(apart, apart), np.maximum(least, np.float32(_LEAST_POWER)))
-        share = (lines.share[rows] * (1 - least / far))[..., None]
-        picture += share * apart
-        weight += share * (slope - weight)
-    error = sites.in_rows(frame.signal, rows) * gamma[sites.channels] - picture
+    filled, weight = sites.in_rows(frame.luminance, rows), sites.whole(frame.blocks)[rows]
+    error = sites.in_rows(frame.signal, rows) * gamma[sites.channels]
+    if frame.lines.size:
+        slope, level = np.split(sites.whole(frame.lines)[rows], 2, axis=2)
+        weight = weight + slope
+        error = error + np.take(level * gamma, sites.channels, axis=2)
+    weight = np.take(weight * gamma, sites.channels, axis=2)
+    error = error - weight * filled
     return error.astype(np.float32, copy=False), weight
 
 
@@ -167,13 +157,11 @@ def estimate_errors(
     mean = signal_power(error, None if variance is None else mean_of_sites(variance))  # M
     share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
-    of_filled = np.minimum(np.square(frame.fill_error[rows]), most)
+    bent = np.square(frame.fill_error[rows])
+    # a site where luminance happens to be even tells little of the strokes around it
+    of_filled = np.minimum(np.maximum(bent, smoothed(bent, _WIDTH)), most)
     of_colour = np.maximum(mean - of_filled * share, np.float32(_TINT) * mean)
     of_colour /= np.float32(1 - 1 / count)
-    if frame.lines is not None:
-        confidence = frame.lines.share[rows]
-        of_colour *= np.maximum(1 - confidence, np.float32(_DOUBT))
-        of_filled += confidence * (most - of_filled)
     noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)
     change, tints = np.empty_like(error), np.empty((*error.shape, count), np.float32)
     aside = (sites.channels[:, None] == np.arange(count)) - 1 / count
@@ -316,6 +304,11 @@ class Correction(RowStage):
             for place, channel in zip(places, sites.channels, strict=True)
         ]
         error, weight = sites.residual(band, blocks), np.stack(colours, axis=2)
+        along = None  # what a unit of luminance adds to each channel, on the lines of blocks
+        if frame.lines.size:
+            slope = sites.whole(frame.lines)[blocks, :, : len(gamma)]
+            along = sites.whole(frame.blocks)[blocks] + slope
+            weight = np.take(along * gamma, sites.channels, axis=2)
         change, tints = estimate_errors(error, weight, frame, blocks)
         if frame.kept is not None:
             tints *= frame.kept[blocks, :, None, None]
@@ -325,9 +318,12 @@ class Correction(RowStage):
             # what is not a number is to be seen, and refused
             lit = ~((after <= DARK) | (before <= DARK))
             luminance[place] = np.where(lit, after, before)
-            # Colour that luminance gains has the chromaticity that was there; tints leave luminance
-            # as it is.
+            # Colour that luminance gains has the chromaticity that was there, or is on the line of
+            # the block; tints leave luminance as it is.
             share = lit / np.where(lit, after, np.float32(1))
+            if along is not None:
+                gained = (share * change[..., site])[..., None]
+                chromaticity[place] += (along - chromaticity[place]) * gained
             for channel, weight in enumerate(gamma):
                 chromaticity[place][..., channel] += tints[..., site, channel] * (share / weight)
         return replace(band, luminance=luminance, chromaticity=chromaticity).rows(*rows)

@@ -38,7 +38,7 @@ from ...shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArr
 from ...shared.calibration import NoiseModel
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
-from ..frame import Frame, sum_noise
+from ..frame import Frame
 from ..numerics.chunks import copy_array, in_strips
 from ..numerics.functions import ORIENTATIONS
 from ..stage import NotNegative, Positive, StageSettings
@@ -332,8 +332,7 @@ def _find_in_blocks(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> 
     share = (gamma / pattern.site_counts)[channels]  # weight of each site in the sum of Eq. 7
     surplus = frame.samples @ share - filled @ share / gamma.sum()
     tolerance = settings.contrast / 2 * (highest - lowest) + settings.floor * frame.level
-    if frame.noise is not None:
-        tolerance += settings.deviations * sum_noise(frame.sites, filled, gamma, frame.noise)
+    tolerance += settings.deviations * frame.sum_noise(filled)
     odd = np.abs(surplus) > tolerance
     odd &= (highest < frame.clipping) & ~bad.any(axis=2)
     if odd.sum() > _MOST_OUTLIERS * bad.size:
@@ -364,9 +363,8 @@ def _find_above_luminance(frame: Frame, bad: BoolArray, settings: DefectsSetting
     weights, filled = gamma[channels], around.filled
     tolerance = (settings.contrast / 2 * (around.highest - around.lowest))[..., None]
     tolerance = tolerance + settings.floor * frame.level
-    if frame.noise is not None:
-        variance = frame.noise.variance(filled.astype(np.float32), channels)
-        tolerance = tolerance + settings.deviations * weights * np.sqrt(variance)
+    variance = frame.variance(filled.astype(np.float32), slice(0, len(filled)), channels)
+    tolerance = tolerance + settings.deviations * weights * np.sqrt(variance)
     odd = (weights * frame.samples - filled > tolerance) & ~bad
     odd &= (around.highest < frame.clipping)[..., None]
     if odd.sum() > _MOST_OUTLIERS * bad.size:

@@ -113,9 +113,6 @@ class Pinning(RowStage):
         squared = np.square(luminance) / mean.clip(np.float32(DARK**2))
         weight = _confidence(power[..., None] * squared, variance) * np.minimum(squared, 1)
         weight *= frame.unclipped[blocks, :, None]
-        if frame.lines is not None:
-            apart = 1 - frame.lines.share[blocks]
-            confidence, weight = confidence * apart, weight * apart[..., None]
         ratios, weights = np.zeros_like(band.luminance), np.zeros_like(band.luminance)
         samples = sites.in_rows(frame.signal, blocks)
         for site, place in enumerate(sites.at(blocks, band.first)):

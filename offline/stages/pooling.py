@@ -143,15 +143,32 @@ def pool_blocks(
     others : BlockSums | None, optional
         What other frames add to the sums of each whole block.
     """
+    return frame.sites.grid.extend(
+        pooled_in_passes(blocks, frame, luminance, settings, progress, others)[-1]
+    )
+
+
+def pooled_in_passes(
+    blocks: FloatArray,
+    frame: Frame,
+    luminance: FloatArray,
+    settings: PoolingSettings,
+    progress: Progress = SILENT,
+    others: BlockSums | None = None,
+) -> list[FloatArray]:
+    """c_j of the whole blocks after each pass, float32 (rows, columns, C); those of `blocks` where
+    there is no noise. Parameters as for `pool_blocks`.
+    """
     noise = frame.noise
     if not settings.used or noise is None or not noise.of_colours:
-        return blocks
+        return [frame.sites.whole(blocks)] * max(len(settings.passes), 1)
     progress.stage("pooling colour of blocks", len(settings.passes))
     sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey
     chromaticity = np.moveaxis(sites.whole(blocks), 2, 0)
     sums, filled = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
     if others is not None:
-        variances = noise.variance(np.float32(grey) * filled[..., None], np.arange(len(gamma)))
+        shown = np.float32(grey) * filled[..., None]
+        variances = frame.variance(shown, slice(0, len(filled)), np.arange(len(gamma)))
         precision = 1 / np.maximum(variances, _LEAST_VARIANCE * frame.level**2)
         added = np.concatenate([others.weight * precision, others.product * precision], axis=2)
         sums += np.moveaxis(added, 2, 0)
@@ -164,6 +181,7 @@ def pool_blocks(
     surer = (surer / surer.mean()) ** np.float32(_SURER)
     variance, apart = chromaticity_variance(sums), 1 / (_APART * grey)
     own = np.float32(_FOLLOWED) * chromaticity_variance(sums, 1 / grey)
+    results = list[FloatArray]()
     for blur, tolerance, radius in settings.passes:
         compared = smoothed(surer * chromaticity, blur)
         features = np.stack([*compared, brightness, (2 * tolerance) * variance])
@@ -171,9 +189,10 @@ def pool_blocks(
         near = np.exp(-np.square(distance) / 2).astype(np.float32)
         pooled = _pooled(sums, features, near)
         variance = own + chromaticity_variance(pooled, apart)
-        chromaticity = np.moveaxis(_solved(pooled, frame, apart, expected), 2, 0)
+        results.append(_solved(pooled, frame, apart, expected))
+        chromaticity = np.moveaxis(results[-1], 2, 0)
         progress.advance()
-    return sites.grid.extend(np.moveaxis(chromaticity, 0, 2))
+    return results
 
 
 def _pooled(sums: FloatArray, features: FloatArray, near: FloatArray) -> FloatArray:
@@ -203,7 +222,7 @@ def precise_sums(
         (C, rows, columns), through which channels see the error of luminance, which is `error`
         times its curvature.
     """
-    channels, noise, grey = len(frame.gamma), frame.noise, np.float32(frame.mosaic.calibration.grey)
+    channels, grey = len(frame.gamma), np.float32(frame.mosaic.calibration.grey)
     sums = np.zeros((2 * channels, *frame.sites.shape), np.float32)
     filled = np.zeros(frame.sites.shape, np.float32)
     sensitivity, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
@@ -213,8 +232,7 @@ def precise_sums(
             value = luminance[place]
             bend = curvature(luminance, place, frame.sites.grid)
             variance = np.square(np.float32(error) * sensitivity[channel, rows] * bend)
-            if noise is not None:
-                variance += noise.variance(grey * value, channel)
+            variance += frame.variance((grey * value)[..., None], rows, np.array([channel]))[..., 0]
             precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
             sums[channel, rows] += value**2 * precision
             sums[channels + channel, rows] += value * signal[place] * precision

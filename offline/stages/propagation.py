@@ -18,7 +18,7 @@ from ...shared.arrays import FloatArray
 from ...shared.pattern import CfaPattern
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
-from ..numerics.arrays import Floats1, Floats2, Floats3, Single
+from ..numerics.arrays import Floats1, Floats2, Floats3, Frozen2, Single
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import unset
 from ..patches import PaddedFrame, chunk_patches, pad_frame, patches_of
@@ -38,6 +38,11 @@ class PropagationSettings(StageSettings):
 
     softness: NotNegative = 0.0
     likeness: NotNegative = 0.0
+
+
+_ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_SMALLEST_FLOAT = np.finfo(np.float32).tiny
+_DIMMEST = 0.02  # of the mean luminance: darker pixels have the colour of such on their line
 
 
 @dataclass(eq=False)
@@ -70,8 +75,47 @@ class Propagation(RowStage):
         # alpha, Eqs. 11-13
         fields = solve_affinities(luminance, pattern, self.affinity, rows)
         # c, Eqs. 10 and 14
-        colour = propagate(self.frame.blocks, fields, luminance, pattern, self.settings, rows)
-        return Band(rows[0], band.rows(*rows).luminance, colour)
+        blocks, lines, light = self.frame.blocks, self.frame.lines, band.rows(*rows).luminance
+        if lines.size:  # c + s, and s l_j
+            slope, level = np.split(lines, 2, axis=2)
+            blocks = np.concatenate([blocks + slope, level], axis=2)
+        colour = propagate(blocks, fields, luminance, pattern, self.settings, rows)
+        if lines.size:
+            along, least = colour, np.float32(_DIMMEST * self.frame.level)
+            colour = np.empty((*light.shape, len(self.frame.gamma32)), np.float32)
+            follow_lines(along, light, least, self.frame.gamma32, colour)
+        return Band(rows[0], light, colour)
+
+
+@parallel_kernel()
+def follow_lines(
+    chunks: Chunks, lines: Floats3, light: Frozen2, least: Single, gamma: Floats1, out: Floats3
+) -> None:
+    """Compute the chromaticities of pixels whose colour is c l + s (l - l_j), a line through that
+    of the block. No channel is below 0.
+
+    Parameters
+    ----------
+    lines : Floats3
+        c + s and s l_j, (rows, W, 2 C).
+    light : Frozen2
+        l, (rows, W).
+    least : Single
+        Luminance below which l counts as that.
+    out : Floats3
+        (rows, W, C), written.
+    """
+    channels = len(gamma)
+    for row in range(chunks[0], chunks[1]):
+        for column in range(out.shape[1]):
+            lit, total = max(light[row, column], least), _ZERO
+            for channel in range(channels):
+                line = lines[row, column]
+                value = max(line[channel] - line[channels + channel] / lit, _ZERO)
+                out[row, column, channel] = value
+                total += gamma[channel] * value
+            for channel in range(channels):
+                out[row, column, channel] /= total
 
 
 def propagate(
@@ -106,10 +150,6 @@ def propagate(
     weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
     mix(fields, blocks, padded, Place(first, *corner), weighting, out)
     return out
-
-
-_ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
-_SMALLEST_FLOAT = np.finfo(np.float32).tiny
 
 
 class Place(NamedTuple):

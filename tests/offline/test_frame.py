@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER, RenderSettings, colour_bands, measure
-from panchroma.offline.frame import sum_noise
 from panchroma.offline.render import clean_frame
-from panchroma.shared import CfaPattern, NoiseModel
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.offline.scenes import cleaned, every_case, shot
 from tests.reference.sensor import observe
+from tests.scenes import darker_corners
 
 
 @every_case
@@ -70,11 +71,34 @@ def test_the_noise_of_a_blocks_sum_is_known(pattern: CfaPattern, model: NoiseMod
         np.random.default_rng(0).normal(size=clean.shape)
         * np.array(spread)[pattern.filter_map(clean.shape)]
     )
-    frame = cleaned(replace(clean, samples=(clean.signal + noise).astype(np.float32)))
+    known = replace(clean.calibration, noise=model)
+    frame = cleaned(Mosaic((clean.signal + noise).astype(np.float32), pattern, known))
     weights = (np.array(gamma) / np.bincount(frame.sites.channels))[frame.sites.channels]
     surplus = frame.samples @ weights - frame.around.filled.mean(axis=2)
-    expected = sum_noise(frame.sites, frame.around.filled, np.array(gamma), model)
+    expected = frame.sum_noise(frame.around.filled)
     assert surplus.std() == pytest.approx(float(expected.mean()), rel=0.06)
+
+
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("kodak")])
+def test_noise_is_scaled_with_samples_whose_shading_is_made_even(pattern: CfaPattern) -> None:
+    """An even surface through a lens whose corners are dark, and of another colour."""
+    noise, shape = NoiseModel((1e-3,) * 4, (0.02,) * 4), (300, 300)
+    lens = darker_corners(shape, colour=0.4)
+    camera = SensorCalibration.of_bits(12, noise=noise, shading=lens)
+    scene, random = np.full((*shape, 3), 0.4, np.float32), np.random.default_rng(0)
+    frame = clean_frame(simulate_sensor(scene, pattern, camera, 1.0, random), PAPER)
+    every, channels = slice(0, frame.sites.shape[0]), frame.sites.channels
+    gain = frame.sites.of(lens.of_plane(shape))
+    true = (np.float32(0.4) / gain).astype(np.float32)
+    share = (frame.gamma / frame.pattern.site_counts)[channels]
+    surplus = frame.samples @ share - frame.around.filled.mean(axis=2)
+    for place in gain[..., 0] > 3.5, gain[..., 0] < 1.5:
+        error = np.square(frame.samples - true)[place].mean(axis=0)
+        assert error == pytest.approx(
+            frame.variance(true, every, channels)[place].mean(axis=0), rel=0.3
+        )
+        stated = frame.sum_noise(frame.around.filled)[place].mean()
+        assert surplus[place].std() == pytest.approx(stated, rel=0.1)
 
 
 def test_samples_keep_their_unit_however_dark_the_frame() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from panchroma.offline import BEST, memory, network_name, render, rendering_memory
 from panchroma.offline.bands import Band
-from panchroma.offline.frame import ColourLines, Frame
+from panchroma.offline.frame import Frame
 from panchroma.offline.stages import colour_network as module
 from panchroma.offline.stages.colour_network import (
     REACH,
@@ -180,7 +180,7 @@ def test_every_superpixel_holds_its_own_block(
     picture = grid.cut(band, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
         3, period, period, *grid.shape
     )
-    error, variance, _ = Residuals(grid, band, sites).of(*whole)
+    error, variance = Residuals(grid, band, sites).of(*whole)
     assert len(error) == len(places)
     for number, (channel, row, column) in enumerate(places):
         known = variance < UNKNOWN
@@ -212,19 +212,6 @@ def test_noise_on_a_flat_surface_is_not_taken_for_colour() -> None:
         float(np.square(render(mosaic, each).rgb - rgb).mean()) for each in (BEST, WITHOUT)
     )
     assert with_it < 1.02 * without
-
-
-def test_what_colour_lines_explain_is_left_alone() -> None:
-    rgb, pattern = scene(120, 120), CfaPattern.bayer(6)
-    band, sites = measured(rgb, pattern)
-    line = np.zeros((3, *sites.unclipped.shape), np.float32)
-    for share in (0.0, 1.0):
-        lines = ColourLines(line, line, np.full_like(line[0], share), line[:2])
-        found = learned(pattern, replace(sites, lines=lines))(band, (0, 120)).chromaticity
-        inner = slice(
-            pattern.period, -pattern.period
-        )  # superpixels without a whole block have no line
-        assert np.array_equal(found[inner, inner], band.chromaticity[inner, inner]) == (share == 1)
 
 
 def test_gamma_only_scales_the_channels() -> None:

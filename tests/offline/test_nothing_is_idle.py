@@ -25,7 +25,9 @@ SWITCHES = [stage.name for stage in fields(PAPER) if isinstance(getattr(PAPER, s
 # Every field of every stage of the settings -> another value, and the noise of the shot: what its
 # calibration admits (None: that it has none and knows nothing of it), or with BLIND, what it does
 # not know.
-BLIND, SCATTERED = -0.05, 0.0  # the latter without noise, and with colour sites that are scattered
+# the second without noise, and with colour sites that are scattered; the third in noise, and with
+# channels that no network knows
+BLIND, SCATTERED, FOREIGN = -0.05, 0.0, 0.03
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
     "defects": {
@@ -47,7 +49,7 @@ MOVED: dict[str, dict[str, Change]] = {
         "sizes": ((12,), 0.02),
         "threshold": (2.0, 0.02),
     },
-    "chromaticity": {"repetitions": (1, 0.02), "detail": (1e3, None)},
+    "chromaticity": {"repetitions": (1, FOREIGN), "learned": (None, 0.02)},
     "pooling": {
         "passes": ((PoolingPass(1.0, 0.5, 5),), 0.02),
         "light": (1.0, 0.02),
@@ -62,11 +64,10 @@ MOVED: dict[str, dict[str, Change]] = {
         "repetitions": (1, 0.02),
     },
     **{name: {"used": (False, None)} for name in SWITCHES},
-    "confidence": {"used": (False, None), "tolerance": (0.05, None)},
     "pinning": {"used": (False, SCATTERED)},
 }
-# Stages that a damaged shot has need of, whose colours are on a line.
-BEYOND = ("defects", "highlights", "lines")
+# Stages that a damaged shot has need of.
+BEYOND = ("defects", "highlights")
 OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling", *SWITCHES}, "best": {"refinement"}}
 
 
@@ -74,11 +75,10 @@ def busy_shot(sigma: float | None) -> Mosaic:
     """Enough blocks, and enough errors among them, that every stage has something to do; a negative
     sigma is kept secret.
     """
-    pattern = (
-        CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
-        if sigma == SCATTERED
-        else CfaPattern.bayer(4, origin=(1, 2))
-    )
+    pattern = CfaPattern.bayer(4, origin=(1, 2))
+    if sigma in (SCATTERED, FOREIGN):
+        letters = "WBWG/BWGW/WGWR/GWRW" if sigma == SCATTERED else "RXWW/GBWW/WWWW/WWWW"
+        pattern = CfaPattern.of_letters(letters)
     if sigma is None or sigma >= 0:
         return shot(pattern, (45, 50), sigma)
     secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame

@@ -9,7 +9,11 @@ from panchroma.offline import clean_frame, render
 from panchroma.offline.frame import BlockSums
 from panchroma.offline.settings import BEST
 from panchroma.offline.stages.chromaticity import estimate_chromaticities
-from panchroma.offline.stages.pooling import chromaticity_variance, pool_blocks, precise_sums
+from panchroma.offline.stages.pooling import (
+    chromaticity_variance,
+    pool_blocks,
+    precise_sums,
+)
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
@@ -99,8 +103,8 @@ def test_dark_colour_does_not_fade() -> None:
 
 @pytest.mark.parametrize("side", [48, 72, 96])
 def test_dark_colours_do_not_mix(side: int) -> None:
-    """Squares of many colours, less bright than the noise. If the variance forgot its prior, 0.55,
-    0.72 and 0.82 of the colour would be left.
+    """Squares of many colours, less bright than the noise. If the variance forgot its prior, 0.44,
+    0.68 and 0.79 of the colour would be left.
     """
     kept = []
     for seed in range(3):
@@ -111,7 +115,7 @@ def test_dark_colours_do_not_mix(side: int) -> None:
         mosaic = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(), 0.03, random)
         found, true = (rgb - rgb.mean(axis=2, keepdims=True) for rgb in (render(mosaic).rgb, scene))
         kept.append((found * true).sum() / (true * true).sum())
-    assert np.mean(kept) > {48: 0.65, 72: 0.78, 96: 0.87}[side]
+    assert np.mean(kept) > {48: 0.58, 72: 0.79, 96: 0.865}[side]
 
 
 @pytest.mark.parametrize("level", [0.01, 0.03, 0.1, 0.3, 0.6])
@@ -121,7 +125,7 @@ def test_the_variance_of_a_chromaticity_is_its_squared_error(level: float) -> No
     variance would be up to 140 times as large.
     """
     pattern, shape, random = CfaPattern.bayer(6), (252, 252), np.random.default_rng(0)
-    noise, lens = NoiseModel((1e-3,) * 4, (0.02,) * 4), darker_corners((252, 252))
+    noise, lens = NoiseModel((1e-3,) * 4, (0.02,) * 4), darker_corners(shape, colour=0.4)
     camera = SensorCalibration.of_bits(12, headroom=False, noise=noise, shading=lens)
     grey, deviation = camera.grey, 0.42 * camera.grey
     colours = random.normal(0, deviation, (42, 42, 3))
@@ -140,7 +144,7 @@ def test_the_variance_of_a_chromaticity_is_its_squared_error(level: float) -> No
     error = np.square(found - truth[rows, columns][:, :, 0]).mean(axis=2)
     variance = chromaticity_variance(sums, 1 / deviation)
     unclipped = replace(frame, lost=None).unclipped
-    assert 0.1 < np.mean(~unclipped) < 0.3
+    assert 0.05 < np.mean(~unclipped) < 0.3
     gains = gain[rows, columns][:, :, 0]
     for low, high in ((1, 1.7), (1.7, 2.4), (2.4, 4)):
         place = unclipped & (gains >= low) & (gains < high) & (columns[:, :, 0] > 52)
@@ -152,7 +156,8 @@ def test_without_noise_blocks_are_left_alone(noise: NoiseModel | None) -> None:
     mosaic = shot(CfaPattern.bayer(6), (40, 40))
     mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
     coarse = blocks_of(mosaic, mosaic.signal)
-    assert pool_blocks(coarse, cleaned(mosaic), mosaic.signal, SETTINGS) is coarse
+    pooled = pool_blocks(coarse, cleaned(mosaic), mosaic.signal, SETTINGS)
+    assert np.array_equal(pooled, coarse)
 
 
 def test_darkness_is_defined() -> None:

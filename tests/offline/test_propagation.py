@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panchroma.offline.stages.propagation import PropagationSettings, propagate
+from panchroma.offline.stages.propagation import PropagationSettings, follow_lines, propagate
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case
@@ -114,3 +114,22 @@ def test_is_a_convex_combination(pattern: CfaPattern, shape: tuple[int, int]) ->
     assert found.max() <= blocks.max() + FLOAT32
     even = mixed(np.full_like(blocks, 0.375), affinity, light, pattern)
     assert_close(even, np.full(even.shape, 0.375), FLOAT32)
+
+
+def test_colours_lie_on_the_line_through_that_of_the_block() -> None:
+    """A pixel as bright as the block has its chromaticity; red falls faster than the others, and
+    never below 0, where luminance is kept.
+    """
+    gamma = np.array([0.8, 1.1, 1.3], np.float32)
+    chromaticity = np.array([0.4, 0.3, 0.35 / 1.3], np.float32)
+    slope = np.array([0.5, -0.2, -0.18 / 1.3], np.float32)
+    block, light = 0.6, np.array([[0.6, 0.9, 0.05, 0.0, -0.1]], np.float32)
+    planes = np.concatenate([chromaticity + slope, slope * np.float32(block)])
+    found = np.empty((1, 5, 3), np.float32)
+    follow_lines(np.tile(planes, (1, 5, 1)), light, np.float32(0.01), gamma, found)
+    assert_close(found[0, 0], chromaticity, FLOAT32)
+    colour = chromaticity * 0.9 + slope * 0.3
+    assert_close(found[0, 1] * 0.9, colour, FLOAT32)
+    assert found.min() == found[0, 2, 0] == 0
+    assert_close(found @ gamma, np.ones((1, 5)), FLOAT32)
+    assert np.array_equal(found[0, 3], found[0, 4])  # as dark as the least luminance

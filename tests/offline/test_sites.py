@@ -7,7 +7,6 @@ import pytest
 
 from panchroma.offline import BEST
 from panchroma.offline.bands import Band
-from panchroma.offline.frame import ColourLines
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
@@ -154,25 +153,6 @@ def test_blocks_at_the_limit_say_nothing() -> None:
         assert (
             (result.luminance[place] == band.luminance[place]) == ~samples.unclipped
         ).mean() > 0.99
-
-
-def test_a_bright_sample_of_a_dark_channel_is_no_proof_of_light() -> None:
-    """On a sure colour line that is nearly without red, a red sample a sixth of white too bright
-    would ask for 27 times white, if luminance alone could explain it.
-    """
-    shape, colour = (60, 60), np.array([0.002, 0.3, 0.3], np.float32)
-    mosaic, light = observe(np.full((*shape, 3), colour), BAYER), np.full(shape, 0.602, np.float32)
-    red = int(np.flatnonzero(sampled(mosaic, light).sites.channels == 0)[0])
-    samples = mosaic.signal.copy()
-    samples[sampled(mosaic, light).sites.places[red]][4, 4] += 0.1
-    measured = sampled(replace(mosaic, samples=samples), light)
-    slope = np.broadcast_to(colour[:, None, None] / light[0, 0], (3, *measured.sites.shape))
-    lines = ColourLines(np.zeros_like(slope), slope.copy(), np.ones_like(slope[0]), slope[:2])
-    grid = BAYER.grid(shape)
-    blocks = np.broadcast_to(colour / light[0, 0], (len(grid.rows), len(grid.columns), 3))
-    measured = replace(measured, blocks=blocks.astype(np.float32), lines=lines)
-    result = update_luminance(measured, BEST.posterior)
-    assert 0 < np.abs(result - light).max() < 0.1
 
 
 def test_at_an_edge_without_luminance_none_is_invented() -> None:

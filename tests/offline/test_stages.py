@@ -200,10 +200,6 @@ class TestRefinement(RowStageTests):
     settings, name = PAPER, "refinement"
 
 
-class TestLines(RowStageTests):
-    name = "lines"
-
-
 class TestCorrection(RowStageTests):
     name = "correction"
 

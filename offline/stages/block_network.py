@@ -1,0 +1,322 @@
+"""Chromaticity of each block by a network on the grid of blocks that was trained on photographs;
+not in the paper.
+
+Eqs. 8-9 know a block by its sums alone. What runs under it (an edge, a stroke, a clipped sample)
+and which of the blocks around have its colour is seen in the planes below, for each whole block and
+in units of the frame's mean light, channels times gamma:
+
+    x       mean luminance at the sites, not below 0
+    y_i     reading of channel i at luminance x: x sum l m / sum l^2 over its sites
+    s_i     standard deviation of its noise
+    l_i     mean luminance at the sites of channel i, and f_i as the pixels around the block tell it
+    low, high   range of the panchromatic samples in and next to the block
+    s_w     standard deviation of the noise of a panchromatic sample of luminance x
+
+With <.>_w the mean under a Gaussian of w blocks, b = <x>_1 and a = b + 2 s_w + 0.001, there are six
+proposals of a chromaticity (sum 1):
+
+    z_w = (<x y>_w + p / 3) / (<x^2>_w + p),  p = q <s^2>     w, q = 1.2, 1;  2.5, 0.3;  6, 0.05
+    o   = (x y + p z_1.2) / (x^2 + p),  p = 100 <s^2>         of the block itself
+    c, c'   of blocks that are alike: medians, after the first and the last pass of `pooling`
+
+and three with a slope: lines through the samples m of each channel by luminance l, at x
+
+    t_i = z + cov_w(l, m - z l) / (var_w(l) + r),  z = (<l m>_w + p / 3) / (<l^2>_w + p)
+    q_i = <m>_w + t_i (x - <l>_w),  w = 0.8, 1.6, 3.2
+
+The network sees (3 y_i - x) / a, (sum y_i - x) / a, (l_i - x) / a, (l_i - f_i) / a, x / a, low / a,
+high / a, log2(s_i / a + 0.001) / 4, log2(b + 0.001) / 8, the share of clipped samples, log2(K / 6),
+of each line the deviation of luminance and of samples from it, both / a, and its slope, and 3 z - 1
+for each proposal z. It answers with the weights (by softmax) of the proposals and of the o of the
+eight blocks around, and with what has to be added to chromaticity and slope in the plane of
+constant luminance.
+No input depends on exposure, and none on where in a block its sites are: one network serves every
+pattern of R, G and B and every period. `tools/training/blocks.py` trains it, with the planes that
+`block_planes` returns.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...shared.arrays import FloatArray, IndexArray
+from ...shared.networks import NETWORKS, load_network
+from ...shared.pattern import CfaPattern
+from ...shared.progress import SILENT, Progress
+from ..frame import BlockSums, Frame, mean_of_sites
+from ..numerics.chunks import in_chunks
+from ..numerics.gaussian import gaussian, smoothed
+from .chromaticity import ChromaticitySettings, estimate_chromaticities
+from .colour_network import BASIS
+from .pooling import PoolingSettings, pooled_in_passes
+
+PATH = NETWORKS / "blocks.onnx"
+"""The network."""
+WIDTHS = ((1.2, 1.0), (2.5, 0.3), (6.0, 0.05))
+"""Of the proposals z: standard deviation in blocks, and weight q of the noise."""
+LINES = (0.8, 1.6, 3.2)
+"""Of the lines: standard deviation in blocks."""
+PROPOSALS = len(WIDTHS) + len(LINES) + 3
+"""Chromaticities that it sees of a block: o, z_1.2, z_2.5, z_6, c, c', and of the three lines."""
+NEAR = tuple((down, across) for down in range(3) for across in range(3))
+"""The block and those beside it, whose o it weighs too: row and column, from 0."""
+CHOICES = len(NEAR) + PROPOSALS - 1
+"""Chromaticities that it weighs."""
+UNIT = np.float32(0.1)
+"""Of what it adds, relative to grey."""
+PLANES = 19 + 5 * len(LINES) + 3 * PROPOSALS
+"""What it sees of a block."""
+RANGE = 6.0
+"""Limit of its inputs."""
+STEP = 8
+"""Blocks of one place on the network's coarsest grid, down and across: it takes multiples."""
+_SIDE = 256  # blocks down and across that are computed at once
+_HALO = 24  # blocks around them that the network sees too, a multiple of STEP
+_LEAST = np.float32(1e-3)
+_EVEN = np.float32(0.02)  # of a: deviations of luminance that tell nothing of a slope
+_TINY = np.float32(1e-7)  # keeps quotients finite
+
+
+def serves(pattern: CfaPattern) -> bool:
+    """Whether the network can be asked: a pattern of R, G and B, with sites of each."""
+    return pattern.channels == "RGB" and pattern.derived is None
+
+
+def learned_chromaticities(
+    frame: Frame,
+    luminance: FloatArray,
+    medians: ChromaticitySettings,
+    pooling: PoolingSettings,
+    progress: Progress = SILENT,
+    others: BlockSums | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """c_j of every block of the grid, float32 (block rows, block columns, 3), and its line, (block
+    rows, block columns, 6): the slope s of colour beside c_j l, and s times the luminance of the
+    block. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
+
+    Parameters
+    ----------
+    luminance : FloatArray
+        (H, W), denoised, scene units.
+    others : BlockSums | None, optional
+        What other frames of a burst add to the sums of each whole block.
+
+    Raises
+    ------
+    InputError
+        When the network cannot be read.
+    """
+    network = load_network(PATH)
+    alike = alike_blocks(frame, luminance, medians, pooling, progress, others)
+    height, width = frame.sites.shape
+    lines = np.empty((height, width, 9), np.float32)
+    reach = gaussian(WIDTHS[-1][0]).size // 2
+    for top in range(0, height, _SIDE):
+        rows, down = slice(top, min(top + _SIDE, height)), _chunk(top, height)
+        first = max(int(down[0]) - reach, 0)
+        seen = slice(first, min(int(down[-1]) + 1 + reach, height))
+        planes, light = block_planes(frame, luminance, alike, others, seen)
+        lines[rows, :, :6] = _answered(network, planes, down - first)[: rows.stop - top]
+        lines[rows, :, 6:] = lines[rows, :, 3:6] * light[top - first : rows.stop - first, :, None]
+        del planes  # before those of the next rows
+    lines /= np.tile(frame.gamma32, 3)
+    lines = frame.sites.grid.extend(lines)
+    return lines[..., :3], lines[..., 3:]
+
+
+def _answered(network: Any, planes: FloatArray, down: IndexArray) -> FloatArray:
+    """What `mixed` returns for these rows of planes but the outer `_HALO`, (rows, columns, 6)."""
+    width = planes.shape[2]
+    lines = np.empty((len(down) - 2 * _HALO, width, 6), np.float32)
+
+    def work(chunk: int) -> None:
+        across = _chunk(chunk * _SIDE, width)
+        here = planes[:, down[:, None], across]
+        (answer,) = network.run(None, {"planes": here[None]})
+        found = mixed(here, answer[0])[:, _HALO:-_HALO, _HALO:-_HALO]
+        place = lines[:, chunk * _SIDE : (chunk + 1) * _SIDE]
+        place[:] = np.moveaxis(found, 0, 2)[:, : place.shape[1]]
+
+    in_chunks(lambda first, _: work(first), -(-width // _SIDE))
+    return lines
+
+
+def _chunk(start: int, size: int) -> IndexArray:
+    """Number the blocks of a chunk and around it, along one axis: as many as the network takes;
+    those at the border are repeated.
+    """
+    end = min(start + _SIDE, -(-size // STEP) * STEP)
+    return np.arange(start - _HALO, end + _HALO).clip(0, size - 1)
+
+
+def alike_blocks(
+    frame: Frame,
+    luminance: FloatArray,
+    medians: ChromaticitySettings,
+    pooling: PoolingSettings,
+    progress: Progress = SILENT,
+    others: BlockSums | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Chromaticities of the whole blocks, c and c', float32 (rows, columns, 3) each. Parameters as
+    for `learned_chromaticities`.
+    """
+    single = estimate_chromaticities(frame, luminance, medians, progress, others)
+    passes = pooled_in_passes(single, frame, luminance, pooling, progress, others)
+    return passes[0], passes[-1]
+
+
+def mixed(planes: FloatArray, answer: FloatArray) -> FloatArray:
+    """Chromaticities and slopes, times gamma, by the answer of the network, (6, rows, columns): the
+    proposals in the planes weighed, with what has to be added.
+
+    Parameters
+    ----------
+    planes : FloatArray
+        (PLANES, rows, columns).
+    answer : FloatArray
+        (4 + CHOICES, rows, columns).
+    """
+    weights = np.exp(answer[4:] - answer[4:].max(axis=0))
+    weights /= weights.sum(axis=0)
+    rows, columns = planes.shape[1:]
+    slopes, proposals = np.split(
+        planes[-3 * (len(LINES) + PROPOSALS) :].reshape(-1, 3, rows, columns), [len(LINES)]
+    )
+    own, *others = proposals
+    wide = np.pad(own, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    beside = (wide[:, down : down + rows, across : across + columns] for down, across in NEAR)
+    odd, slope = (np.einsum("kyx,ki->iyx", answer[at : at + 2], UNIT * BASIS) for at in (0, 2))
+    for weight, proposal in zip(weights, (*beside, *others), strict=True):
+        odd += weight * proposal
+    for weight, proposed in zip(weights[-len(LINES) :], slopes, strict=True):
+        slope += weight * proposed
+    # proposals that were limited do not sum to one
+    lines = np.concatenate([1 + odd - odd.mean(axis=0), slope - slope.mean(axis=0)]) / 3
+    return np.asarray(lines, np.float32)
+
+
+def block_planes(
+    frame: Frame,
+    luminance: FloatArray,
+    alike: tuple[FloatArray, FloatArray],
+    others: BlockSums | None = None,
+    rows: slice | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """What the network sees of whole blocks, (PLANES, rows, columns), and their luminance, scene
+    units, (rows, columns); float32.
+
+    Parameters
+    ----------
+    alike : tuple[FloatArray, FloatArray]
+        What `alike_blocks` returns.
+    luminance, others
+        As for `learned_chromaticities`.
+    rows : slice | None, optional
+        Of blocks; None = all.
+    """
+    sites, gamma, level = frame.sites, frame.gamma32, np.float32(frame.level)
+    rows = slice(0, sites.shape[0]) if rows is None else rows
+    channels, counts = sites.channels, sites.pattern.site_counts[:, None, None].astype(np.float32)
+    samples = sites.in_rows(frame.signal, rows)
+    around = sites.surroundings(frame.signal, rows)
+    lit = sites.in_rows(luminance, rows) / level
+    read = samples * gamma[channels] / level
+    moments = np.concatenate(
+        [_planes(sites.means(v)) for v in (lit, read, lit * lit, lit * read, read * read)]
+    )
+    own, weight, product = moments[:3], moments[6:9], moments[9:12]
+    light = np.maximum(mean_of_sites(lit), 0)
+    x, share = light[None], np.ones_like(weight)
+    if others is not None:
+        unit = counts * level**2
+        added = weight + _planes(others.weight[rows]) / unit
+        product = product + _planes(others.product[rows] * gamma) / unit
+        weight, share = added, weight / np.maximum(added, _TINY**2)
+    s, w = np.zeros_like(own), np.zeros_like(x)
+    if (noise := frame.noise) is not None:
+        variance = frame.variance(np.maximum(samples, 0), rows, channels) * gamma[channels] ** 2
+        s = np.sqrt(_planes(sites.means(variance)) * share / counts) / level
+        w = np.sqrt(noise.variance(light * level, -1))[None] / level
+    cap = 4 * np.maximum(x, 3 * w + np.float32(1e-4))
+    y = (x * product / np.maximum(weight, _TINY**2)).clip(-cap, cap)
+    f, low, high = (_planes(v) / level for v in (sites.means(around.filled), *around[1:]))
+    clipped = ((samples >= frame.clipping).mean(axis=2) + (around.highest >= frame.clipping)) / 2
+    b = smoothed(x, 1.0)
+    a = b + 2 * w + _LEAST
+    square = (s**2).mean(axis=0, keepdims=True)
+    proposals = list[FloatArray]()
+    for width, factor in WIDTHS:
+        prior = np.float32(factor) * square + _TINY
+        pooled = smoothed(np.concatenate([x * y, x**2]), width)
+        proposals.append(_unit((pooled[:3] + prior / 3) / (pooled[3:] + prior)))
+    prior = 100 * square + _TINY
+    single = _unit((x * y + prior * proposals[0]) / (x**2 + prior)).clip(-0.5, 1.5)
+    similar = (_planes(chromaticity[rows] * gamma) for chromaticity in alike)
+    fits = [_line(smoothed(moments, width), x, square, a) for width in LINES]
+
+    def seen() -> Iterator[FloatArray]:
+        yield (3 * y - x) / a
+        yield (y.sum(axis=0, keepdims=True) - x) / a
+        yield (own - x) / a
+        yield (own - f) / a
+        yield x / a
+        yield low / a
+        yield high / a
+        yield np.log2(s / a + _LEAST) / 4
+        yield np.log2(b + _LEAST) / 8
+        yield _planes(clipped)
+        yield np.full_like(x, np.log2(sites.grid.period / 6))
+        for spread, missed, _, _ in fits:
+            yield from (spread, missed)
+        yield from (3 * slope for *_, slope, _ in fits)
+        yield from (3 * z - 1 for z in (single, *proposals, *similar, *(z for *_, z in fits)))
+
+    planes, filled = np.empty((PLANES, *light.shape), np.float32), 0
+    for values in seen():
+        planes[filled : filled + len(values)] = values
+        filled += len(values)
+    return np.clip(planes, -RANGE, RANGE, out=planes), light * level
+
+
+def _planes(values: NDArray[Any]) -> FloatArray:
+    """Values of blocks, (rows, columns) or (rows, columns, C), as planes, (C, rows, columns)."""
+    return np.moveaxis(np.atleast_3d(values), 2, 0).astype(np.float32)
+
+
+def _line(
+    moments: FloatArray, x: FloatArray, noise: FloatArray, a: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Deviation of luminance and of samples from their line, and its slope and chromaticity at x.
+
+    Parameters
+    ----------
+    moments : FloatArray
+        <l>, <m>, <l^2>, <l m>, <m^2> of each channel, (15, rows, columns).
+    x, noise, a : FloatArray
+        See above; noise is <s^2>. (1, rows, columns).
+    """
+    light, mean, square, product, power = moments.reshape(5, 3, *moments.shape[1:])
+    prior = noise + _TINY
+    z = (product + prior / 3) / (square + prior)
+    spread, together = np.maximum(square - light**2, 0), product - light * mean
+    total = z + (together - z * spread) / (spread + 4 * noise + (_EVEN * a) ** 2)
+    total = (total + (1 - total.sum(axis=0)) / 3).clip(-2, 3)
+    missed = (power - mean**2) - 2 * total * together + total**2 * spread
+    prior = prior + (_EVEN * a) ** 2
+    reached = mean + total * (x - light)
+    chromaticity = _unit((x * reached + prior * z) / (x**2 + prior)).clip(-0.5, 1.5)
+    slope = total - chromaticity
+    return (
+        np.sqrt(spread.mean(axis=0, keepdims=True)) / a,
+        np.sqrt(np.maximum(missed, 0).mean(axis=0, keepdims=True)) / a,
+        slope - slope.mean(axis=0),
+        chromaticity,
+    )
+
+
+def _unit(chromaticity: FloatArray) -> FloatArray:
+    """Scaled to a sum of one."""
+    total = chromaticity.sum(axis=0, keepdims=True)
+    return np.asarray(chromaticity / np.maximum(total, np.float32(0.3)), np.float32)

@@ -1,0 +1,215 @@
+"""Chromaticities of blocks by the network: true to the constraint, whatever the exposure, nearer to
+the truth than those of single blocks.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panchroma.offline import BEST, PAPER, clean_frame, estimate_colour, render
+from panchroma.offline.frame import BlockSums, Frame, Sites
+from panchroma.offline.stages import block_network
+from panchroma.offline.stages.block_network import (
+    CHOICES,
+    LINES,
+    PLANES,
+    PROPOSALS,
+    alike_blocks,
+    block_planes,
+    learned_chromaticities,
+    mixed,
+    serves,
+)
+from panchroma.offline.stages.chromaticity import block_sums
+from panchroma.offline.stages.colour_network import BASIS
+from panchroma.offline.stages.denoising import denoise_luminance
+from panchroma.offline.stages.luminance import recover_luminance
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.tools.simulation.load import load_scene
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
+from tests.offline.stage_tests import StageTests
+
+PATTERNS = ("K=3", "K=4", "K=6", "K=8", "RGWW/BWWW/WWWW/WWWW", "kodak")
+GAMMA = (0.8, 1.15, 1.05)
+
+
+def measured(pattern: str, sigma: float, gamma: tuple[float, ...]) -> tuple[Frame, FloatArray]:
+    """A frame of the built-in scene, and its luminance."""
+    camera, tile = SensorCalibration(gamma=gamma), CfaPattern.of_letters(pattern)
+    mosaic = simulate_additive(scene(), tile, camera, sigma, np.random.default_rng(1))
+    frame = clean_frame(mosaic)
+    filled = recover_luminance(frame.mosaic, BEST.luminance)
+    return frame, denoise_luminance(filled, frame.mosaic, BEST.denoising)
+
+
+def scene() -> FloatArray:
+    return load_scene("builtin:240x180").rgb
+
+
+def colours(frame: Frame, rgb: FloatArray) -> DoubleArray:
+    """The mean colour at the sites of each block, (rows, columns, 3)."""
+    sites = Sites.in_frame(frame.mosaic)
+    return np.stack([sites.of(plane).mean(axis=2) for plane in np.moveaxis(rgb, 2, 0)], axis=2)
+
+
+def error(blocks: FloatArray, frame: Frame, rgb: FloatArray) -> float:
+    """Root of the mean square of what chromaticities miss of the colour of blocks."""
+    true = colours(frame, rgb)
+    light = true @ frame.gamma
+    return float(np.sqrt(np.mean((frame.sites.whole(blocks) * light[..., None] - true) ** 2)))
+
+
+def learned(
+    frame: Frame, luminance: FloatArray, others: BlockSums | None = None
+) -> tuple[FloatArray, FloatArray]:
+    return learned_chromaticities(frame, luminance, BEST.chromaticity, BEST.pooling, others=others)
+
+
+class TestBlockNetwork(StageTests):
+    def run(self, mosaic: Mosaic) -> FloatArray:
+        if not serves(mosaic.pattern):
+            return np.zeros((1, 1, 6), np.float32)
+        clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
+        light = np.where(clear, mosaic.signal, mosaic.signal[clear].mean())
+        frame = Frame(mosaic, np.inf)
+        blocks, lines = learned(frame, light)
+        # and their colours where luminance is half as much again
+        return np.concatenate([blocks, blocks + lines[..., :3] / 3], axis=2)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.03])
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_chromaticities_add_up_and_are_nearer_to_the_truth(pattern: str, sigma: float) -> None:
+    frame, luminance = measured(pattern, sigma, GAMMA)
+    blocks, lines = learned(frame, luminance)
+    np.testing.assert_allclose(lines[..., :3] @ frame.gamma, 0, atol=1e-3)
+    np.testing.assert_allclose(blocks @ frame.gamma, 1, atol=1e-3)  # Eq. 7
+    pooled = replace(BEST, chromaticity=PAPER.chromaticity)
+    for settings, share in ((replace(pooled, pooling=PAPER.pooling), 0.9), (pooled, 0.95)):
+        others = estimate_colour(frame, luminance, settings).blocks
+        assert error(blocks, frame, scene()) < share * error(others, frame, scene())
+
+
+def test_grey_is_grey() -> None:
+    grey = np.linspace(0.02, 0.9, 120, dtype=np.float32)[:, None, None] * np.ones((1, 90, 3))
+    mosaic = simulate_additive(
+        grey.astype(np.float32),
+        CfaPattern.bayer(6),
+        SensorCalibration(gamma=GAMMA),
+        0.0,
+        np.random.default_rng(0),
+    )
+    frame = clean_frame(mosaic)
+    blocks, _ = learned(frame, recover_luminance(frame.mosaic, BEST.luminance))
+    wrong = np.abs(blocks - 1 / np.sum(GAMMA))
+    assert wrong.max() < 0.03  # in the first row, where luminance ends
+    assert wrong[2:].max() < 2e-3
+
+
+def test_exposure_changes_no_plane() -> None:
+    """Samples and noise four times as large."""
+    frame, luminance = measured("K=6", 0.01, GAMMA)
+    noise = frame.noise
+    assert noise is not None
+    brighter = replace(
+        frame.mosaic,
+        samples=4 * frame.signal,
+        calibration=replace(
+            frame.mosaic.calibration,
+            noise=replace(noise, read=tuple(4 * read for read in noise.read)),
+        ),
+    )
+    (expected, dim), (planes, light) = (
+        block_planes(shot, values, alike_blocks(shot, values, BEST.chromaticity, BEST.pooling))
+        for shot, values in ((frame, luminance), (Frame(brighter, np.inf), 4 * luminance))
+    )
+    assert planes.shape == (PLANES, *frame.sites.shape)
+    np.testing.assert_allclose(planes, expected, atol=0.01)
+    np.testing.assert_allclose(light, 4 * dim, rtol=1e-5)
+
+
+def test_proposals_are_weighed_and_moved_in_the_plane_of_constant_luminance() -> None:
+    """In the middle of 3 x 3 blocks, by the sums that the text describes."""
+    random = np.random.default_rng(0)
+    proposals = random.dirichlet(np.ones(3), (PROPOSALS, 3, 3))  # (proposal, row, column, channel)
+    slopes = random.normal(size=(len(LINES), 3, 3, 3))
+    planes = np.zeros((PLANES, 3, 3), np.float32)
+    triples = (
+        3 * np.concatenate([slopes, proposals])
+        - np.repeat([0, 1], (len(LINES), PROPOSALS))[:, None, None, None]
+    )
+    planes[-3 * len(triples) :] = triples.transpose(0, 3, 1, 2).reshape(-1, 3, 3)
+    answer = random.normal(size=(4 + CHOICES, 3, 3)).astype(np.float32)
+    weights = np.exp(answer[4:, 1, 1]) / np.exp(answer[4:, 1, 1]).sum()
+    choices = np.concatenate([proposals[0].reshape(9, 3), proposals[1:, 1, 1]])
+    chromaticity = weights @ choices + answer[:2, 1, 1] @ BASIS * 0.1 / 3
+    slope = weights[-len(LINES) :] @ slopes[:, 1, 1] + answer[2:4, 1, 1] @ BASIS * 0.1 / 3
+    expected = np.concatenate([chromaticity, slope - slope.mean()])  # luminance stays
+    np.testing.assert_allclose(mixed(planes, answer)[:, 1, 1], expected, atol=1e-6)
+
+
+def test_lines_go_through_all_inks() -> None:
+    """Stripes of red ink on yellow paper, as wide as the blocks are far apart: the line of each
+    block has the colour of both.
+    """
+    inks = np.array([[0.8, 0.7, 0.3], [0.3, 0.05, 0.04]], np.float32)
+    stripes = np.broadcast_to(inks[np.arange(120) // 5 % 2], (90, 120, 3))
+    mosaic = simulate_additive(
+        np.ascontiguousarray(stripes),
+        CfaPattern.bayer(6),
+        SensorCalibration(),
+        0.0,
+        np.random.default_rng(0),
+    )
+    frame = clean_frame(mosaic)
+    luminance = recover_luminance(frame.mosaic, BEST.luminance)
+    blocks, lines = learned(frame, luminance)
+    for ink in inks:
+        light = float(ink.sum())
+        colour = (blocks + lines[..., :3]) * light - lines[..., 3:]
+        assert np.median(np.abs(colour[4:-4, 4:-4] - ink).max(axis=2)) < 0.03
+
+
+def test_chunks_have_no_seams(monkeypatch: pytest.MonkeyPatch) -> None:
+    frame, luminance = measured("K=4", 0.02, GAMMA)
+    whole = np.concatenate(learned(frame, luminance), axis=2)
+    monkeypatch.setattr(block_network, "_SIDE", 16)
+    assert np.abs(np.concatenate(learned(frame, luminance), axis=2) - whole).max() < 0.01
+
+
+def test_samples_of_other_frames_count() -> None:
+    frame, luminance = measured("K=6", 0.04, (1.0, 1.0, 1.0))
+    others = BlockSums(*np.zeros((2, *frame.sites.shape, 3)))
+    tile, camera = CfaPattern.bayer(6), SensorCalibration()
+    for seed in range(2, 9):
+        shot = simulate_additive(scene(), tile, camera, 0.04, np.random.default_rng(seed))
+        others += block_sums(clean_frame(shot), luminance)
+    alone, together = (
+        error(learned(frame, luminance, sums)[0], frame, scene()) for sums in (None, others)
+    )
+    assert together < 0.8 * alone
+
+
+@pytest.mark.parametrize(
+    ("pattern", "expected"),
+    [*((pattern, True) for pattern in PATTERNS), ("RCCB", False), ("RGB/XWY", False)],
+)
+def test_other_patterns_go_without_it(pattern: str, expected: bool) -> None:
+    if pattern == "RGB/XWY":
+        assert not serves(CfaPattern.with_block(("RGB", "XWY"), 6))
+    else:
+        assert serves(CfaPattern.of_letters(pattern)) is expected
+
+
+def test_the_answer_holds_beside_clipped_light() -> None:
+    """Dark type on over-exposed paper, rendered: the paper is even, and neutral."""
+    paper = np.full((120, 120, 3), 1.6, np.float32)
+    paper[40:44, 20:100] = paper[60:100, 50:53] = 0.05
+    mosaic = simulate_sensor(
+        paper, CfaPattern.bayer(6), SensorCalibration(), 1.0, np.random.default_rng(0)
+    )
+    chromaticity = render(mosaic).chromaticity[10:110, 10:110]
+    bright = paper[10:110, 10:110, 0] > 1
+    assert np.quantile(np.abs(chromaticity[bright] - 1 / 3), 0.99) < 0.03
