@@ -106,8 +106,8 @@ class View:
     def darker(self, gain: float) -> "View":
         """Return the frame as if it had been exposed `gain` times less."""
         noise, unit = self.noise and self.noise.in_units_of(gain), np.float32(gain)
-        light, limit, colours = self.luminance / unit, self.limit / gain, self.colours / unit
-        return View(light, noise, limit, colours, self.colour_gains)
+        luminance, limit, colours = self.luminance / unit, self.limit / gain, self.colours / unit
+        return View(luminance, noise, limit, colours, self.colour_gains)
 
 
 @dataclass(frozen=True, eq=False)

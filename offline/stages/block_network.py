@@ -117,9 +117,11 @@ def learned_chromaticities(
         rows, down = slice(top, min(top + _SIDE, height)), _chunk(top, height)
         first = max(int(down[0]) - reach, 0)
         seen = slice(first, min(int(down[-1]) + 1 + reach, height))
-        planes, light = block_planes(frame, luminance, alike, others, seen)
+        planes, at_sites = block_planes(frame, luminance, alike, others, seen)
         lines[rows, :, :6] = _answered(network, planes, down - first)[: rows.stop - top]
-        lines[rows, :, 6:] = lines[rows, :, 3:6] * light[top - first : rows.stop - first, :, None]
+        lines[rows, :, 6:] = (
+            lines[rows, :, 3:6] * at_sites[top - first : rows.stop - first, :, None]
+        )
         del planes  # before those of the next rows
     lines /= np.tile(frame.gamma32, 3)
     lines = frame.sites.grid.extend(lines)
@@ -227,8 +229,8 @@ def block_planes(
         [_planes(sites.means(v)) for v in (lit, read, lit * lit, lit * read, read * read)]
     )
     own, weight, product = moments[:3], moments[6:9], moments[9:12]
-    light = np.maximum(mean_of_sites(lit), 0)
-    x, share = light[None], np.ones_like(weight)
+    at_sites = np.maximum(mean_of_sites(lit), 0)
+    x, share = at_sites[None], np.ones_like(weight)
     if others is not None:
         unit = counts * level**2
         added = weight + _planes(others.weight[rows]) / unit
@@ -238,7 +240,7 @@ def block_planes(
     if (noise := frame.noise) is not None:
         variance = frame.variance(np.maximum(samples, 0), rows, channels) * gamma[channels] ** 2
         s = np.sqrt(_planes(sites.means(variance)) * share / counts) / level
-        w = np.sqrt(noise.variance(light * level, -1))[None] / level
+        w = np.sqrt(noise.variance(at_sites * level, -1))[None] / level
     cap = 4 * np.maximum(x, 3 * w + np.float32(1e-4))
     y = (x * product / np.maximum(weight, _TINY**2)).clip(-cap, cap)
     f, low, high = (_planes(v) / level for v in (sites.means(around.filled), *around[1:]))
@@ -273,11 +275,11 @@ def block_planes(
         yield from (3 * slope for *_, slope, _ in fits)
         yield from (3 * z - 1 for z in (single, *proposals, *similar, *(z for *_, z in fits)))
 
-    planes, filled = np.empty((PLANES, *light.shape), np.float32), 0
+    planes, filled = np.empty((PLANES, *at_sites.shape), np.float32), 0
     for values in seen():
         planes[filled : filled + len(values)] = values
         filled += len(values)
-    return np.clip(planes, -RANGE, RANGE, out=planes), light * level
+    return np.clip(planes, -RANGE, RANGE, out=planes), at_sites * level
 
 
 def _planes(values: NDArray[Any]) -> FloatArray:
@@ -297,15 +299,15 @@ def _line(
     x, noise, a : FloatArray
         See above; noise is <s^2>. (1, rows, columns).
     """
-    light, mean, square, product, power = moments.reshape(5, 3, *moments.shape[1:])
+    luminance, mean, square, product, power = moments.reshape(5, 3, *moments.shape[1:])
     prior = noise + _TINY
     z = (product + prior / 3) / (square + prior)
-    spread, together = np.maximum(square - light**2, 0), product - light * mean
+    spread, together = np.maximum(square - luminance**2, 0), product - luminance * mean
     total = z + (together - z * spread) / (spread + 4 * noise + (_EVEN * a) ** 2)
     total = (total + (1 - total.sum(axis=0)) / 3).clip(-2, 3)
     missed = (power - mean**2) - 2 * total * together + total**2 * spread
     prior = prior + (_EVEN * a) ** 2
-    reached = mean + total * (x - light)
+    reached = mean + total * (x - luminance)
     chromaticity = _unit((x * reached + prior * z) / (x**2 + prior)).clip(-0.5, 1.5)
     slope = total - chromaticity
     return (

@@ -75,21 +75,21 @@ class Propagation(RowStage):
         # alpha, Eqs. 11-13
         fields = solve_affinities(luminance, pattern, self.affinity, rows)
         # c, Eqs. 10 and 14
-        blocks, lines, light = self.frame.blocks, self.frame.lines, band.rows(*rows).luminance
+        blocks, lines, lit = self.frame.blocks, self.frame.lines, band.rows(*rows).luminance
         if lines.size:  # c + s, and s l_j
             slope, level = np.split(lines, 2, axis=2)
             blocks = np.concatenate([blocks + slope, level], axis=2)
         colour = propagate(blocks, fields, luminance, pattern, self.settings, rows)
         if lines.size:
             along, least = colour, np.float32(_DIMMEST * self.frame.level)
-            colour = np.empty((*light.shape, len(self.frame.gamma32)), np.float32)
-            follow_lines(along, light, least, self.frame.gamma32, colour)
-        return Band(rows[0], light, colour)
+            colour = np.empty((*lit.shape, len(self.frame.gamma32)), np.float32)
+            follow_lines(along, lit, least, self.frame.gamma32, colour)
+        return Band(rows[0], lit, colour)
 
 
 @parallel_kernel()
 def follow_lines(
-    chunks: Chunks, lines: Floats3, light: Frozen2, least: Single, gamma: Floats1, out: Floats3
+    chunks: Chunks, lines: Floats3, luminance: Frozen2, least: Single, gamma: Floats1, out: Floats3
 ) -> None:
     """Compute the chromaticities of pixels whose colour is c l + s (l - l_j), a line through that
     of the block. No channel is below 0.
@@ -98,7 +98,7 @@ def follow_lines(
     ----------
     lines : Floats3
         c + s and s l_j, (rows, W, 2 C).
-    light : Frozen2
+    luminance : Frozen2
         l, (rows, W).
     least : Single
         Luminance below which l counts as that.
@@ -108,7 +108,7 @@ def follow_lines(
     channels = len(gamma)
     for row in range(chunks[0], chunks[1]):
         for column in range(out.shape[1]):
-            lit, total = max(light[row, column], least), _ZERO
+            lit, total = max(luminance[row, column], least), _ZERO
             for channel in range(channels):
                 line = lines[row, column]
                 value = max(line[channel] - line[channels + channel] / lit, _ZERO)

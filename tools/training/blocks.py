@@ -145,7 +145,7 @@ class BlockNetwork(nn.Module):  # type: ignore[misc]
         return self.leave(values)
 
     def _pair(self, side: str, level: int, values: Any) -> Any:
-        first, second = (self.get_submodule(f"{side}{level}{part}") for part in "ab")
+        first, second = (self.get_submodule(f"{side}{level}{order}") for order in "ab")
         return residual(values, first, second)
 
 
