@@ -53,20 +53,6 @@ def test_bands_are_the_whole(
         assert np.array_equal(np.concatenate(found), at_once(mosaic, settings))
 
 
-def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
-    pattern, shape = CfaPattern.bayer(6, origin=(2, 2)), (437, 60)
-    whole = shot(pattern, shape)
-    signal = np.minimum(whole.signal * np.float32(1.6), whole.calibration.full_scale)
-    calibration = replace(whole.calibration, defects=((3, 3), (200, 31), (300, 2)))
-    mosaic = Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
-    assert np.array_equal(
-        np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb
-    )
-    assert not np.array_equal(
-        render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb
-    )
-
-
 @pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
 @pytest.mark.parametrize("period", [4, 6])
 def test_threads_leave_no_trace(

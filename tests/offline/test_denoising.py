@@ -7,7 +7,7 @@ import pytest
 
 from panchroma.offline.settings import BEST
 from panchroma.offline.stages import denoising as product
-from panchroma.offline.stages.denoising import cosines, denoise_luminance
+from panchroma.offline.stages.denoising import denoise_luminance
 from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import DoubleArray, FloatArray
@@ -112,8 +112,3 @@ def test_windows_leave_no_trace() -> None:
     whole = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)
     found = denoise_luminance(plane[:, :200].astype(np.float32), cut, SETTINGS)
     assert np.array_equal(found[:, :170], whole[:, :170])
-
-
-def test_cosines_are_orthonormal() -> None:
-    for size in (4, 8, 12):
-        assert_close(cosines(size).astype(np.float64) @ cosines(size).T, np.eye(size), 1e-6)

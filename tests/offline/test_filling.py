@@ -1,12 +1,9 @@
 """The network that corrects filled luminance: what it gains, and what it must leave alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from panchroma.offline import use_threads
 from panchroma.offline.settings import BEST, UNLEARNED
 from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.offline.stages.luminance_network import SIDE, correct_fill, network_inputs
@@ -61,36 +58,6 @@ def test_three_sites_are_corrected_alike_wherever_the_fourth_pixel_is() -> None:
 def test_other_blocks_stay_as_they_were_filled(letters: str) -> None:
     mosaic = shot(CfaPattern.of_letters(letters))
     assert np.array_equal(recover_luminance(mosaic, BEST.luminance), filled(mosaic))
-
-
-def test_what_is_flat_stays_flat() -> None:
-    mosaic = shot(CfaPattern.bayer(6), 0.01)
-    flat = np.full(mosaic.shape, 0.7, np.float32)
-    assert np.array_equal(correct_fill(flat.copy(), mosaic), flat)
-
-
-def test_half_the_light_gives_half_the_picture() -> None:
-    mosaic = shot(CfaPattern.bayer(6), 0.01)
-    noise = NoiseModel(
-        tuple(each / 2 for each in mosaic.calibration.noise.shot),
-        tuple(each / 2 for each in mosaic.calibration.noise.read),
-    )
-    darker = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
-    luminance = filled(mosaic)
-    assert np.array_equal(
-        2 * correct_fill(luminance * np.float32(0.5), darker),
-        correct_fill(luminance.copy(), mosaic),
-    )
-
-
-def test_the_number_of_threads_changes_no_bit() -> None:
-    mosaic = shot(CfaPattern.bayer(4))
-    luminance, found = filled(mosaic), []
-    for threads in (1, 2):
-        use_threads(threads)
-        found.append(correct_fill(luminance.copy(), mosaic))
-    use_threads(1)
-    assert np.array_equal(found[0], found[1])
 
 
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 0.021), (0.0215, 0.0258)])

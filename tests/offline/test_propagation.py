@@ -95,27 +95,6 @@ def test_without_light_all_four_count_the_same(value: float) -> None:
     assert_close(inside, np.broadcast_to(blocks[:2, :2].mean(axis=(0, 1)), inside.shape), FLOAT32)
 
 
-def test_one_lit_corner_takes_all() -> None:
-    """kappa is proportional to l[n_j]: a block in the dark says nothing."""
-    pattern = CfaPattern.bayer(6, origin=(5, 5))  # patches begin at (0, 0)
-    blocks, affinity, _ = case(pattern, (12, 12))
-    for corner, place in (((0, 0), (0, 0)), ((0, 1), (0, 5)), ((1, 0), (5, 0)), ((1, 1), (5, 5))):
-        light = np.zeros((12, 12), np.float32)
-        light[place] = 0.5
-        found = mixed(blocks, affinity, light, pattern)[:6, :6]
-        assert_close(found, np.broadcast_to(blocks[corner], found.shape), FLOAT32)
-
-
-@every_case
-def test_is_a_convex_combination(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    blocks, affinity, light = case(pattern, shape)
-    found = mixed(blocks, affinity, light, pattern)
-    assert found.min() >= blocks.min() - FLOAT32
-    assert found.max() <= blocks.max() + FLOAT32
-    even = mixed(np.full_like(blocks, 0.375), affinity, light, pattern)
-    assert_close(even, np.full(even.shape, 0.375), FLOAT32)
-
-
 def test_colours_lie_on_the_line_through_that_of_the_block() -> None:
     """A pixel as bright as the block has its chromaticity; red falls faster than the others, and
     never below 0, where luminance is kept.

@@ -11,7 +11,7 @@ from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import FloatArray
-from tests.offline.scenes import cleaned, every_case, gamma_of, materials, sampled, shot
+from tests.offline.scenes import every_case, gamma_of, materials, sampled, shot
 from tests.offline.stage_tests import StageTests
 from tests.reference.chromaticity import extend
 from tests.reference.compare import assert_close
@@ -53,27 +53,6 @@ class TestSettling(StageTests):
     def run(self, mosaic: Mosaic) -> FloatArray:
         clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
         return settled(mosaic, np.where(clear, mosaic.signal, mosaic.signal[clear].mean()))
-
-
-@every_case
-def test_a_block_is_unclipped_with_all_that_is_next_to_it(
-    pattern: CfaPattern, shape: tuple[int, int]
-) -> None:
-    mosaic, (height, width), grid = (
-        shot(pattern, shape, None),
-        pattern.block_shape,
-        pattern.grid(shape),
-    )
-    frame = cleaned(mosaic, float(np.quantile(mosaic.signal, 0.97)))
-    around = [
-        [
-            np.s_[max(row - 1, 0) : row + height + 1, max(column - 1, 0) : column + width + 1]
-            for column in grid.whole_columns
-        ]
-        for row in grid.whole_rows
-    ]
-    expected = [[(mosaic.signal[place] < frame.clipping).all() for place in row] for row in around]
-    assert np.array_equal(frame.unclipped, expected)
 
 
 def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> None:
