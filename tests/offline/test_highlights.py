@@ -9,7 +9,7 @@ import pytest
 
 from panchroma.offline import BEST, PAPER, render
 from panchroma.offline.numerics.interpolation import interpolate
-from panchroma.offline.stages.highlights import clipping_level, restore_highlights, unmeasured
+from panchroma.offline.stages.highlights import clipping_level, restore_highlights
 from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
@@ -220,18 +220,6 @@ def test_nothing_is_lost_where_nothing_is_clipped_or_restored() -> None:
     assert render(Mosaic(mosaic.signal, mosaic.pattern, mosaic.calibration), BEST).lost is None
     assert render(exposed(lamp(2.0, NEUTRAL)), BEST).lost is None
     assert render(Mosaic(hot, mosaic.pattern, mosaic.calibration), BEST).lost is None
-
-
-def test_blocks_tell_of_what_is_around_them() -> None:
-    lowest, gone = np.full((7, 7), 0.2), np.zeros((7, 7))
-    lowest[3, 3] = 1
-    assert np.array_equal(unmeasured(lowest, lowest, gone)[2:5, 2:5], np.zeros((3, 3)))
-    assert unmeasured(lowest, lowest, gone)[0].min() == 1
-    gone[3, 3] = 1
-    assert unmeasured(lowest, lowest, gone).min() == 1, "between a burnt-out block and dark ones"
-    assert np.array_equal(unmeasured(np.ones((7, 7)), np.ones((7, 7)), gone), gone), (
-        "restored blocks beside a burnt-out one stay"
-    )
 
 
 def test_interpolation_keeps_parabolas() -> None:
