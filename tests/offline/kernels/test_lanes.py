@@ -1,4 +1,4 @@
-"""Lanes and the functions of them: each does what NumPy does, element by element."""
+"""Functions of lanes and numbers: each does what NumPy does, as exactly as it promises."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import pytest
 
-from panchroma.offline.numerics import functions, lanes
+from panchroma.offline.numerics import functions
 from panchroma.offline.numerics.lanes import WIDTH, load, store
 from panchroma.shared.arrays import FloatArray
 
@@ -16,42 +16,6 @@ APPROXIMATE = 1e-6
 # Python can call what it compiles, with arguments of any type.
 callable_kernel: Callable[..., Any] = numba.njit(fastmath={"contract"}, error_model="numpy")
 MIRRORED = callable_kernel(functions.mirrored)
-
-
-@callable_kernel
-def calculate(a: FloatArray, b: FloatArray, scalar: float, out: FloatArray) -> None:
-    x, y = load(a, 1), load(b, (0, 2))
-    s = np.float32(scalar)
-    store(out, (0, 0), x + y)
-    store(out, (1, 0), x - y)
-    store(out, (2, 0), x * y)
-    store(out, (3, 0), s - x)
-    store(out, (4, 0), x * s + s)
-    store(out, (5, 0), lanes.lesser(x, y))
-    store(out, (6, 0), lanes.greater(x, s))
-    store(out, (7, 0), lanes.where_less(x, y, s, y))
-    store(out, (8, 0), lanes.quotient(s, x))
-    store(out, (9, 0), lanes.square_root(x * x))
-    z = x
-    z += y
-    z -= s
-    store(out, (10, 0), z)
-
-
-def test_lanes_calculate_like_numpy() -> None:
-    random = np.random.default_rng(1)
-    a = random.normal(size=WIDTH + 1).astype(np.float32)
-    b = random.normal(size=(1, WIDTH + 2)).astype(np.float32)
-    out = np.zeros((11, WIDTH), np.float32)
-    calculate(a, b, 0.25, out)
-    x, y, s = a[1:], b[0, 2:], np.float32(0.25)
-    expected = [
-        *(x + y, x - y, x * y, s - x, x * s + s, np.minimum(x, y), np.maximum(x, s)),
-        *(np.where(x < y, s, y), s / x, np.abs(x), x + y - s),
-    ]
-    rounding = 2 * float(np.finfo(np.float32).eps)
-    for found, right in zip(out, expected, strict=True):
-        np.testing.assert_allclose(found, right, rtol=rounding, atol=rounding)
 
 
 @callable_kernel
