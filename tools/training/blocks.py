@@ -216,10 +216,10 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
     """Planes of the blocks of a picture, float16 (PLANES, rows, columns), and their colours,
     float32 (13, rows, columns), in units of the mean light. The same arguments give the same bytes.
 
-    The colours, with c = (R, G, B) times gamma, l their sum, p the components of c in `BASIS`, and
-    the mean <.> of the pixels around a block, which count the less the farther they are, up to K
-    pixels down and across: c at the sites, <c>, <l c>, <l>, <l^2>, <p^2>, and luminance at the
-    sites as it is filled in.
+    The colours, with c = (R, G, B) times gamma, l the luminance that the render finds, p the
+    components of c in `BASIS`, and the mean <.> of the pixels around a block, which count the less
+    the farther they are, up to K pixels down and across: c at the sites, <c>, <l c>, <l>, <l^2>,
+    <p^2>, and l at the sites.
     """
     random = np.random.default_rng(seed)
     scene = pictured(source, random)
@@ -260,12 +260,14 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
     sites = Sites.in_frame(mosaic)
     colour = np.moveaxis(scene * (gamma / frame.level), 2, 0)
     at_sites = np.stack([sites.of(plane).mean(axis=2) for plane in colour])
-    light, power = colour.sum(axis=0), np.square(np.tensordot(BASIS, colour, 1)).sum(axis=0)
+    power = np.square(np.tensordot(BASIS, colour, 1)).sum(axis=0)
     down, across = (
         _nearness(middle, sites.grid.period, count, size)
         for middle, count, size in zip(sites.middle, sites.shape, mosaic.shape, strict=True)
     )
-    pixels = [*colour, *(light * colour), light, light**2, power]
+    # not the true one: a slope must not make colour of the errors of luminance
+    luminance /= np.float32(frame.level)
+    pixels = [*colour, *(luminance * colour), luminance, luminance**2, power]
     around = [down @ plane @ across.T for plane in pixels]
     filled /= np.float32(frame.level)
     return planes.astype(np.float16), np.array([*at_sites, *around, filled], np.float32)
