@@ -8,7 +8,7 @@ from .bands import Band, Halo, RowStage
 from .frame import Frame
 from .memory import rendering_memory
 from .numerics.compile import compilation, kernel_cache
-from .render import (
+from .pipeline import (
     Rendering,
     Stages,
     clean_frame,

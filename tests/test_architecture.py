@@ -213,7 +213,7 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
         ("panchroma.shared.pattern", "import offline"),
         ("panchroma.device.capture", "import offline.stages.luminance as light"),
         (
-            "panchroma.offline.render",
+            "panchroma.offline.pipeline",
             "def later():\n    from ..tools.evaluation.metrics import psnr",
         ),
         ("panchroma.offline.numerics.solver", "from tests.reference import affinity"),
@@ -223,7 +223,7 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
         ("panchroma.shared.dng.file", "from ...device import runtime"),
         (
             "panchroma.shared.pattern",
-            "import importlib\nimportlib.import_module('panchroma.offline.render')",
+            "import importlib\nimportlib.import_module('panchroma.offline.pipeline')",
         ),
         ("panchroma.device.preview", "__import__('scipy')"),
         ("panchroma.tools.io.picture", "from ..batch.jobs import own_file"),

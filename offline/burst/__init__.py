@@ -18,7 +18,7 @@ from ...shared.progress import SILENT, Progress
 from ..bands import RowStage
 from ..frame import Frame
 from ..memory import burst_memory
-from ..render import colour_bands, estimate_colour, row_stages
+from ..pipeline import colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
 from ..stages.shading import ShadingCorrection
 from ..units import check_frames

@@ -14,7 +14,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.progress import Progress
 from ..frame import Frame
 from ..numerics.gaussian import gaussian, smoothed
-from ..render import uncleaned
+from ..pipeline import uncleaned
 from ..settings import RenderSettings
 from ..stages.defects import mend_defects
 from ..stages.highlights import restore_highlights

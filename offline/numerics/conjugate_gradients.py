@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
+from ...shared.arrays import DoubleArray, FloatArray, IndexArray
+from ...shared.errors import ConvergenceError
 from .arrays import Floats1, Floats2, Floats3, Pair, Scalar
 from .compile import kernel
 from .functions import unset, zeros
@@ -274,3 +275,26 @@ def _precondition(residual: Floats2, inverse: Floats2, better: Floats2) -> float
     for index in range(len(z)):
         z[index] = scale[index] * r[index]
     return product(residual, better)
+
+
+def check_convergence(
+    solver: str, used: IndexArray, residuals: DoubleArray, tolerance: float
+) -> None:
+    """Raise ConvergenceError if conjugate gradients did not reach their tolerance in one of several
+    systems.
+
+    Parameters
+    ----------
+    solver : str
+        Its name.
+    used, residuals : IndexArray, DoubleArray
+        (systems,), iterations and relative residual of each, one or more.
+    tolerance : float
+        Residual at which they were to stop.
+    """
+    worst = float(residuals.max())
+    if not worst <= tolerance:
+        raise ConvergenceError(
+            f"{solver}: conjugate gradients stopped at a relative residual of {worst:.1e} after "
+            f"{used.max()} iterations, short of {tolerance:.1e}"
+        )

@@ -17,9 +17,17 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from .arrays import Doubles1, Floats1, Floats2, Floats3, Frozen2, Ints1, Scalar
 from .compile import Chunks, kernel, parallel_kernel
-from .conjugate_gradients import BORDER, TOGETHER, Limits, System, linked_sum, planes, solve
+from .conjugate_gradients import (
+    BORDER,
+    TOGETHER,
+    Limits,
+    System,
+    check_convergence,
+    linked_sum,
+    planes,
+    solve,
+)
 from .functions import chunk_at, zeros
-from .solvers import check_convergence
 
 SIDE = 128
 """Rows and columns of a chunk, which is solved at a time. Chosen for speed."""

@@ -35,6 +35,7 @@ from ..numerics.conjugate_gradients import (
     BORDER,
     Limits,
     System,
+    check_convergence,
     cut,
     linked_sum,
     planes,
@@ -43,7 +44,6 @@ from ..numerics.conjugate_gradients import (
 )
 from ..numerics.functions import exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
-from ..numerics.solvers import check_convergence
 from ..patches import HALO, PaddedFrame, chunk_patches, pad_frame, patches_of
 from ..stage import Between, Count, Range, StageSettings
 

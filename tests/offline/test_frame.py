@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER, RenderSettings, colour_bands, measure
-from panchroma.offline.render import clean_frame
+from panchroma.offline.pipeline import clean_frame
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.offline.scenes import cleaned, every_case, shot

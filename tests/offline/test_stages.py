@@ -22,7 +22,7 @@ from panchroma.offline import (
     row_stages,
 )
 from panchroma.offline.bands import Halo
-from panchroma.offline.render import Rendering
+from panchroma.offline.pipeline import Rendering
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError

@@ -27,7 +27,7 @@ from torch.nn import functional
 
 from ...offline import use_threads
 from ...offline.frame import Sites
-from ...offline.render import clean_frame
+from ...offline.pipeline import clean_frame
 from ...offline.settings import BEST
 from ...offline.stages.block_network import (
     CHOICES,

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...offline.bands import Band
-from ...offline.render import measure, run_row_stages
+from ...offline.pipeline import measure, run_row_stages
 from ...offline.settings import BEST
 from ...offline.stages.colour_network import Residuals, Span, Superpixels
 from ...shared import CfaPattern, Mosaic, SensorCalibration
