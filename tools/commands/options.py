@@ -130,7 +130,7 @@ _SHARED = {
     "pattern": _option("--pattern", "PATTERN", _PATTERN),
     "channels": _option("--channels", "LETTERS", _CHANNELS, type=letters),
     "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
-    "sensor-bits": _option("--bits", "N", _SENSOR_BITS, dest="sensor_bits", type=int),
+    "sensor-bits": _option("--sensor-bits", "N", _SENSOR_BITS, type=int),
     "sigma": _option("--sigma", "S", _SIGMA, type=factor),
     "light": _option("--light", "FACTOR", _LIGHT, type=factor),
     "linear": _switch("--linear", _LINEAR),

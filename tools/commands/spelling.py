@@ -6,7 +6,7 @@ The library marks the names of arguments, with or without a value: `sigma`, `ove
 import re
 from collections.abc import Collection
 
-_OPTIONS = {"width": "size", "height": "size", "sensor_bits": "bits"}  # where names differ
+_OPTIONS = {"width": "size", "height": "size"}  # where names differ
 _SIZE = {"width": "{}xHEIGHT", "height": "WIDTHx{}"}
 _WORDS = {"max_pixels": "the environment variable PANCHROMA_MAX_PIXELS"}
 _ARGUMENT = re.compile(r"`([a-z_]+)(?:=([^`]*))?`")

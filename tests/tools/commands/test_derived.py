@@ -21,7 +21,7 @@ def test_a_frame_without_a_header_becomes_a_picture(name: str, out: Path, tmp_pa
     run("simulate", scene, "-o", out, "--pattern", name, "-f", "raw", "--light", "1", code=0)
     (raw,) = out.glob("*.raw")
     shots = tmp_path / "shots"
-    camera = ("--pattern", name, "--bits", "12")
+    camera = ("--pattern", name, "--sensor-bits", "12")
     with raw.open("rb") as stream, patch("sys.stdin", stream):
         run("capture", "-", *SIZE, *camera, "-o", shots, code=0)
     (shot,) = shots.glob("*.dng")

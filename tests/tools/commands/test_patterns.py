@@ -38,7 +38,7 @@ def quality(out: Path, stem: str) -> float:
 
 def test_five_bands(out: Path, tmp_path: Path) -> None:
     scene, shot = save(tmp_path / "bands.npy", bands()), out / "bands.dng"
-    camera = f"--pattern {FIVE} --origin 2,1 --truth --sigma 0.01 --bits 14"
+    camera = f"--pattern {FIVE} --origin 2,1 --truth --sigma 0.01 --sensor-bits 14"
     run("simulate", scene, "-o", out, camera, code=0)
     assert np.array_equal(tifffile.imread(out / "bands.truth.tif"), bands())
     assert read_dng(shot).pattern == CfaPattern.of_letters(FIVE, (2, 1))

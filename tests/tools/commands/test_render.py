@@ -31,7 +31,7 @@ MEASURED = "--bits 32 --space camera"
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A noisy shot of the built-in scene, 16 bits."""
     folder = tmp_path_factory.mktemp("shots")
-    run("simulate builtin:48x36 -o", folder, "--bits 16 --sigma 0.02", code=0)
+    run("simulate builtin:48x36 -o", folder, "--sensor-bits 16 --sigma 0.02", code=0)
     return folder / f"{STEM}.dng"
 
 

@@ -69,8 +69,8 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
         ("--pattern K=5", lambda shot: shot.pattern == CfaPattern.bayer(5)),
         ("--pattern GBW/RGW/WWW", lambda shot: shot.pattern == CfaPattern.bayer(3, "GBRG")),
         ("--origin 4,-1", lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
-        ("--bits 16", lambda shot: shot.calibration.bits == 16),
-        ("--bits 16", lambda shot: shot.calibration.black_level[0] == 4096),
+        ("--sensor-bits 16", lambda shot: shot.calibration.bits == 16),
+        ("--sensor-bits 16", lambda shot: shot.calibration.black_level[0] == 4096),
         ("--sigma 0.05", lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
     ],
 )
@@ -126,7 +126,7 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
     shot = simulate(out, "--light 1 --camera", path)
     # The camera does not know the colours, the scene does.
     assert shot.calibration == replace(known, camera_to_xyz=builtin_scene(24, 18).camera_to_xyz)
-    paper = simulate(out, "--sigma 0.03 --bits 14 --camera", path).calibration
+    paper = simulate(out, "--sigma 0.03 --sensor-bits 14 --camera", path).calibration
     assert (paper.gamma, paper.bits) == (gamma, 14)
     assert paper.noise == NoiseModel.gaussian(0.03, 4)
 

@@ -83,7 +83,7 @@ def test_no_verb_names_an_option_that_it_lacks(verb: str) -> None:
         ("use `overwrite=True` to replace it", "use --overwrite to replace it"),
         ("give `width`, `height` and `stride`", "give --size and --stride"),
         ("begins late (`width=4056`?)", "begins late (--size 4056xHEIGHT?)"),
-        ("`sensor_bits` does not go with `camera`", "--bits does not go with --camera"),
+        ("`sensor_bits` does not go with `camera`", "--sensor-bits does not go with --camera"),
         ('`wb="auto"` estimates it', "wb auto estimates it"),  # no option of this verb
         ("`black=N` states another", "--black N states another"),
         ("`max_pixels` raises it", "the environment variable PANCHROMA_MAX_PIXELS raises it"),

@@ -21,7 +21,7 @@ from tests.tools.capture.test_viewfinder import codes, pictures
 from tests.tools.command import ended, start
 from tests.tools.commands.test_capture import LINE, MOVING, SLIPPED, moving
 
-NOISE = "--size 30x20 --pixel-format u16 --bits 10 --unchecked"
+NOISE = "--size 30x20 --pixel-format u16 --sensor-bits 10 --unchecked"
 
 
 @contextmanager
