@@ -3,18 +3,16 @@
 import argparse
 import os
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ...shared import Camera, CfaPattern, read_camera
+from ...shared import Camera, CfaPattern
 from ...shared.calibration import BITS
 from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiles import TILES
 from ..batch.memory import parse_bytes
-from ..simulation.pattern_text import read_pattern
+from ..simulation.pattern_text import camera_and_pattern
 
 T = TypeVar("T")
 
@@ -177,25 +175,8 @@ def camera_of(
     """The camera in the --camera file (None without that option) and the pattern of --pattern with
     --channels, at --origin.
 
-    stated: the pattern that a connected camera says it has. Without it and without --pattern the
-    pattern is that of the camera file, or K=6. Raises InputError that names the file when the
-    camera was measured with another pattern.
+    stated: see `camera_and_pattern`.
     """
-    camera = read_camera(arguments.camera) if arguments.camera else None
-    if arguments.pattern is not None:
-        pattern = read_pattern(arguments.pattern)
-        if camera:
-            with suppress(InputError):  # a camera of another pattern is refused below
-                pattern = replace(pattern, channels=camera.calibration.channels)
-    else:
-        pattern = stated or (camera and camera.pattern) or CfaPattern.bayer()
-    if arguments.channels is not None:
-        pattern = replace(pattern, channels=arguments.channels)
-    if arguments.origin is not None:
-        pattern = replace(pattern, origin=arguments.origin)
-    try:
-        if camera:
-            camera.check_pattern(pattern)
-    except InputError as error:
-        raise type(error)(f"{arguments.camera}: {error}") from None
-    return camera, pattern
+    return camera_and_pattern(
+        arguments.camera, arguments.pattern, arguments.channels, arguments.origin, stated
+    )

@@ -102,7 +102,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a shot of each scene; returns the exit code."""
     protocol, level = chosen_protocol(arguments.sigma, arguments.light)
     noise = protocol() if level is None else protocol(level)
-    is_series, burst = arguments.burst is not None, _burst(arguments)
+    is_series, burst = (
+        arguments.burst is not None,
+        SimulatedBurst.of(arguments.burst, arguments.motion, arguments.bracket),
+    )
     lens = Lens.of(arguments.shading)
     measured, pattern = camera_of(arguments)
     if measured:
@@ -192,13 +195,3 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
     before it.
     """
     return np.random.default_rng([seed, *sha256(os.fsencode(name)).digest()])
-
-
-def _burst(arguments: argparse.Namespace) -> SimulatedBurst:
-    """The burst that is asked for; one frame without --burst."""
-    if arguments.burst is None:
-        for option in ("motion", "bracket"):
-            if getattr(arguments, option):
-                raise InputError(f"--{option} needs --burst: it is about the frames of a series")
-        return SimulatedBurst(1)
-    return SimulatedBurst(arguments.burst, arguments.motion, stops=arguments.bracket)

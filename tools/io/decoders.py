@@ -43,7 +43,7 @@ def decode_npy(path: Path, max_pixels: int, channels: str) -> Decoded:
     """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled
     objects are refused.
 
-    C is 1 (grey), 3 (RGB), 2 or 4 (with transparency), or the number of `channels`, which are then
+    C is 1 (grey), 3 (RGB), or the number of `channels`, which are then
     taken in this order.
     """
     with path.open("rb") as file:
@@ -73,7 +73,13 @@ def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
         )
     notes: list[str] = []
     letters = channels_of(count, channels, notes)
-    pixels = np.array(array) if letters else without_alpha(np.array(array), notes)
+    if not letters and count not in (1, len(RGB)):
+        raise InputError(
+            f"the array has {count} channels, and the pattern the {len(channels)} channels "
+            f"{channels}; take a pattern of as many channels (`pattern`), leave its transparency "
+            "out (array[..., :-1]), or in Python name what the array has (`bands`)"
+        )
+    pixels = np.atleast_3d(np.array(array))
     peak = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None
     return Decoded(pixels, peak, notes=notes, channels=letters or RGB)
 

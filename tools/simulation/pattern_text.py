@@ -4,7 +4,11 @@ either.
 
 import os
 import re
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
 
+from ...shared import Camera, read_camera
 from ...shared.errors import InputError
 from ...shared.pattern import PERIODS, CfaPattern
 from ...shared.reading import read_text
@@ -47,6 +51,54 @@ def read_pattern(text: str) -> CfaPattern:
     except InputError as error:
         name = text if is_file else f"`pattern` {text[:_MOST_LETTERS]!r}"
         raise InputError(f"{name}: {str(error).removeprefix('pattern: ')}") from None
+
+
+def camera_and_pattern(
+    camera: str | Path | None,
+    pattern: str | int | CfaPattern | None = None,
+    channels: str | None = None,
+    origin: tuple[int, int] | None = None,
+    stated: CfaPattern | None = None,
+) -> tuple[Camera | None, CfaPattern]:
+    """The camera in a file, and the pattern before its sensor.
+
+    Raises InputError that names the file when the camera was measured with another pattern.
+
+    Parameters
+    ----------
+    camera
+        The file; None = there is none.
+    pattern
+        As a text, see `read_pattern`, as the period of the paper's pattern, or as it is; None =
+        `stated`, or that of the camera file, or K = 6.
+    channels, origin
+        Replace those of the pattern.
+    stated
+        The pattern that a connected camera says it has.
+    """
+    known = read_camera(camera) if camera else None
+    if isinstance(pattern, CfaPattern):
+        tile = pattern
+    elif pattern is not None:
+        text = pattern if isinstance(pattern, str) else f"K={pattern}"
+        if not os.path.exists(text):  # noqa: PTH110 (as above)
+            text = "/".join(text.split())
+        tile = read_pattern(text)
+        if known:
+            with suppress(InputError):  # a camera of another pattern is refused below
+                tile = replace(tile, channels=known.calibration.channels)
+    else:
+        tile = stated or (known and known.pattern) or CfaPattern.bayer()
+    if channels is not None:
+        tile = replace(tile, channels=channels)
+    if origin is not None:
+        tile = replace(tile, origin=origin)
+    try:
+        if known:
+            known.check_pattern(tile)
+    except InputError as error:
+        raise type(error)(f"{camera}: {error}") from None
+    return known, tile
 
 
 def _letters_in(name: str) -> str:

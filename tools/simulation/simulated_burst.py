@@ -7,7 +7,7 @@ of the highest frequency by less than 3 % of a scene between 0 and 2.
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
 from typing import Any, NamedTuple
@@ -76,6 +76,19 @@ class SimulatedBurst:
         if not all(abs(stop) <= MOST_STOPS for stop in self.stops):
             expected = f"expected -{MOST_STOPS:g} to {MOST_STOPS:g}"
             raise InputError(f"`bracket` is {self.stops} stops, {expected}")
+
+    @classmethod
+    def of(
+        cls, frames: int | None, motion: float = 0.0, bracket: Sequence[float] = ()
+    ) -> "SimulatedBurst":
+        """The burst that is asked for; one frame if `frames` is None.
+
+        Raises InputError for the motion or the exposures of no burst.
+        """
+        for name, value in (("motion", motion), ("bracket", bracket)):
+            if frames is None and value:
+                raise InputError(f"`{name}` needs `burst`: it is about the frames of a series")
+        return cls(1 if frames is None else frames, motion, stops=tuple(bracket))
 
     @property
     def largest(self) -> CameraMotion:
@@ -179,6 +192,8 @@ def burst_frames(
     ...     np.random.default_rng(1), pixel=2)]
     [(82, 132, 3), (82, 132, 3)]
     """
+    if pixel < 1:
+        raise InputError(f"`reduce` is {pixel}, expected 1 or more")
     # the centre of the scene is that of the frames
     rows, columns = (count // pixel for count in rgb.shape[:2])
     scene = rgb[: rows * pixel, : columns * pixel]

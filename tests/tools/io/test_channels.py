@@ -65,12 +65,14 @@ def test_four_samples_are_bands_where_four_are_wanted_and_none_is_transparency(
     for path in (save(tmp_path / "a.npy", four), tmp_path / "bands.tif"):
         assert np.array_equal(load(path, "VRNG").rgb, four)
         assert load(path, "CMYG").channels == "CMYG"
-        plain = load(path, "RGB")
-        assert (plain.channels, plain.notes) == ("RGB", ("transparency is left out",))
+    plain = load(tmp_path / "bands.tif", "RGB")
+    assert (plain.channels, plain.notes) == ("RGB", ("transparency is left out",))
     assert load(tmp_path / "alpha.tif", "VRNG").channels == "RGB"
     two = save(tmp_path / "two.npy", LIGHT[..., :2])
     assert load(two, "RN").channels == "RN"
-    assert load(two, "RGB").notes == ("transparency is left out",)
+    for path in (two, tmp_path / "a.npy"):
+        with pytest.raises(InputError, match="leave its transparency out"):
+            load(path, "RGB")
 
 
 def test_three_are_red_green_and_blue_where_these_can_make_the_filters(tmp_path: Path) -> None:

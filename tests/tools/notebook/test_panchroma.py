@@ -99,8 +99,45 @@ def test_any_pattern_and_channels_become_a_picture_that_shows_itself(pattern: An
 def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
     scene = RNG.random((24, 24, 4), np.float32)
     plain = panchroma.simulate(scene, pattern=FOUR)
-    named = panchroma.simulate(scene[..., ::-1], pattern=FOUR, channels="DCBA")
+    named = panchroma.simulate(scene[..., ::-1], pattern=FOUR, bands="DCBA")
     assert np.array_equal(plain.mosaic.codes, named.mosaic.codes)
+
+
+def test_a_fourth_band_is_kept_if_it_is_named() -> None:
+    scene = np.random.default_rng(1).random((24, 24, 4), np.float32)
+    kept = panchroma.simulate(
+        scene, pattern="RGBNWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW", bands="RGBN"
+    )
+    assert np.array_equal(kept.truth.rgb, scene)
+    coloured = panchroma.simulate(scene, bands="RGBN")
+    assert np.array_equal(coloured.mosaic.codes, panchroma.simulate(scene[..., :3]).mosaic.codes)
+
+
+def test_noise_comes_from_a_seed_a_generator_or_anew() -> None:
+    seeded, generator = np.random.SeedSequence(7), np.random.default_rng(7)
+    codes = [
+        panchroma.simulate(GREY, sigma=0.1, rng=rng).mosaic.codes
+        for rng in (7, seeded, generator, generator, None, None)
+    ]
+    assert np.array_equal(codes[0], codes[1])
+    assert np.array_equal(codes[0], codes[2])
+    assert all(not np.array_equal(codes[n], codes[n + 1]) for n in (2, 3, 4))
+
+
+def test_a_burst_is_that_of_the_command(tmp_path: Path) -> None:
+    shots = panchroma.simulate(
+        "builtin:96x72", burst=3, bracket=(0, -1, 1), reduce=2, origin=(1, 2)
+    )
+    line = "--burst 3 --bracket 0,-1,1 --reduce 2 --origin 1,2"
+    run("simulate builtin:96x72 -o", tmp_path, line, code=0)
+    for number, shot in enumerate(shots, 1):
+        same = panchroma.open(tmp_path / f"builtin-96x72-{number}.dng").mosaic
+        assert np.array_equal(same.codes, shot.mosaic.codes)
+        assert (same.pattern, same.metadata) == (shot.pattern, shot.metadata)
+    assert [shot.truth.white for shot in shots] == [1, 0.5, 2]
+    moved = panchroma.simulate("builtin:96x72", burst=2, motion=5, rng=3)
+    assert moved[0].shape == moved[1].shape
+    assert not np.array_equal(moved[0].mosaic.codes, moved[1].mosaic.codes)
 
 
 def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> None:
@@ -109,12 +146,12 @@ def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> 
     assert shown(warm)[..., 0].mean() > shown(plain)[..., 0].mean() + 5
 
 
-def test_pictures_and_arrays_of_any_channels_are_evaluated_alike() -> None:
+def test_pictures_and_arrays_of_any_channels_are_compared_alike() -> None:
     truth = panchroma.simulate(RNG.random((60, 60, 4), np.float32), pattern=FOUR).truth
     noisy = truth.rgb + RNG.normal(0, 0.01, truth.rgb.shape).astype(np.float32)
-    figures = panchroma.evaluate(noisy, truth)
-    assert figures == panchroma.evaluate(noisy, truth.rgb)
-    assert figures == panchroma.evaluate(replace(truth, rgb=noisy), truth)
+    figures = panchroma.compare(noisy, truth)
+    assert figures == panchroma.compare(noisy, truth.rgb)
+    assert figures == panchroma.compare(replace(truth, rgb=noisy), truth)
     assert figures.wrong_hue is None
     assert figures.psnr[0] == pytest.approx(40, abs=0.2)
 
@@ -125,10 +162,10 @@ def test_figures_fall_with_the_light() -> None:
     for light in (1.0, 1 / 4, 1 / 16):
         shot = panchroma.simulate("builtin:120x90", light=light)
         picture = panchroma.render(shot, preset="paper")
-        figures = panchroma.evaluate(picture, shot)
-        assert figures == panchroma.evaluate(picture.rgb, shot.truth)
-        assert figures == panchroma.evaluate(picture, shot.truth.rgb)
-        assert figures == panchroma.evaluate(picture.rgb, shot.truth.rgb, white=light)
+        figures = panchroma.compare(picture, shot)
+        assert figures == panchroma.compare(picture.rgb, shot.truth)
+        assert figures == panchroma.compare(picture, shot.truth.rgb)
+        assert figures == panchroma.compare(picture.rgb, shot.truth.rgb, white=light)
         ours.append((figures.median, figures.psnr))
     assert ours[0] > ours[1] > ours[2]
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
@@ -222,19 +259,23 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     [
         (lambda: panchroma.simulate("shot.dng"), "render it"),
         (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
-        (lambda: panchroma.simulate("there.tif", channels="BGR"), "`channels` is 'BGR'"),
-        (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0' is not"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate("there.tif", bands="BGR"), "`bands` is 'BGR'"),
+        (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0': is not"),  # type: ignore[call-overload]
+        (lambda: panchroma.simulate(GREY[..., [0, 1, 2, 2]]), "(array[..., :-1])"),
+        (lambda: panchroma.simulate(GREY, rng=-1), "`rng` is -1"),
+        (lambda: panchroma.simulate(GREY, motion=3), "`motion` needs `burst`"),
+        (lambda: panchroma.simulate(GREY, reduce=0), "`reduce` is 0"),
         (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
         (lambda: panchroma.Picture(GREY, lost=np.zeros((4, 5), np.uint8)), "uint8 (48, 48)"),
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
-        (lambda: panchroma.simulate(panchroma.open("shot.dng")), "the array is object"),  # type: ignore[arg-type]
-        (lambda: panchroma.evaluate(panchroma.open("shot.dng"), GREY), "of shape ()"),  # type: ignore[arg-type]
-        (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
-        (lambda: panchroma.evaluate(GREY, GREY, white=0), "`white` is 0"),
-        (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
+        (lambda: panchroma.simulate(panchroma.open("shot.dng")), "the array is object"),  # type: ignore[call-overload]
+        (lambda: panchroma.compare(panchroma.open("shot.dng"), GREY), "of shape ()"),  # type: ignore[arg-type]
+        (lambda: panchroma.compare(GREY, panchroma.open("shot.dng")), "truth"),
+        (lambda: panchroma.compare(GREY, GREY, white=0), "`white` is 0"),
+        (lambda: panchroma.compare(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
 )
 def test_an_error_names_what_is_wrong(

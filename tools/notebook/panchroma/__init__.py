@@ -9,7 +9,7 @@ computes the colours of all others.
     shot                                    # Jupyter shows the camera's own preview
     picture = panchroma.render(shot)        # the full-quality picture, linear light
     picture.save("house.tif")               # .tif .png .jpg .jxl .exr .npy .dng; format="uhdr"
-    panchroma.evaluate(picture, shot.truth) # how near it is to the truth
+    panchroma.compare(picture, shot.truth)  # how near it is to the truth
 
     shot.save("house.dng")                  # the camera's own file ...
     shot = panchroma.open("house.dng")      # ... and back
@@ -19,7 +19,7 @@ What each returns:
     open, simulate      a Shot: shot.mosaic has the samples, shot.truth what a simulated camera saw
     render              a Picture: picture.rgb is float32 (rows, columns, channels), 1.0 = white
     preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
-    evaluate            an Evaluation: PSNR, and how much of the picture has a wrong hue
+    compare             a Comparison: PSNR, and how much of the picture has a wrong hue
 
 Jupyter shows shots, pictures and images; NumPy and matplotlib take pictures and images as arrays:
 plt.imshow(panchroma.to_srgb(picture)).
@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .pictures import Image, Picture, to_srgb
-    from .quality import Evaluation, evaluate
+    from .quality import Comparison, compare
     from .shared.errors import PanchromaError as PanchromaError
     from .shots import Shot, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
     from .simulation import simulate
@@ -55,18 +55,18 @@ if TYPE_CHECKING:
 # what they need.
 _NAMES = {
     "pictures": ("Image", "Picture", "to_srgb"),
-    "quality": ("Evaluation", "evaluate"),
+    "quality": ("Comparison", "compare"),
     "shared.errors": ("PanchromaError",),
     "shots": ("Shot", "open", "preview", "render"),
     "simulation": ("simulate",),
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
 __all__ = [
-    "Evaluation",
+    "Comparison",
     "Image",
     "Picture",
     "Shot",
-    "evaluate",
+    "compare",
     "open",
     "preview",
     "render",
@@ -75,12 +75,14 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        return import_module(".tools.io.versions", __name__).program_version()
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_MODULES[name]}", __name__), name)
+if not TYPE_CHECKING:  # which then refuses names that there are not
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            return import_module(".tools.io.versions", __name__).program_version()
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(f".{_MODULES[name]}", __name__), name)
 
 
 def __dir__() -> list[str]:

@@ -118,7 +118,7 @@ class Picture:
         is shown or saved is).
     white : float
         What the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot; the
-        peak of `evaluate`.
+        peak of `compare`.
     restored : bool
         Nothing is clipped, or highlights are restored, as by `render` but for preset "paper".
         Otherwise all that is as bright as saturated pixels is shown white.

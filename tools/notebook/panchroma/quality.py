@@ -15,7 +15,7 @@ from .tools.io.display import checked_picture
 
 
 @dataclass(frozen=True, repr=False, match_args=False)
-class Evaluation:
+class Comparison:
     """Figures of a picture.
 
     Attributes
@@ -34,9 +34,9 @@ class Evaluation:
     >>> import numpy as np
     >>> import panchroma
     >>> grey = np.full((60, 60, 3), 0.5, np.float32)
-    >>> figures = panchroma.evaluate(grey + 0.01, grey)
+    >>> figures = panchroma.compare(grey + 0.01, grey)
     >>> figures
-    <Evaluation: median PSNR 40.0 dB, luminance 40.0, chrominance 200.0; wrong hue 0.0 %>
+    <Comparison: median PSNR 40.0 dB, luminance 40.0, chrominance 200.0; wrong hue 0.0 %>
     >>> round(figures.median[0], 2)  # dB: the figure to quote
     40.0
     """
@@ -56,15 +56,15 @@ class Evaluation:
         hue = "" if self.wrong_hue is None else f"; wrong hue {100 * self.wrong_hue:.1f} %"
         rgb, luminance, chrominance = self.median
         medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
-        return f"<Evaluation: median PSNR {medians}{hue}>"
+        return f"<Comparison: median PSNR {medians}{hue}>"
 
 
-def evaluate(
+def compare(
     picture: Picture | NDArray[np.floating],
     truth: Shot | Picture | NDArray[np.floating] | None,
     *,
     white: float | None = None,
-) -> Evaluation:
+) -> Comparison:
     """Compare a picture with the truth, as section 4 of the paper does: PSNR over small patches, in
     luminance and chrominance too.
 
@@ -89,7 +89,7 @@ def evaluate(
     --------
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
-    >>> paper, best = (panchroma.evaluate(panchroma.render(shot, preset=name), shot.truth) for name
+    >>> paper, best = (panchroma.compare(panchroma.render(shot, preset=name), shot.truth) for name
     ...     in ("paper", "best"))
     >>> best.median > paper.median
     True
@@ -110,4 +110,4 @@ def evaluate(
         rgb, true_rgb = rgb / np.float32(white), true_rgb / np.float32(white)
     plain = "RGB" if count == len("RGB") else ""
     measures = Measures.of(rgb, true_rgb, source.channels if source else plain)
-    return Evaluation(*measures.quality, measures.psnr, measures.wrong_hue)
+    return Comparison(*measures.quality, measures.psnr, measures.wrong_hue)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations  # help() then shows them as they are written here
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .pictures import Picture
-from .shared import CfaPattern, read_camera
+from .shared import CfaPattern
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
 from .shots import Shot, with_notes_shown
@@ -19,24 +20,60 @@ from .tools.io.picture import picture_scene
 from .tools.io.scene import Scene
 from .tools.simulation.lens import Lens
 from .tools.simulation.load import load_scene
+from .tools.simulation.pattern_text import camera_and_pattern
 from .tools.simulation.protocols import chosen_protocol
-from .tools.simulation.simulated_camera import SimulatedCamera
+from .tools.simulation.simulated_burst import SimulatedBurst, burst_frames
+from .tools.simulation.simulated_camera import Exposed, SimulatedCamera
 
 
+class _Options(TypedDict, total=False):
+    """The options of `simulate` that do not decide what it returns."""
+
+    pattern: str | int | CfaPattern | None
+    channels: str | None
+    origin: tuple[int, int] | None
+    sensor_bits: int | None
+    sigma: float | None
+    light: float | None
+    rng: int | np.random.Generator | np.random.SeedSequence | None
+    shading: tuple[float, float] | None
+    motion: float
+    bracket: Sequence[float]
+    reduce: int
+    bands: str | None
+    linear: bool
+    camera: str | Path | None
+    max_pixels: int
+
+
+@overload
+def simulate(
+    scene: str | Path | Picture | ArrayLike, *, burst: None = None, **options: Unpack[_Options]
+) -> Shot: ...
+@overload
+def simulate(
+    scene: str | Path | Picture | ArrayLike, *, burst: int, **options: Unpack[_Options]
+) -> list[Shot]: ...
 def simulate(
     scene: str | Path | Picture | ArrayLike,
     *,
     pattern: str | int | CfaPattern | None = None,
+    channels: str | None = None,
+    origin: tuple[int, int] | None = None,
+    sensor_bits: int | None = None,
     sigma: float | None = None,
     light: float | None = None,
-    bits: int | None = None,
-    seed: int = 0,
-    channels: str | None = None,
+    rng: int | np.random.Generator | np.random.SeedSequence | None = 0,
+    shading: tuple[float, float] | None = None,
+    burst: int | None = None,
+    motion: float = 0.0,
+    bracket: Sequence[float] = (),
+    reduce: int = 1,
+    bands: str | None = None,
     linear: bool = False,
     camera: str | Path | None = None,
-    shading: tuple[float, float] | None = None,
     max_pixels: int = MAX_PIXELS,
-) -> Shot:
+) -> Shot | list[Shot]:
     """Photograph a scene with this camera. The shot keeps what it saw as its `truth`.
 
     Parameters
@@ -51,19 +88,38 @@ def simulate(
         The filters of one tile of the sensor, row by row, W is panchromatic, such as
         "WBWG/BWGW/WGWR/GWRW"; rows may also be parted by blanks or lines. "kodak", "sony", "honda",
         "kaizu", "rccb", "rccg" and "rccc" are names of tiles. A number is the period of the paper's
-        pattern, one 2 x 2 Bayer block in K x K pixels; that with 6 is the default. Letters other
-        than R, G and B are channels that the scene has, or C, M and Y made from its colours.
+        pattern, one 2 x 2 Bayer block in K x K pixels; that with 6 is the default. It can also be
+        the name of a file with the letters. Letters other than R, G and B are channels that the
+        scene has, or C, M and Y made from its colours.
+    channels : str | None, optional
+        Letters of the channels of the picture, one of which may have no filter: it is what W sees
+        beyond the others. By default RGB where the filters are two of these.
+    origin : tuple[int, int] | None, optional
+        (row, column) of the first block; (0, 0) by default.
+    sensor_bits : int | None, optional
+        That the sensor delivers, 8 to 16; by default 12, or those of `camera`.
     sigma : float | None, optional
         Noise as in the paper: additive, Gaussian, of this standard deviation in scene units. By
         default there is none.
     light : float | None, optional
         Noise as in a sensor, at this amount of light (1 = a full exposure, 1/4 = two stops less):
         shot and read noise, clipping, quantisation. Give sigma or light, not both.
-    bits : int | None, optional
-        Of a sample, 8 to 16; 12 by default.
-    seed : int, optional
-        Of the noise.
-    channels : str | None, optional
+    rng : int | np.random.Generator | np.random.SeedSequence | None, optional
+        Source of the noise and of the motion: a seed, or a generator, which goes on; None = other
+        noise at every call.
+    shading : tuple[float, float] | None, optional
+        (2, 15) is a lens whose corners are two stops darker, with 15 % less of the first channel
+        there and as much more of the last one than of panchromatic light.
+    burst : int | None, optional
+        Make this many frames of a hand-held series, the first of which has not moved. The result
+        is then a list of shots.
+    motion : float, optional
+        Pixels by which the other frames are at most displaced.
+    bracket : Sequence[float], optional
+        Exposure of each frame in stops, such as (0, -2, 2).
+    reduce : int, optional
+        Make one pixel from this many of the scene, each way, after the motion.
+    bands : str | None, optional
         Letters of an array's channels, in their order; by default "RGB", or those of the pattern if
         there are as many.
     linear : bool, optional
@@ -71,9 +127,6 @@ def simulate(
     camera : str | Path | None, optional
         A camera.json (from `panchroma calibrate`), whose gamma, noise, levels, colours and lens it
         has.
-    shading : tuple[float, float] | None, optional
-        (2, 15) is a lens whose corners are two stops darker, with 15 % less of the first channel
-        there and as much more of the last one than of panchromatic light.
     max_pixels : int, optional
         A larger file is refused.
 
@@ -93,40 +146,45 @@ def simulate(
     ...     sigma=0.01)
     >>> shot.truth
     <Picture 60 x 60, linear A, B, C, D>
+    >>> len(panchroma.simulate("builtin:240x180", burst=3, motion=4, light=1 / 8))
+    3
     """
     kind, level = chosen_protocol(sigma, light)
     protocol = kind() if level is None else kind(level)
-    if seed < 0:
-        raise InputError(f"`seed` is {seed}, expected 0 or more")
-    measured = None if camera is None else read_camera(camera)
-    lens = Lens.of(shading)
-    tile = _pattern(measured.pattern if measured and pattern is None else pattern)
+    try:
+        source = np.random.default_rng(rng)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"`rng` is {rng!r}, expected a seed of 0 or more, a NumPy generator or seed sequence, "
+            "or None"
+        ) from error
+    series, lens = SimulatedBurst.of(burst, motion, bracket), Lens.of(shading)
+    measured, tile = camera_and_pattern(camera, pattern, channels, origin)
     if measured:
-        measured.check_pattern(tile)
         lens.check(measured.calibration, camera)
-    photographed = _scene(scene, tile.channels, channels, linear, max_pixels)
-    simulated = SimulatedCamera.of(tile, measured, protocol, bits=bits, lens=lens)
-    exposed = simulated.shoot(photographed, np.random.default_rng(seed))
-    white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
-    truth = Picture(exposed.truth, exposed.mosaic.calibration, photographed.metadata, white)
-    return with_notes_shown(Shot(exposed.mosaic, truth, photographed.name, exposed.notes))
+    photographed = _scene(scene, tile.channels, bands, linear, max_pixels)
+    simulated = SimulatedCamera.of(tile, measured, protocol, bits=sensor_bits, lens=lens)
+    peak = scene.white if isinstance(scene, Picture) else 1.0
+    frames = burst_frames(photographed.rgb, series, source, reduce)
+    shots = [
+        _shot(simulated.shoot(photographed, source, frame), photographed.name, peak)
+        for frame in frames
+    ]
+    return shots[0] if burst is None else shots
 
 
-def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
-    if isinstance(pattern, CfaPattern):
-        return pattern
-    if pattern is None:
-        return CfaPattern.bayer()
-    return CfaPattern.of_letters(pattern if isinstance(pattern, str) else f"K={pattern}")
+def _shot(exposed: Exposed, name: str, peak: float) -> Shot:
+    """The shot of a scene whose white is `peak`, with its truth."""
+    mosaic = exposed.mosaic
+    truth = Picture(exposed.truth, mosaic.calibration, mosaic.metadata, exposed.white * peak)
+    return with_notes_shown(Shot(mosaic, truth, name, exposed.notes))
 
 
-def _scene(
-    source: Any, requested: str, channels: str | None, linear: bool, max_pixels: int
-) -> Scene:
+def _scene(source: Any, requested: str, bands: str | None, linear: bool, max_pixels: int) -> Scene:
     """The scene before a pattern with the channels `requested`."""
-    if channels is not None and isinstance(source, Picture | str | Path):
+    if bands is not None and isinstance(source, Picture | str | Path):
         remedy = "a picture or a file has its own"
-        raise InputError(f"`channels` is {channels!r}, but it names those of an array; {remedy}")
+        raise InputError(f"`bands` is {bands!r}, but it names those of an array; {remedy}")
     if isinstance(source, Picture):
         light, known = np.maximum(source.rgb, 0), source.calibration  # negative light is noise
         colours = known.camera_to_xyz, known.neutral, source.metadata
@@ -140,13 +198,13 @@ def _scene(
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
         array = np.array(None)
-    if channels is not None and array.shape[2:] != (len(channels),):
-        shape = f"(rows, columns, {len(channels)})"
-        stated = f"`channels` is {channels!r}, but the array has shape {array.shape}"
+    if bands is not None and array.shape[2:] != (len(bands),):
+        shape = f"(rows, columns, {len(bands)})"
+        stated = f"`bands` is {bands!r}, but the array has shape {array.shape}"
         raise InputError(f"{stated}; expected {shape}")
-    if channels is None:
+    if bands is None:
         decoded = decode_array(array, requested)
     else:
         peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
-        decoded = Decoded(array, peak, channels=channels)
+        decoded = Decoded(array, peak, channels=bands)
     return picture_scene(decoded, "array", linear=linear)
