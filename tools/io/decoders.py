@@ -77,7 +77,7 @@ def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
         raise InputError(
             f"the array has {count} channels, and the pattern the {len(channels)} channels "
             f"{channels}; take a pattern of as many channels (`pattern`), leave its transparency "
-            "out (array[..., :-1]), or in Python name what the array has (`bands`)"
+            "out (array[..., :-1]), or in Python name its channels with bands"
         )
     pixels = np.atleast_3d(np.array(array))
     peak = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None
