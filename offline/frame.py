@@ -490,7 +490,7 @@ class Frame:
         Parameters
         ----------
         filled : DoubleArray
-            Luminance at the sites, (*B, S).
+            Luminance at the sites, `(*B, S)`.
         """
         if self.noise is None:
             return np.zeros(self.sites.shape)

@@ -45,7 +45,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if path.is_file():
             shutil.copy(path, clone)
         elif path.name in {*PACKAGES, "tests", ".github"}:
-            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info", ".ipynb_checkpoints")
+            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
             shutil.copytree(path, clone / path.name, ignore=ignored, symlinks=True)
     run_python(_BUILD, "build_sdist", folder, folder=clone)
     (archive,) = folder.glob("*.tar.gz")

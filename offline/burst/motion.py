@@ -202,8 +202,8 @@ def displace(chunks: Chunks, plane: Floats2, motions: Motions, out: Floats2) -> 
 
 
 def in_frame(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Places (down, across) in a frame of points (y, x) of the reference, pixels; float32 (2,
-    *points).
+    """Places (down, across) in a frame of points (y, x) of the reference, pixels; float32
+    `(2, *points)`.
 
     Parameters
     ----------
