@@ -26,7 +26,7 @@ MAY_IMPORT = {
 LAYERS = (
     {"io", "simulation"},
     {"batch", "calibration", "evaluation", "capture", "training"},
-    {"cli", "commands", "notebook"},
+    {"cli", "commands", "notebook", "pages"},
 )
 LAYER_OF = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 LOWER = ("shared", "device", "offline", "reference")  # folders of tests that import no tools

@@ -101,7 +101,9 @@ def _complete(app: Sphinx, page: str, text: list[str]) -> None:
         sections = re.split(
             "^(?=## )", (source / "offline/README.md").read_text("utf-8"), flags=re.M
         )
-        kept = "".join(part for part in sections if part.startswith(("## The paper", "## Errata")))
+        kept = "".join(
+            section for section in sections if section.startswith(("## The paper", "## Errata"))
+        )
         text[0] += _LINK.sub(r"../../offline/\1", kept)
     folder = (source / page).parent
 
