@@ -30,9 +30,9 @@ def test_the_site_builds_with_warnings_as_errors(tmp_path: Path) -> None:
     for package in ("sphinx", "myst_parser", "numpydoc", "sphinx_gallery", "furo"):
         pytest.importorskip(package, reason=remedy)
     ignored = shutil.ignore_patterns("__pycache__")
-    for name in ("device", "offline", "shared", "tools", "tests"):
+    for name in (".github", "device", "offline", "shared", "tools", "tests"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored, symlinks=True)
-    for path in ROOT.glob("*.*"):
+    for path in ROOT.iterdir():
         if path.is_file():
             shutil.copy(path, tmp_path)
     line = [sys.executable, "-m", "sphinx", "-W", "-q", "-c", "tools/pages", ".", "build/pages"]
