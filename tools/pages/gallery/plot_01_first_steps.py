@@ -21,11 +21,11 @@ shot
 # %%
 # The render is linear light at every pixel. The first one on a machine compiles for half a minute.
 picture = panchroma.render(shot)
-panchroma.evaluate(picture, shot.truth)
+panchroma.compare(picture, shot.truth)
 
 # %%
 # The same shot by the published method:
-panchroma.evaluate(panchroma.render(shot, preset="paper"), shot.truth)
+panchroma.compare(panchroma.render(shot, preset="paper"), shot.truth)
 
 # %%
 # The camera's own preview, the render, and its error, three times as strong, on grey:

@@ -23,7 +23,7 @@ pictures = {name: panchroma.render(shot) for name, shot in shots.items()}
 # Median PSNR of small patches, and wrong hues. Real photographs decide: see
 # :doc:`which tile </offline/README>`.
 for name, picture in pictures.items():
-    print(f"{name:12}", panchroma.evaluate(picture, shots[name].truth))
+    print(f"{name:12}", panchroma.compare(picture, shots[name].truth))
 
 # %%
 # Fine colour is where patterns differ:

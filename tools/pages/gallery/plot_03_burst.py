@@ -19,7 +19,7 @@ scene = panchroma.simulate("builtin:440x320").truth.rgb
 rng = np.random.default_rng(0)
 frames = list(burst_frames(scene, SimulatedBurst(6, pixels=3), rng))
 shots = [
-    panchroma.simulate(frame.rgb.clip(0, 1), sigma=0.01, seed=number)
+    panchroma.simulate(frame.rgb.clip(0, 1), sigma=0.01, rng=number)
     for number, frame in enumerate(frames)
 ]
 
@@ -29,7 +29,7 @@ mosaics = [shot.mosaic for shot in shots]
 merged = merge_burst(mosaics, reference=0)
 burst, single = np.concatenate(list(render_burst_bands(merged))), render(mosaics[0]).rgb
 for name, picture in (("one frame", single), ("six frames", burst)):
-    print(f"{name:10}", panchroma.evaluate(picture, frames[0].rgb))
+    print(f"{name:10}", panchroma.compare(picture, frames[0].rgb))
 
 # %%
 _, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")

@@ -45,6 +45,6 @@ pictures = {
 }
 _, axes = plt.subplots(1, 3, figsize=(12, 3.2), layout="constrained")
 for axis, (name, picture) in zip(axes, pictures.items(), strict=True):
-    print(f"{name:20}", panchroma.evaluate(picture, shot.truth))
+    print(f"{name:20}", panchroma.compare(picture, shot.truth))
     axis.imshow(panchroma.to_srgb(picture).pixels[:120, :160])
     axis.set(title=name, xticks=[], yticks=[])

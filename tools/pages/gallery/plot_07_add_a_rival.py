@@ -32,6 +32,6 @@ rivals = [Method("smooth", "Bayer, smooth", smooth), methods()["dlmmse"], method
 _, axes = plt.subplots(1, 3, figsize=(12, 3.2), layout="constrained")
 for axis, method in zip(axes, rivals, strict=True):
     picture = method.render(cameras)
-    print(f"{method.name:8}", panchroma.evaluate(picture, truth))
+    print(f"{method.name:8}", panchroma.compare(picture, truth))
     axis.imshow(panchroma.to_srgb(picture).pixels[:120, :160])
     axis.set(title=method.title, xticks=[], yticks=[])

@@ -19,9 +19,9 @@ bands = np.stack([blue, (blue + green) / 2, green, (green + red) / 2, red], axis
 # %%
 # A letter for each filter. A tile of 6 x 6 pixels has one block of six sites.
 tile = "VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
-shot = panchroma.simulate(bands, pattern=tile, channels="VNGUR", sigma=0.01)
+shot = panchroma.simulate(bands, pattern=tile, bands="VNGUR", sigma=0.01)
 picture = panchroma.render(shot)
-print(shot, picture, panchroma.evaluate(picture, shot.truth), sep="\n")
+print(shot, picture, panchroma.compare(picture, shot.truth), sep="\n")
 
 # %%
 # Each channel, without colour: what a band looks like is not known.

@@ -20,7 +20,7 @@ shots = [panchroma.simulate("builtin:480x320", light=light) for light in lights]
 pictures = [panchroma.render(shot) for shot in shots]
 _, axes = plt.subplots(1, 4, figsize=(12, 2.6), layout="constrained")
 for axis, light, shot, picture in zip(axes, lights, shots, pictures, strict=True):
-    print(f"light {light:.3f}", panchroma.evaluate(picture, shot.truth))
+    print(f"light {light:.3f}", panchroma.compare(picture, shot.truth))
     axis.imshow(panchroma.to_srgb(picture, exposure=-np.log2(light)).pixels[:120, :160])
     axis.set(title=f"light {light:g}", xticks=[], yticks=[])
 
@@ -30,4 +30,4 @@ for axis, light, shot, picture in zip(axes, lights, shots, pictures, strict=True
 mosaic = shots[2].mosaic
 unknown = replace(mosaic, calibration=replace(mosaic.calibration, noise=None))
 print(mosaic.calibration.noise)
-print(panchroma.evaluate(panchroma.render(panchroma.Shot(unknown)), shots[2].truth))
+print(panchroma.compare(panchroma.render(panchroma.Shot(unknown)), shots[2].truth))
