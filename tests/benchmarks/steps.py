@@ -35,8 +35,11 @@ STEPS = {
     "`best`": BEST,
     "`best`, no network for luminance": replace(BEST, luminance=_FILLED),
     "`best`, no networks": PRESETS["unlearned"],
+    "`best`, no network for blocks": replace(
+        BEST, chromaticity=replace(BEST.chromaticity, learned=False)
+    ),
     "`best`, no networks, no correction by the samples": replace(
-        BEST.switched(False), luminance=_FILLED
+        PRESETS["unlearned"], correction=PAPER.correction, posterior=PAPER.posterior
     ),
     "`best`, luminance not denoised": replace(BEST, denoising=PAPER.denoising),
     "`best`, colour not pooled": replace(BEST, pooling=PAPER.pooling),
