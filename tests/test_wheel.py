@@ -22,8 +22,8 @@ from tests.python import run_python
 
 PACKAGES = ("shared", "device", "offline", "tools")
 _FACADE = Path("tools/notebook/panchroma")
-# For clones, and for people who read the sources: training, texts, and pictures in texts.
-_LEFT_OUT = "panchroma/tools/training", "panchroma/tools/notebook"
+# For clones, and for people who read the sources: training, texts and their pictures, the site.
+_LEFT_OUT = "panchroma/tools/training", "panchroma/tools/notebook", "panchroma/tools/pages"
 _READ = {".md", ".png", ".jpg"}
 _CARD = {Path("panchroma/offline/models", name) for name in ("README.md", "loss-k6.png")}
 _BUILD = """

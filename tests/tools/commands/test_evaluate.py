@@ -184,7 +184,9 @@ def test_scenes_with_five_channels_are_compared_by_methods_of_ours(
     for row in rows.values():
         assert 15 < row["psnr"] < 60
         assert row["wrong_hue"] is None
-    assert rows["best", 0.0]["psnr"] > rows["preview", 0.0]["psnr"]
+    assert rows["best", 0.01]["psnr"] > max(
+        rows[name, 0.01]["psnr"] for name in ("paper", "preview")
+    )
 
     truth, pattern = np.load(scene), read_pattern(BANDS)
     camera = SimulatedCamera.of(pattern, protocol=PaperProtocol(0.0), bits=16)
