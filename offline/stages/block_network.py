@@ -55,9 +55,9 @@ from .pooling import PoolingSettings, pooled_in_passes
 PATH = NETWORKS / "blocks.onnx"
 """The network."""
 WIDTHS = ((1.2, 1.0), (2.5, 0.3), (6.0, 0.05))
-"""Of the proposals z: standard deviation in blocks, and weight q of the noise."""
+"""Standard deviation in blocks of the proposals z, and weight q of the noise."""
 LINES = (0.8, 1.6, 3.2)
-"""Of the lines: standard deviation in blocks."""
+"""Standard deviation of the lines, in blocks."""
 PROPOSALS = len(WIDTHS) + len(LINES) + 3
 """Chromaticities that it sees of a block: o, z_1.2, z_2.5, z_6, c, c', and of the three lines."""
 NEAR = tuple((down, across) for down in range(3) for across in range(3))
@@ -65,9 +65,9 @@ NEAR = tuple((down, across) for down in range(3) for across in range(3))
 CHOICES = len(NEAR) + PROPOSALS - 1
 """Chromaticities that it weighs."""
 UNIT = np.float32(0.1)
-"""Of what it adds, relative to grey."""
+"""Unit of what it adds, relative to grey."""
 PLANES = 19 + 5 * len(LINES) + 3 * PROPOSALS
-"""What it sees of a block."""
+"""Number of its inputs for a block."""
 RANGE = 6.0
 """Limit of its inputs."""
 STEP = 8
@@ -80,7 +80,7 @@ _TINY = np.float32(1e-7)  # keeps quotients finite
 
 
 def serves(pattern: CfaPattern) -> bool:
-    """Whether the network can be asked: a pattern of R, G and B, with sites of each."""
+    """True if the network can be asked: a pattern of R, G and B, with sites of each."""
     return pattern.channels == "RGB" and pattern.derived is None
 
 
@@ -129,7 +129,7 @@ def learned_chromaticities(
 
 
 def _answered(network: Any, planes: FloatArray, down: IndexArray) -> FloatArray:
-    """What `mixed` returns for these rows of planes but the outer `_HALO`, (rows, columns, 6)."""
+    """Lines of these rows of planes but the outer `_HALO`, (rows, columns, 6); see `mixed`."""
     width = planes.shape[2]
     lines = np.empty((len(down) - 2 * _HALO, width, 6), np.float32)
 
@@ -206,7 +206,7 @@ def block_planes(
     others: BlockSums | None = None,
     rows: slice | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """What the network sees of whole blocks, (PLANES, rows, columns), and their luminance, scene
+    """Inputs of the network for whole blocks, (PLANES, rows, columns), and their luminance, scene
     units, (rows, columns); float32.
 
     Parameters

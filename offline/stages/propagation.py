@@ -10,6 +10,7 @@ Literally: tests/reference/propagation.py.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +64,14 @@ class Propagation(RowStage):
             alignment=chunk_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
         )
 
+    @cached_property
+    def _known(self) -> FloatArray:
+        """Values of every block that are spread: c, or with lines c + s and s l_j."""
+        if not self.frame.lines.size:
+            return self.frame.blocks
+        slope, level = np.split(self.frame.lines, 2, axis=2)
+        return np.concatenate([self.frame.blocks + slope, level], axis=2)
+
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, with a chromaticity that does not depend on the band's.
 
@@ -75,12 +84,9 @@ class Propagation(RowStage):
         # alpha, Eqs. 11-13
         fields = solve_affinities(luminance, pattern, self.affinity, rows)
         # c, Eqs. 10 and 14
-        blocks, lines, lit = self.frame.blocks, self.frame.lines, band.rows(*rows).luminance
-        if lines.size:  # c + s, and s l_j
-            slope, level = np.split(lines, 2, axis=2)
-            blocks = np.concatenate([blocks + slope, level], axis=2)
-        colour = propagate(blocks, fields, luminance, pattern, self.settings, rows)
-        if lines.size:
+        lit = band.rows(*rows).luminance
+        colour = propagate(self._known, fields, luminance, pattern, self.settings, rows)
+        if self.frame.lines.size:
             along, least = colour, np.float32(_DIMMEST * self.frame.level)
             colour = np.empty((*lit.shape, len(self.frame.gamma32)), np.float32)
             follow_lines(along, lit, least, self.frame.gamma32, colour)

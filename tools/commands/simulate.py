@@ -102,10 +102,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a shot of each scene; returns the exit code."""
     protocol, level = chosen_protocol(arguments.sigma, arguments.light)
     noise = protocol() if level is None else protocol(level)
-    is_series, burst = (
-        arguments.burst is not None,
-        SimulatedBurst.of(arguments.burst, arguments.motion, arguments.bracket),
-    )
+    is_series = arguments.burst is not None
+    burst = SimulatedBurst.of(arguments.burst, arguments.motion, arguments.bracket)
     lens = Lens.of(arguments.shading)
     measured, pattern = camera_of(arguments)
     if measured:

@@ -43,8 +43,7 @@ def decode_npy(path: Path, max_pixels: int, channels: str) -> Decoded:
     """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled
     objects are refused.
 
-    C is 1 (grey), 3 (RGB), or the number of `channels`, which are then
-    taken in this order.
+    C is 1 (grey), 3 (RGB), or the number of `channels`, which are then taken in this order.
     """
     with path.open("rb") as file:
         start = file.read(12)

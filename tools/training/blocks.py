@@ -88,7 +88,7 @@ _FAINT, _FAINTEST, _DIM = 5e-5, 2e-6, 0.01
 
 
 def lit(values: Any) -> Any:
-    """What is below zero, made small."""
+    """Make small what is below zero."""
     return functional.leaky_relu(values, _LEAK)
 
 
