@@ -113,10 +113,10 @@ _LIGHT = "shot and read noise: amount of light, 1 is a full exposure, 2 is one s
 _LINEAR = "take the values of pictures as linear light, whatever the files say"
 _QUALITY = "quality of a JPEG, 1 (small) to 100 (default: 95)"
 _LATEST = "keep a symbolic link with this name to the latest shot"
-_SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
+SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
 _MEMORY = "memory for all processes together, for example 4G (default: most of the free memory)"
 _SCHEDULER = "do the work on the workers of this dask scheduler, tcp://HOST:PORT"
-_SENSOR_BITS = f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"
+SENSOR_BITS = f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"
 _SHARED = {
     "output": _option("-o --output", "DIR", required=True),
     "resume": _switch("--resume", "keep results that are up to date, replace outdated ones"),
@@ -128,13 +128,13 @@ _SHARED = {
     "pattern": _option("--pattern", "PATTERN", _PATTERN),
     "channels": _option("--channels", "LETTERS", _CHANNELS, type=letters),
     "origin": _option("--origin", "ROW,COLUMN", _ORIGIN, type=_origin),
-    "sensor-bits": _option("--sensor-bits", "N", _SENSOR_BITS, type=int),
+    "sensor-bits": _option("--sensor-bits", "N", SENSOR_BITS, type=int),
     "sigma": _option("--sigma", "S", _SIGMA, type=factor),
     "light": _option("--light", "FACTOR", _LIGHT, type=factor),
     "linear": _switch("--linear", _LINEAR),
     "seed": _option("--seed", "N", "seed of the noise (default: 0)", type=natural, default=0),
     "quality": _option("--quality", "N", _QUALITY, type=int),
-    "scale": _option("--scale", "N", _SCALE, type=int),
+    "scale": _option("--scale", "N", SCALE, type=int),
     "latest": _option("--latest", "LINK", _LATEST, type=Path),
     "jobs": _option("-j --jobs", "N", "processes at a time", type=count),
     "max-memory": _option("--max-memory", "SIZE", _MEMORY, type=_size),

@@ -18,7 +18,7 @@ from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.formats.jpg import check_quality, encode_jpeg
-from .options import add, add_shots, file_name, pixel_limit
+from .options import SCALE, add, add_shots, file_name, pixel_limit
 
 USAGE = "SHOT ... -o DIR"
 EXAMPLE = "panchroma preview shots -o previews --scale 2"
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(parser, "output", required=False, help=folder)
     export = "write the graph for the pattern of one SHOT; without -o nothing else"
     parser.add_argument("--export", metavar="FILE.onnx", type=file_name, help=export)
-    add(parser, "scale", default=1)
+    add(parser, "scale", default=1, help=f"{SCALE} (default: 1)")
     add(parser, "quality", "recalibrate", "overwrite", "json")
 
 

@@ -41,7 +41,7 @@ from ..simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scen
 from ..simulation.protocols import chosen_protocol
 from ..simulation.simulated_burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
 from ..simulation.simulated_camera import Exposed, SimulatedCamera
-from .options import add, amount, camera_of, count, numbers, pixel_limit
+from .options import SENSOR_BITS, add, amount, camera_of, count, numbers, pixel_limit
 
 RAW = "raw"
 """A frame of samples alone."""
@@ -60,7 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
     add(parser, "output", help="folder for STEM.dng (subfolders are kept), created if missing")
     sensor = parser.add_argument_group("the camera")
-    add(sensor, "camera", "pattern", "channels", "origin", "sensor-bits")
+    add(sensor, "camera", "pattern", "channels", "origin")
+    add(sensor, "sensor-bits", help=f"{SENSOR_BITS} (default: 12, or those of the camera)")
     samples = (
         "dng (the default), or raw: STEM.raw, the samples alone, as 16-bit words, to try "
         "`capture` with (pixel format u16)"

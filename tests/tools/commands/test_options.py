@@ -1,16 +1,37 @@
 """What options mean that several commands have."""
 
+import inspect
 import json
+import re
 from argparse import ArgumentParser
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import panchroma
 from panchroma.shared import Camera, CfaPattern, SensorCalibration
 from panchroma.tools.cli import build_parser
 from panchroma.tools.commands.options import add, camera_of
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
+
+# The function of a verb, and those that read and write its files in Python.
+IN_PYTHON: dict[str, tuple[Callable[..., Any], ...]] = {
+    "simulate": (panchroma.simulate, panchroma.Shot.save),
+    "render": (panchroma.render, panchroma.open, panchroma.Picture.save),
+    "preview": (panchroma.preview, panchroma.open, panchroma.Image.save),
+}
+# Of a run over many files; Python has what `truth`, `export` and format raw write as `shot.truth`,
+# `device.build_preview` and `shot.mosaic.codes`.
+OF_A_RUN = {"output", "resume", "dry_run", "jobs", "scheduler", "max_memory", "json", "help"}
+OF_A_RUN |= {"quiet", "verbose", "truth", "export"}
+# Of arrays and objects, which a command line has not; a variable of the environment.
+OF_PYTHON = {"bands", "stages", "max_pixels"}
+RENAMED = {"seed": "rng"}  # which may be a generator, too
+BY_THE_NAME = {"format"}  # a picture is saved in the format that the end of its name says
+STATED = r"\(?(-?\d[\d.]*(?:, ?-?\d[\d.]*)*)\)?"
 
 
 @pytest.mark.parametrize(
@@ -82,3 +103,44 @@ def test_fractions_are_taken_in_a_white_balance() -> None:
 )
 def test_the_place_of_the_page(text: str, place: tuple[str, int]) -> None:
     assert build_parser("view")[0].parse_args(["view", "-", "--bind", text]).bind == place
+
+
+def described(function: Callable[..., Any]) -> Iterator[tuple[str, Any, str]]:
+    """Name, default and text of each parameter that has to be named."""
+    for name, parameter in inspect.signature(function).parameters.items():
+        if parameter.kind is parameter.KEYWORD_ONLY:
+            text = re.search(rf"^{name}\b.*\n((?:    .*\n?)+)", inspect.getdoc(function), re.M)
+            yield name, parameter.default, " ".join(text[1].split()) if text else ""
+
+
+def stated(text: str) -> set[str]:
+    """The numbers of which a text says that they are the default: "0", "0,0"."""
+    found = re.findall(rf"default: {STATED}|{STATED} by default|by default {STATED}", text)
+    return {number.replace(" ", "") for numbers in found for number in numbers if number}
+
+
+@pytest.mark.parametrize("verb", IN_PYTHON)
+def test_a_function_has_the_options_and_defaults_of_its_verb(verb: str) -> None:
+    actions = build_parser(verb)[1]._actions
+    options = {
+        RENAMED.get(action.dest, action.dest): action
+        for action in actions
+        if action.option_strings and action.dest not in OF_A_RUN
+    }
+    functions = IN_PYTHON[verb]
+    parameters = [one for function in functions for one in described(function)]
+    known = {name for name, _, _ in parameters} - OF_PYTHON
+    assert known == options.keys() - (BY_THE_NAME if verb == "simulate" else set())
+    for name, default, text in parameters:
+        assert text, f"{name} is not described"
+        if name not in options or name in BY_THE_NAME:
+            continue
+        action = options[name]
+        assert default == action.default, name
+        assert stated(text) == stated(action.help) or default is not None, name
+        numbers = {
+            float(number) for number in stated(text) | stated(action.help) if default is not None
+        }
+        assert numbers <= {default}, name
+        for choice in action.choices or ():
+            assert re.search(rf"\b{choice}\b", text), f"{name}: {choice}"

@@ -293,6 +293,13 @@ def test_an_error_names_what_is_wrong(
     assert said in str(caught.value)
 
 
+def test_a_name_that_there_is_not_is_an_error_of_types_and_says_which_there_are() -> None:
+    """mypy refuses an `ignore` that it does not need (`tests/test_types.py`)."""
+    with pytest.raises(AttributeError, match=r"has no 'nonsense'; it has .*, render, simulate"):
+        panchroma.nonsense  # type: ignore[attr-defined]  # noqa: B018
+    assert not hasattr(panchroma, "evaluate")
+
+
 def test_what_overwrites_is_true_or_false(shot: panchroma.Shot, tmp_path: Path) -> None:
     results: dict[str, Any] = {
         "kept.dng": shot,

@@ -81,7 +81,8 @@ if not TYPE_CHECKING:  # which then refuses names that there are not
         if name == "__version__":
             return import_module(".tools.io.versions", __name__).program_version()
         if name not in _MODULES:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            known = ", ".join(__all__)
+            raise AttributeError(f"module {__name__!r} has no {name!r}; it has {known}")
         return getattr(import_module(f".{_MODULES[name]}", __name__), name)
 
 

@@ -87,8 +87,12 @@ class Shot:
         return self.mosaic.metadata
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the shot with its preview as a DNG, which `open` reads. An existing file stays,
-        unless `overwrite`.
+        """Write the shot with its preview as a DNG, which `open` reads.
+
+        Parameters
+        ----------
+        overwrite : bool, optional
+            Replace an existing file.
         """
         if Path(path).suffix.lower() != ".dng":
             raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
