@@ -1,4 +1,4 @@
-"""One word for one thing (glossary in shared/README.md): no name in the program holds a word that
+"""One word for one thing (shared/glossary.md): no name in the program holds a word that
 has had several meanings. Only names that a file defines count; prose has its parts and pieces.
 """
 

@@ -77,10 +77,12 @@ Results <tools/evaluation/RESULTS>
 :glob:
 tools/README
 tools/*/README
+tools/calibration/RESULTS
 device/*
 device/*/README
 offline/README
-shared/README
+offline/models/training
+shared/*
 tests/README
 CONTRIBUTING
 SECURITY
@@ -92,7 +94,7 @@ _LINK = re.compile(r"(?<=\]\()(?!https?:|#)([^)#\s]+)")
 
 def _complete(app: Sphinx, page: str, text: list[str]) -> None:
     """Give the front page the contents and the page on parity its sections of offline/README.md;
-    a link to a folder leads to its first module.
+    a link to a folder leads to its first module, one to an example to the page that it makes.
     """
     source = Path(app.srcdir)
     if page == root_doc:
@@ -109,6 +111,8 @@ def _complete(app: Sphinx, page: str, text: list[str]) -> None:
 
     def to_file(link: re.Match[str]) -> str:
         target = folder / link[1]
+        if "/pages/gallery/" in link[1]:
+            return link[1].replace("tools/pages", "build").replace(".py", ".rst")
         modules = target.glob("*.py") if target.is_dir() else ()
         return link[1] + min((path.name for path in modules), default="")
 

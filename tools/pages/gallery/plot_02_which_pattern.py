@@ -21,7 +21,7 @@ pictures = {name: panchroma.render(shot) for name, shot in shots.items()}
 
 # %%
 # Median PSNR of small patches, and wrong hues. Real photographs decide: see
-# :doc:`which tile </offline/README>`.
+# :doc:`which pattern </tools/evaluation/RESULTS>`.
 for name, picture in pictures.items():
     print(f"{name:12}", panchroma.compare(picture, shots[name].truth))
 
