@@ -2,7 +2,7 @@
 rendered from.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
@@ -118,6 +118,28 @@ def series_stem(names: Sequence[str]) -> str:
     return common.pop() or stems[0] if len(common) == 1 else stems[0]
 
 
+def checked_reference(
+    names: Sequence[str], reference: str | Path | None, shifts: Sequence[Shift]
+) -> int | None:
+    """The index of the frame with the name of a file; None for None.
+
+    Raises InputError for fewer than two frames, for another number of shifts, and for a name that
+    none of them has.
+    """
+    if len(names) < 2:
+        expected = "expected two or more of one scene; panchroma render renders a shot"
+        raise InputError(f"{names[0]}: is one frame, {expected}")
+    if shifts and len(shifts) != len(names):
+        expected = 'expected one for each, such as "0,0 2,0 0,2 2,2"'
+        raise InputError(f"`shifts` has {len(shifts)} places for {len(names)} shots, {expected}")
+    if reference is None:
+        return None
+    chosen, places = Path(reference).resolve(), [Path(name).resolve() for name in names]
+    if chosen not in places:
+        raise InputError(f"`reference` {reference}: is none of the shots")
+    return places.index(chosen)
+
+
 @dataclass(frozen=True)
 class BurstOrder(Order):
     """Settings of a burst.
@@ -143,19 +165,23 @@ class BurstOrder(Order):
             expected = f"expected {_FARTHEST_SHIFT:g} pixels at most"
             raise InputError(f"`shifts` are {self.shifts}, {expected}")
 
-    def open(self, job: Job, memory: int, note: Note) -> Subject:
+    def open(
+        self, job: Job, memory: int, note: Note, read: Callable[[str], Mosaic] | None = None
+    ) -> "BurstSubject":
         """The frames that can be read.
 
         Raises InputError if there is none, or if the one that is to be the reference is not.
+
+        read: returns a frame by its name; None = `decode`.
         """
         frames: list[BurstFile] = []
-        order = self
+        order, read = self, read or self.decode
         if self.white.grey:  # one neutral for all, which may be clipped there, or have moved
-            chosen = self.prepared(self.decode(job.files[self.reference or 0]))
+            chosen = self.prepared(read(job.files[self.reference or 0]))
             neutral = chosen.calibration.neutral or ()
             order = replace(self, white=WhiteBalance("", tuple(1 / value for value in neutral)))
         for name in job.files:
-            frame = order._frame(name, from_folder=job.from_folder)
+            frame = order._frame(name, read, from_folder=job.from_folder)
             # before memory is full of frames
             if frame.mosaic and not any(earlier.mosaic for earlier in frames):
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))
@@ -173,10 +199,10 @@ class BurstOrder(Order):
             raise InputError(f"the frames are of several sensors, {kinds}; name those of one")
         return BurstSubject(self, frames, note)
 
-    def _frame(self, name: str, *, from_folder: bool) -> BurstFile:
+    def _frame(self, name: str, read: Callable[[str], Mosaic], *, from_folder: bool) -> BurstFile:
         mosaic = None
         try:
-            mosaic = self.decode(name)
+            mosaic = read(name)
             return BurstFile(name, self.prepared(mosaic))
         except PanchromaError as error:  # a shot that is read, and cannot be used, has not failed
             failed = mosaic is None and not (from_folder and isinstance(error, ForeignFileError))

@@ -2,9 +2,10 @@
 calibration.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ...shared import Mosaic
 from ...shared.arrays import ByteArray, FloatArray
@@ -12,10 +13,13 @@ from ...shared.errors import InputError
 from ...shared.processors import processors
 from ..io.kind import PictureKind
 from ..io.samples import joined
-from .checks import check_light, needed_memory
+from .burst_files import BurstOrder, BurstSubject
+from .checks import check_light, check_memory
 from .compilation import announced_compilation, compile_ahead
 from .console import LOG, one_line
-from .memory import allowed_memory, format_bytes
+from .jobs import Job
+from .memory import allowed_memory
+from .order import settings_named
 from .progress import REMARKS, StageProgress
 
 if TYPE_CHECKING:
@@ -30,23 +34,11 @@ def note_once(text: str) -> None:
     LOG.warning("%s", one_line(text))
 
 
-def settings_named(preset: object) -> "RenderSettings":
-    """The settings of a preset by name, or settings of one's own.
-
-    Raises InputError for anything else.
-    """
-    from ...offline import PRESETS, RenderSettings
-
-    if isinstance(preset, RenderSettings):
-        return preset
-    if preset not in PRESETS:
-        expected = f"one of {', '.join(PRESETS)}, or offline.RenderSettings"
-        raise InputError(f"`preset` is {preset!r}, expected {expected}")
-    return PRESETS[str(preset)]
-
-
 def render_array(
-    mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None" = None
+    mosaic: Mosaic,
+    settings: "RenderSettings",
+    stages: "Stages | None" = None,
+    max_memory: int | str | None = None,
 ) -> tuple[FloatArray, ByteArray | None]:
     """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light
     was (`offline.Rendering.lost`).
@@ -55,17 +47,12 @@ def render_array(
 
     stages: makes the list of stages in rows, as `offline.render` takes it; None =
     `offline.row_stages`. Raises InputError for a shot that is all black, or all saturated, and for
-    one that needs more memory than is free.
+    one that needs more than `max_memory` (see `allowed_memory`).
     """
     from ...offline import colour_bands, measure, row_stages
 
     check_light(mosaic, settings)
-    if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
-        rows, columns = mosaic.shape
-        raise InputError(
-            f"{columns} x {rows} pixels need {format_bytes(need)} of memory, {format_bytes(free)} "
-            "are free; close other programs, or use the command panchroma render: it needs less"
-        )
+    check_memory(mosaic, _AS_ARRAY, settings, allowed_memory(max_memory))
     with StageProgress(note=note_once) as progress, announced_compilation(progress):
         measured = measure(mosaic, settings, progress)
         bands = colour_bands(measured, settings, progress, row_stages if stages is None else stages)
@@ -84,11 +71,29 @@ def renderings(
         return [render(mosaic, setting, progress) for setting in settings]
 
 
-def merged_picture(mosaics: Sequence[Mosaic], progress: StageProgress) -> FloatArray:
-    """The picture of a burst, float32 (H, W, C), scene units; its first frame is the reference."""
-    from ...offline import BEST
-    from ...offline.burst import merge_burst, render_burst_bands
+def merged_picture(
+    names: Sequence[str],
+    progress: StageProgress,
+    read: Callable[[str], Mosaic] | None = None,
+    max_memory: int | str | None = None,
+    **settings: Any,
+) -> tuple[FloatArray, BurstSubject]:
+    """The picture of a burst, float32 (H, W, C), scene units, and what became of its frames.
 
+    Raises InputError if a frame cannot be read, and as `BurstOrder.open` does.
+
+    names: of the frames. read: returns a frame by its name; None = that in the file. settings: of
+    the `BurstOrder` that are not usual.
+    """
+    usual: dict[str, Any] = {"preset": "best", "exposure": 0.0, "camera": None, "run": ""}
+    order = BurstOrder(folder=Path(), kind=_AS_ARRAY, **usual | settings)
+    job, memory = Job(names[0], frames=tuple(names)), allowed_memory(max_memory)
     with announced_compilation(progress):
-        merged = merge_burst(mosaics, BEST, progress, reference=0)
-        return joined(render_burst_bands(merged, BEST, progress), mosaics[0].shape[0])
+        subject = order.open(job, memory, progress.note, read)
+        for error in subject.errors:
+            raise InputError(error)
+        subject.prepare(progress)
+        mosaic = subject.mosaic  # which one frame alone gives up
+        rgb = joined(subject.bands(progress), mosaic.shape[0])
+    subject.mosaic = mosaic
+    return rgb, subject

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ...shared.control_groups import control_groups, number_in
+from ...shared.errors import InputError
 
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
@@ -15,9 +16,18 @@ _SHARE = 0.8  # of the free memory, without --max-memory
 _LIMITS = {resource.RLIMIT_AS: "VmSize", resource.RLIMIT_DATA: "VmData"}
 
 
-def allowed_memory(limit: int | None) -> int:
-    """Bytes that may be used: the limit, or for None most of the free memory."""
-    return round(_SHARE * available_memory()) if limit is None else limit
+def allowed_memory(limit: int | str | None) -> int:
+    """Bytes that may be used: the limit, bytes or a size such as "4G", or for None most of the free
+    memory.
+
+    Raises InputError for another text.
+    """
+    try:
+        size = parse_bytes(limit) if isinstance(limit, str) else limit
+    except ValueError:
+        expected = 'expected bytes, or a size such as "4G"'
+        raise InputError(f"`max_memory` is {limit!r}, {expected}") from None
+    return round(_SHARE * available_memory()) if size is None else size
 
 
 def parse_bytes(text: str) -> int:

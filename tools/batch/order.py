@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ...shared import Camera, Mosaic, read_dng
 from ...shared.arrays import ByteArray, FloatArray
+from ...shared.errors import InputError
 from ...shared.progress import Progress
 from ...shared.reading import MAX_PIXELS
 from ..io.development import Development
@@ -70,6 +71,21 @@ class Subject:
         return {}
 
 
+def settings_named(preset: object) -> "RenderSettings":
+    """The settings of a preset by name, or settings of one's own.
+
+    Raises InputError for anything else.
+    """
+    from ...offline import PRESETS, RenderSettings
+
+    if isinstance(preset, RenderSettings):
+        return preset
+    if preset not in PRESETS:
+        expected = f"one of {', '.join(PRESETS)}, or offline.RenderSettings"
+        raise InputError(f"`preset` is {preset!r}, expected {expected}")
+    return PRESETS[str(preset)]
+
+
 @dataclass(frozen=True)
 class Order:
     """Settings that all pictures of a run share.
@@ -80,8 +96,8 @@ class Order:
         The output folder, home of the journal.
     kind : PictureKind
         Format, bits and colour space of the pictures.
-    preset : str
-        A key of `offline.PRESETS`.
+    preset : str | RenderSettings
+        See `settings_named`.
     exposure : float
         Gain of a display picture, stops.
     camera : Camera | None
@@ -108,7 +124,7 @@ class Order:
 
     folder: Path
     kind: PictureKind
-    preset: str
+    preset: "str | RenderSettings"
     exposure: float
     camera: Camera | None
     run: str
@@ -121,9 +137,7 @@ class Order:
     @property
     def settings(self) -> Any:
         """RenderSettings of the preset."""
-        from ...offline import PRESETS
-
-        return PRESETS[self.preset]
+        return settings_named(self.preset)
 
     def open(self, job: Job, memory: int, note: Note) -> Subject:
         """Read the sources of a picture from its files.

@@ -10,10 +10,8 @@ STEM-2.dng ..., otherwise as the first file.
 """
 
 import argparse
-from pathlib import Path
 
-from ...shared.errors import InputError
-from ..batch.burst_files import BurstOrder, series, series_stem
+from ..batch.burst_files import BurstOrder, checked_reference, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job, exit_code, possible_jobs
@@ -55,20 +53,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if not files.report(console):
         return FAILED
     names = series(files.sources)
-    if len(names) < 2:
-        expected = "expected two or more of one scene; panchroma render renders a shot"
-        raise InputError(f"{names[0]}: is one frame, {expected}")
     shifts = arguments.shifts
-    if shifts and len(shifts) != len(names):
-        expected = 'expected one for each, such as "0,0 2,0 0,2 2,2"'
-        raise InputError(f"--shifts has {len(shifts)} places for {len(names)} shots, {expected}")
-    reference = None
-    if arguments.reference is not None:
-        chosen = Path(arguments.reference).resolve()
-        places = [Path(name).resolve() for name in names]
-        if chosen not in places:
-            raise InputError(f"--reference {arguments.reference}: is none of the shots")
-        reference = places.index(chosen)
+    reference = checked_reference(names, arguments.reference, shifts)
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
     output = folder / f"{series_stem(names)}{suffix}"
     from_folder = all(source.from_folder for source in files.sources)

@@ -127,7 +127,7 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     mosaics = [_photographed(scene, *shot, seed) for seed, shot in shots]
     with console.progress("demo") as progress:
         one = renderings(mosaics[0], ("best",), progress)[0].rgb
-        merged = merged_picture(mosaics, progress)
+        merged, _ = merged_picture([*map(str, paths)], progress, reference=0)
     truth, compared = frames[0].rgb, {"One frame": one, f"Burst of {len(names)} frames": merged}
     pictures = {"frame.png": one, "burst.png": merged, "burst.tif": merged, "truth.tif": truth}
     _save(folder, mosaics[0], pictures)

@@ -21,11 +21,12 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
 IN_PYTHON: dict[str, tuple[Callable[..., Any], ...]] = {
     "simulate": (panchroma.simulate, panchroma.Shot.save),
     "render": (panchroma.render, panchroma.open, panchroma.Picture.save),
+    "burst": (panchroma.burst, panchroma.Picture.save),
     "preview": (panchroma.preview, panchroma.open, panchroma.Image.save),
 }
 # Of a run over many files; Python has what `truth`, `export` and format raw write as `shot.truth`,
 # `device.build_preview` and `shot.mosaic.codes`.
-OF_A_RUN = {"output", "resume", "dry_run", "jobs", "scheduler", "max_memory", "json", "help"}
+OF_A_RUN = {"output", "resume", "dry_run", "jobs", "scheduler", "json", "help"}
 OF_A_RUN |= {"quiet", "verbose", "truth", "export"}
 # Of arrays and objects, which a command line has not; a variable of the environment.
 OF_PYTHON = {"bands", "stages", "max_pixels"}

@@ -140,6 +140,35 @@ def test_a_burst_is_that_of_the_command(tmp_path: Path) -> None:
     assert not np.array_equal(moved[0].mosaic.codes, moved[1].mosaic.codes)
 
 
+@pytest.mark.parametrize(
+    ("line", "options"),
+    [
+        ("--wb 2,1,1", {"wb": (2, 1, 1)}),
+        ("--reference s-2.dng --preset unlearned", {"reference": 1, "preset": "unlearned"}),
+        ("--shifts 0,0:2,0:0,2", {"shifts": [(0, 0), (2, 0), (0, 2)]}),
+    ],
+)
+def test_a_merged_burst_is_that_of_the_command(
+    line: str, options: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    taken = panchroma.simulate("builtin:108x90", burst=3, motion=2, light=1, bracket=(-1, -1, 0))
+    names = [f"s-{number}.dng" for number in (1, 2, 3)]
+    for name, shot in zip(names, taken, strict=True):
+        shot.save(name)
+    words = [word.replace(":", " ") for word in line.split()]
+    command: tuple[str | Path, ...] = ("burst", *names, "-o", "out", "--json", *map(Path, words))
+    (record,) = run(*command, code=0).records
+    of_files = panchroma.burst(names, **options)
+    of_folder, of_shots = panchroma.burst(tmp_path, **options), panchroma.burst(taken, **options)
+    for picture in (of_files, of_folder, of_shots):
+        picture.save("mine.tif", overwrite=True)
+        assert Path("mine.tif").read_bytes() == Path("out/s.tif").read_bytes()
+    assert of_files.facts == {key: record[key] for key in ("reference", "frames")}
+    chosen = int(of_shots.facts["reference"][6])
+    assert of_shots.white == taken[chosen].truth.white
+
+
 def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> None:
     plain, warm = (panchroma.render(shot, wb=wb) for wb in ("camera", (2, 1, 1)))
     assert np.array_equal(plain.rgb, warm.rgb)
@@ -210,13 +239,13 @@ def test_a_large_picture_of_which_much_is_lost_shows_itself() -> None:
     panchroma.Picture(np.ones((2100, 1100, 3), np.float32), lost=spots)._repr_png_()
 
 
-def test_more_memory_than_is_free_is_refused(
-    shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("panchroma.tools.batch.in_memory.allowed_memory", lambda _: 1 << 20)
-    message = r"96 x 72 pixels need .*, 1 MB are free"
-    with pytest.raises(panchroma.PanchromaError, match=message):
-        panchroma.render(shot)
+def test_more_memory_than_may_be_used_is_refused(shot: panchroma.Shot) -> None:
+    message = r"96 x 72 pixels as npy need .*, 1 MB are allowed; set `max_memory="
+    for most in (1 << 20, "1M"):
+        with pytest.raises(panchroma.PanchromaError, match=message):
+            panchroma.render(shot, max_memory=most)
+    with pytest.raises(panchroma.PanchromaError, match=f"2 frames of {message}"):
+        panchroma.burst([shot, shot], max_memory="1M")
 
 
 def test_a_shot_at_another_focal_length_has_a_note(shot: panchroma.Shot, tmp_path: Path) -> None:
@@ -275,6 +304,17 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.compare(panchroma.open("shot.dng"), GREY), "of shape ()"),  # type: ignore[arg-type]
         (lambda: panchroma.compare(GREY, panchroma.open("shot.dng")), "truth"),
         (lambda: panchroma.compare(GREY, GREY, white=0), "`white` is 0"),
+        (lambda: panchroma.render("shot.dng", max_memory="much"), "`max_memory` is 'much'"),
+        (lambda: panchroma.burst([]), "`shots` is empty"),
+        (lambda: panchroma.burst(panchroma.open("shot.dng")), "shots[0]: is one frame"),  # type: ignore[arg-type]
+        (lambda: panchroma.burst("shot.dng"), "shot.dng: is one frame"),
+        (lambda: panchroma.burst(["shot.dng", "gone.dng"]), "gone.dng: there is no such file"),
+        (lambda: panchroma.burst([panchroma.open("shot.dng"), "gone.dng"]), "gone.dng: there is"),
+        (lambda: panchroma.burst(["shot.dng"] * 2, shifts=[1, 2]), "(right, down) of each"),  # type: ignore[list-item]
+        (lambda: panchroma.burst(["shot.dng", "x.dng"], shifts=[(0, 0)]), "1 places for 2 shots"),
+        (lambda: panchroma.burst(["shot.dng", "x.dng"], reference=2), "expected 0 to 1"),
+        (lambda: panchroma.burst(["shot.dng", "x.dng"], reference="y.dng"), "none of the shots"),
+        (lambda: panchroma.burst("empty"), "empty: no .dng file"),
         (lambda: panchroma.compare(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
 )
@@ -288,6 +328,7 @@ def test_an_error_names_what_is_wrong(
     monkeypatch.chdir(tmp_path)
     shot.save("shot.dng")
     Path("there.tif").touch()
+    Path("empty").mkdir()
     with pytest.raises(panchroma.PanchromaError) as caught:
         wrong()
     assert said in str(caught.value)

@@ -10,6 +10,7 @@ computes the colours of all others.
     picture = panchroma.render(shot)        # the full-quality picture, linear light
     picture.save("house.tif")               # .tif .png .jpg .jxl .exr .npy .dng; format="uhdr"
     panchroma.compare(picture, shot.truth)  # how near it is to the truth
+    panchroma.burst([shot, *others])        # one picture of a series
 
     shot.save("house.dng")                  # the camera's own file ...
     shot = panchroma.open("house.dng")      # ... and back
@@ -17,7 +18,7 @@ computes the colours of all others.
 What each returns:
 
     open, simulate      a Shot: shot.mosaic has the samples, shot.truth what a simulated camera saw
-    render              a Picture: picture.rgb is float32 (rows, columns, channels), 1.0 = white
+    render, burst       a Picture: picture.rgb is float32 (rows, columns, channels), 1.0 = white
     preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
     compare             a Comparison: PSNR, and how much of the picture has a wrong hue
 
@@ -35,7 +36,7 @@ however they are started.
 
 Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead.
 Nothing overwrites a file unless it is told to (overwrite=True). The command `panchroma` does more:
-thousands of shots, bursts, calibration, comparison with Bayer cameras; `panchroma --help` lists it.
+thousands of shots, comparison with Bayer cameras; `panchroma --help` lists it.
 `panchroma.shared` and `panchroma.offline` are the libraries underneath.
 """
 
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from .pictures import Image, Picture, to_srgb
     from .quality import Comparison, compare
     from .shared.errors import PanchromaError as PanchromaError
-    from .shots import Shot, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
+    from .shots import Shot, burst, open, preview, render  # noqa: A004  (panchroma.open is what it is called)
     from .simulation import simulate
 
     __version__: str
@@ -57,7 +58,7 @@ _NAMES = {
     "pictures": ("Image", "Picture", "to_srgb"),
     "quality": ("Comparison", "compare"),
     "shared.errors": ("PanchromaError",),
-    "shots": ("Shot", "open", "preview", "render"),
+    "shots": ("Shot", "burst", "open", "preview", "render"),
     "simulation": ("simulate",),
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
@@ -66,6 +67,7 @@ __all__ = [
     "Image",
     "Picture",
     "Shot",
+    "burst",
     "compare",
     "open",
     "preview",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # help() then shows them as they are written here
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,9 @@ class Picture:
         uint8 (H, W), how far the shot does not show what the light was, 255 = not at all, as in a
         highlight that is smaller than the distance of two colour blocks; shown white. None =
         nowhere.
+    facts : Mapping[str, Any]
+        Of the picture of a `burst`: its reference, and what became of each frame, as the command
+        says with --json.
 
     Examples
     --------
@@ -147,6 +151,7 @@ class Picture:
     white: float = 1.0
     restored: bool = True
     lost: ByteArray | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()

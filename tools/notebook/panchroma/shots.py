@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .pictures import Image, Picture, checked_flag
 from .shared import (
@@ -20,12 +20,17 @@ from .shared import (
     read_dng,
     write_dng,
 )
+from .shared.arrays import FloatArray
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS
+from .tools.batch.burst_files import checked_reference, series
 from .tools.batch.chosen_white import WhiteBalance
 from .tools.batch.console import fault
-from .tools.batch.in_memory import note_once, render_array, settings_named
+from .tools.batch.folders import DNGS, search
+from .tools.batch.in_memory import merged_picture, note_once, render_array
+from .tools.batch.order import settings_named
 from .tools.batch.previews import Previews
+from .tools.batch.progress import StageProgress
 from .tools.io.samples import upright
 
 if TYPE_CHECKING:
@@ -173,6 +178,7 @@ def render(
     *,
     preset: str | RenderSettings = "best",
     wb: str | Sequence[float] = "camera",
+    max_memory: int | str | None = None,
     stages: Stages | None = None,
 ) -> Picture:
     """Reconstruct every channel at every pixel, on all processors. The same shot gives the same
@@ -193,6 +199,8 @@ def render(
         White balance of what is shown and saved: "camera" (as shot), "auto" (estimated), the place
         (x, y) of a grey in the upright picture, or multipliers (2.1, 1, 1.6); it does not change
         `Picture.rgb`.
+    max_memory : int | str | None, optional
+        Memory that may be used, for example "4G", or bytes; None = most of the free memory.
     stages : Stages | None, optional
         Makes the list of stages that go over the picture in rows, as `offline.render` takes it;
         None = those of the settings.
@@ -200,8 +208,8 @@ def render(
     Raises
     ------
     PanchromaError
-        For a shot that is all black, or all saturated, and for one that needs more memory than is
-        free.
+        For a shot that is all black, or all saturated, and for one that needs more memory than may
+        be used.
 
     Examples
     --------
@@ -210,16 +218,128 @@ def render(
     >>> panchroma.render(shot)
     <Picture 120 x 90, linear R, G, B>
     """
-    try:
-        settings = settings_named(preset)
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(fault(error), name=error.name) from None
-    white = WhiteBalance.parse(wb)
+    settings, white = _settings(preset), WhiteBalance.parse(wb)
     shot = as_shot(shot)
     mosaic = white.of(shot.mosaic)
-    rgb, lost = render_array(mosaic, settings, stages)
-    level, restored = shot.truth.white if shot.truth else 1.0, settings.highlights.restored
-    return Picture(rgb, mosaic.calibration, mosaic.metadata, level, restored, lost)
+    rgb, lost = render_array(mosaic, settings, stages, max_memory)
+    return _picture(rgb, mosaic, settings, shot, lost=lost)
+
+
+def burst(
+    shots: str | Path | Sequence[Shot | str | Path],
+    *,
+    reference: int | str | Path | None = None,
+    shifts: Sequence[tuple[float, float]] = (),
+    preset: str | RenderSettings = "best",
+    wb: str | Sequence[float] = "camera",
+    camera: str | Path | None = None,
+    max_memory: int | str | None = None,
+    max_pixels: int = MAX_PIXELS,
+) -> Picture:
+    """Merge a series of one scene, hand-held or from a sensor that moves by known steps, into one
+    picture, with less noise and more colour.
+
+    Frames are aligned, and merged where they agree with the reference; what has moved is the
+    reference's alone. A frame that does not fit, or is a copy of another one, is left out, which is
+    logged.
+
+    Parameters
+    ----------
+    shots : str | Path | Sequence[Shot | str | Path]
+        Two or more, each a `Shot` or the name of its file; or the name of a folder with the frames
+        of one burst, STEM-1.dng, STEM-2.dng ...
+    reference : int | str | Path | None, optional
+        The frame that the picture shows: its place among `shots`, counted from 0, or the name of
+        its file. By default the first of the sharpest.
+    shifts : Sequence[tuple[float, float]], optional
+        Pixel shift: (right, down), where the sensor was at each shot, in columns and rows of its
+        pixels. Nothing is aligned then, and the reference is the first shot by default.
+    preset : str | RenderSettings, optional
+        "best"; "unlearned": best without the networks that correct luminance and colour; or
+        settings of your own.
+    wb : str | Sequence[float], optional
+        White balance of what is shown and saved, as of `render`; the place of a grey is that in the
+        reference, or in the first shot.
+    camera : str | Path | None, optional
+        A camera.json (from `panchroma calibrate`) to use in place of the shots' own calibration.
+    max_memory : int | str | None, optional
+        Memory that may be used, as of `render`.
+    max_pixels : int, optional
+        A larger shot is refused.
+
+    Returns
+    -------
+    Picture
+        `Picture.facts` says which frame is the reference, and of each how it has moved and why it
+        is left out.
+
+    Raises
+    ------
+    PanchromaError
+        For a shot that cannot be read, for shots of several sensors, and for more of them than
+        fit the memory.
+
+    Examples
+    --------
+    >>> import panchroma
+    >>> shots = panchroma.simulate("builtin:120x90", burst=3, motion=2, sigma=0.02)
+    >>> picture = panchroma.burst(shots, reference=0)
+    >>> picture, picture.facts["reference"], [frame["used"] for frame in picture.facts["frames"]]
+    (<Picture 92 x 62, linear R, G, B>, 'shots[0]', [True, True, True])
+    """
+    settings, white = _settings(preset), WhiteBalance.parse(wb)
+    try:
+        places = tuple((float(right), float(down)) for right, down in shifts)
+    except (TypeError, ValueError):
+        expected = "expected (right, down) of each shot"
+        raise InputError(f"`shifts` is {shifts!r}, {expected}") from None
+    frames = [shots] if isinstance(shots, Shot | str | Path) else list(shots)
+    held: dict[str, Shot] = {}
+    if any(isinstance(frame, Shot) for frame in frames):
+        held = {f"shots[{number}]": as_shot(frame) for number, frame in enumerate(frames)}
+    files = search([str(frame) for frame in frames if not isinstance(frame, Shot)], DNGS)
+    for folder, wrong in files.failures:
+        raise InputError(f"{folder}: {wrong}")
+    names = [*held] or series(files.sources)
+    if not names:
+        raise InputError("`shots` is empty; expected two or more of one scene")
+    index = checked_reference(names, None if isinstance(reference, int) else reference, places)
+    if isinstance(reference, int):
+        if not 0 <= reference < len(names):
+            raise InputError(f"`reference` is {reference}, expected 0 to {len(names) - 1}")
+        index = reference
+    rgb, subject = merged_picture(
+        names,
+        StageProgress(note=note_once),
+        (lambda name: held[name].mosaic) if held else None,
+        max_memory,
+        preset=settings,
+        white=white,
+        camera=read_camera(camera) if camera is not None else None,
+        max_pixels=max_pixels,
+        reference=index,
+        shifts=places,
+    )
+    facts = subject.facts()
+    shown = held.get(facts["reference"])
+    return _picture(rgb, subject.mosaic, settings, shown, lost=subject.lost, facts=facts)
+
+
+def _settings(preset: str | RenderSettings) -> RenderSettings:
+    """The settings of a preset; what is not installed is named, with the remedy."""
+    try:
+        return settings_named(preset)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(fault(error), name=error.name) from None
+
+
+def _picture(
+    rgb: FloatArray, mosaic: Mosaic, settings: RenderSettings, shot: Shot | None, **known: Any
+) -> Picture:
+    """A picture of this mosaic, that of a shot if it is in memory."""
+    level = shot.truth.white if shot and shot.truth else 1.0
+    restored = settings.highlights.restored
+    return Picture(rgb, mosaic.calibration, mosaic.metadata, level, restored, **known)
 
 
 def with_notes_shown(shot: Shot) -> Shot:
