@@ -1,13 +1,16 @@
 """Number of processors that this process may use, and of threads that renders and previews are
 to use.
+
+A container, a batch system or systemd states its limits in control groups (Linux, version 2).
 """
 
 import os
 import threading
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
+from pathlib import Path, PurePosixPath
 
-from .control_groups import control_groups
 from .errors import InputError
 
 THREADS = "PANCHROMA_THREADS"
@@ -105,3 +108,30 @@ def use_threads(count: int) -> None:
     if count < 1:
         raise ValueError(f"the number of threads is {count}; it has to be 1 or more")
     chosen.count = count
+
+
+_MEMBERSHIP = Path("/proc/self/cgroup")
+_MOUNT = Path("/sys/fs/cgroup")
+
+
+def control_groups() -> Iterator[Path]:
+    """Yield the folders of the groups whose limits may hold for this process: its own and all above
+    it.
+
+    In a container the mount point may be the process's own group. Source: Linux,
+    admin-guide/cgroup-v2.rst.
+    """
+    yield _MOUNT
+    with suppress(OSError, ValueError):
+        lines = _MEMBERSHIP.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+        for path in (PurePosixPath(line[3:]) for line in lines if line.startswith("0::/")):
+            below = path.relative_to("/")
+            if ".." not in below.parts:  # in a namespace the group may lie outside of the mount
+                yield from (_MOUNT / group for group in (below, *below.parents))
+
+
+def number_in(file: Path) -> int | None:
+    """The number in a file of a control group; None for "max", and where there is no such file."""
+    with suppress(OSError, ValueError):
+        return int(file.read_text(encoding="ascii"))
+    return None

@@ -1,4 +1,7 @@
-"""The capture loop: turns raw frames into DNG files with previews, one by one or as a burst."""
+"""The capture loop: turns raw frames into DNG files with previews, one by one or as a burst.
+
+Colours that nobody has measured are balanced by an estimate that is steady from frame to frame.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -6,12 +9,14 @@ from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+
 from ...shared import Mosaic
-from ...shared.arrays import ByteArray
+from ...shared.arrays import ByteArray, DoubleArray
 from ...shared.errors import InputError
+from ...shared.white_balance import balanced, estimate_neutral
 from .frames import RawFrame, Sensor
 from .shots import ShotFolder
-from .steady_white import SteadyWhite
 
 PreviewMaker = Callable[[Mosaic], ByteArray]
 """A function that returns the preview of a mosaic: uint8 sRGB (h, w, 3)."""
@@ -126,3 +131,34 @@ def capture_burst(
     writing = (perf_counter() - started - sum(seconds)) / count
     for path, previewing in zip(paths, seconds, strict=True):
         yield Saved(path, previewing, writing)
+
+
+# fraction of the way to a new frame's own estimate: half of a change of light is followed in eleven
+# frames
+_FOLLOWS = 1 / 16
+
+
+class SteadyWhite:
+    """Balances the frames of one stream, in their order. The estimate is a running mean, so it
+    cannot flicker.
+
+    Frames whose calibration knows what white reads pass unchanged, and so do those before the first
+    one that is bright enough.
+    """
+
+    def __init__(self) -> None:
+        self._logarithm: DoubleArray | None = None  # of the neutral
+
+    def __call__(self, mosaic: Mosaic) -> Mosaic:
+        """The frame with an estimated neutral in its calibration, and marked so."""
+        calibration = mosaic.calibration
+        if calibration.knows_white:
+            return mosaic
+        found = estimate_neutral(mosaic)
+        if found is not None:
+            observed = np.log(found)
+            before = observed if self._logarithm is None else self._logarithm
+            self._logarithm = before + _FOLLOWS * (observed - before)
+        if self._logarithm is None:
+            return mosaic
+        return mosaic.calibrated(balanced(calibration, np.exp(self._logarithm), estimated=True))

@@ -30,7 +30,7 @@ import numpy as np
 from panchroma.device import Preview
 from panchroma.device.capture import Sensor
 from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
-from panchroma.device.capture.steady_white import SteadyWhite
+from panchroma.device.capture.loop import SteadyWhite
 from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import ByteArray, CodeArray
 from panchroma.shared.dng import encode_dng

@@ -22,8 +22,7 @@ from panchroma.device import Preview
 from panchroma.offline import render
 from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import FloatArray
-from panchroma.tools.evaluation.hue import wrong_hue
-from panchroma.tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
+from panchroma.tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr, wrong_hue
 from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.load import load_scene

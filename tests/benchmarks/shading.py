@@ -22,8 +22,7 @@ from panchroma.shared import Mosaic, SensorCalibration, Shading
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from panchroma.tools.evaluation.metrics import patch_psnr
-from panchroma.tools.io.colour import xyz_to_lab
-from panchroma.tools.io.colour_difference import delta_e_2000
+from panchroma.tools.io.colour import delta_e_2000, xyz_to_lab
 from panchroma.tools.simulation.lens import lens_shading
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.sensor import simulate_additive

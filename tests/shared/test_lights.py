@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.device.capture.steady_white import SteadyWhite
+from panchroma.device.capture.loop import SteadyWhite
 from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.colorimetry import D50, adaptation, as_rows, xyz

@@ -19,7 +19,7 @@ from panchroma.shared import CfaPattern
 from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.measure import Measurements, measure_chart
 from panchroma.tools.calibration.report import build_report
-from panchroma.tools.evaluation.compared_tiles import Tile
+from panchroma.tools.evaluation.cameras import Tile
 from panchroma.tools.evaluation.crops import REASONS, Crop, Rendered
 from panchroma.tools.evaluation.evaluation_page import build_page
 from panchroma.tools.evaluation.figures import Figures

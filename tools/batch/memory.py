@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from ...shared.control_groups import control_groups, number_in
 from ...shared.errors import InputError
+from ...shared.processors import control_groups, number_in
 
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory

@@ -13,8 +13,7 @@ from ...shared.arrays import BoolArray, DoubleArray
 from ...shared.colorimetry import D50, SRGB_TO_XYZ, xyz
 from ...shared.errors import InputError
 from ...shared.lights import illuminant_xy
-from ..io.colour import xyz_to_lab
-from ..io.colour_difference import delta_e_2000, lab_slopes
+from ..io.colour import delta_e_2000, lab_slopes, xyz_to_lab
 from .chart.place import COLUMNS, PATCHES, ROWS
 
 # Neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light.

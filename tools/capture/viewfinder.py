@@ -17,8 +17,8 @@ import numpy as np
 
 from ...device.capture import PreviewMaker, Saved, Sensor
 from ...device.capture.frames import RawFrame
+from ...device.capture.loop import SteadyWhite
 from ...device.capture.shots import ShotFolder
-from ...device.capture.steady_white import SteadyWhite
 from ...device.preview.geometry import Geometry
 from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import ByteArray

@@ -18,7 +18,7 @@ from ..batch.cluster import SchedulerGoneError, absolute_path
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
 from ..batch.memory import allowed_memory
-from ..evaluation.compared_tiles import Tile, channels_of
+from ..evaluation.cameras import Tile, channels_of
 from ..evaluation.crops import render_crops
 from ..evaluation.evaluation_page import build_page, plots_svg
 from ..evaluation.figures import Figures

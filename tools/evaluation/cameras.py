@@ -1,20 +1,24 @@
-"""Both cameras in front of one scene at one noise level: their shots, and the pictures that methods
-make of them.
+"""Both cameras in front of one scene at one noise level, the filter patterns that are compared, and a
+method: a way from the shot of one of the two to a picture.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from os.path import isfile
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import FloatArray
-from ..io.scene import Scene
-from ..simulation.bayer import channel_map, sample_bayer
+from ..io.scene import RGB, Scene, scene_channels
+from ..io.versions import package_version
+from ..simulation.bayer import ORDER, channel_map, sample_bayer
+from ..simulation.filters import Filters, filters_for
 from ..simulation.protocols import BayerShot, Protocol
 from ..simulation.simulated_camera import SimulatedCamera
-from .compared_tiles import channels_of, filters_of
 
 Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 
@@ -97,3 +101,127 @@ class CameraPair:
         """The shot of the Bayer camera, in scene units under full light."""
         shot = self.level.bayer(sample_bayer(self.truth), np.random.default_rng(self.seed))
         return shot._replace(samples=shot.samples[self.window])
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A pattern of the sparse-colour camera.
+
+    name: for people. pattern: the pattern.
+    """
+
+    name: str
+    pattern: CfaPattern
+
+    @classmethod
+    def of_period(cls, period: int) -> "Tile":
+        """The paper's pattern: one Bayer block per period; "K=6" for 6."""
+        return cls(f"K={period}", CfaPattern.bayer(period, ORDER))
+
+    @classmethod
+    def named(cls, pattern: CfaPattern, source: str) -> "Tile":
+        """A pattern that the user gave as letters or as a file, which lends it its name unless it
+        is one of the paper's.
+
+        source: what the user wrote. Raises InputError as `filters_for` does.
+        """
+        filters_of(pattern)
+        if pattern == CfaPattern.bayer(pattern.period, ORDER):
+            return cls.of_period(pattern.period)
+        name = Path(source).stem if isfile(source) else pattern.name or source  # noqa: PTH113 (Path.is_file refuses long names)
+        return cls(name, pattern)
+
+    @property
+    def period(self) -> int | None:
+        """K of the paper's pattern; None for any other."""
+        period = self.pattern.period
+        return period if self.pattern == CfaPattern.bayer(period, ORDER) else None
+
+    @property
+    def light(self) -> float:
+        """Light collected from a white scene, as a multiple of what a Bayer sensor collects."""
+        return self.pattern.light_efficiency(1 / filters_of(self.pattern).unit)
+
+
+def channels_of(pattern: CfaPattern) -> str:
+    """The channels of the scenes for a pattern: red, green and blue if its filters are made of
+    these.
+    """
+    channels = scene_channels(pattern.channels)
+    return RGB if set(channels) <= set(RGB) else channels
+
+
+@lru_cache(maxsize=256)
+def filters_of(pattern: CfaPattern) -> Filters:
+    """The filters of a pattern before any scene with its channels.
+
+    Raises InputError as `filters_for` does.
+    """
+    channels = channels_of(pattern)
+    dark = np.zeros((1, 1, len(channels)), np.float32)
+    return filters_for(pattern, Scene(dark, "", channels=channels))
+
+
+_ALWAYS = ("numba", "numpy", "onnxruntime", "scipy")  # packages that make or measure pictures
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way from a shot to a picture.
+
+    Parameters
+    ----------
+    name
+        On the command line and in the results.
+    title
+        For people: the camera, a comma, the method.
+    function
+        Makes the picture, float32 (H, W, N), scene units: from a Mosaic if the method is for the
+        sparse-colour camera; from a
+        `BayerShot` and the white to balance by, float32 (3,), if it is a rival.
+    version
+        Digest of `source`.
+    ours
+        Panchroma's own, for shots of the sparse-colour camera with any pattern; otherwise a rival,
+        for Bayer shots.
+    balanced
+        The picture depends on what white reads; if not, a rival is given ones.
+    packages
+        Distributions that the method needs; results depend on their versions.
+    source
+        Somebody's own network or function, as the user gave it; "" = none. Results depend on its
+        content, which `version` states.
+    """
+
+    name: str
+    title: str
+    function: Callable[..., FloatArray]
+    version: str = ""
+    ours: bool = False
+    balanced: bool = False
+    packages: tuple[str, ...] = ()
+    source: str = ""
+
+    @property
+    def missing(self) -> str | None:
+        """A package that the method needs and that is not installed."""
+        missing = (package for package in self.packages if package_version(package) is None)
+        return next(missing, None)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Dependencies of results besides scene, noise, pattern and Panchroma's own code, as JSON
+        values.
+        """
+        packages = {name: package_version(name) for name in (*_ALWAYS, *self.packages)}
+        return {"method": self.version or self.name, "packages": packages}
+
+    def render(self, cameras: CameraPair) -> FloatArray:
+        """Render the shot of the camera that this method is for.
+
+        Returns float32 (H, W, N), scene units.
+        """
+        if self.ours:
+            return cameras.render_sparse(self.function)
+        white = cameras.white if self.balanced else np.ones_like(cameras.white)
+        return self.function(cameras.bayer, white)

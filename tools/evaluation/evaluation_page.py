@@ -13,12 +13,11 @@ import numpy as np
 
 from ..io.page import draw_svg, embed_picture, embed_plot, render_page
 from .crops import Crop, Exhibit, Rendered
-from .figures import Figures, Place
+from .figures import Figures, Place, judge
 from .measures import PLANES, TITLES
 from .metrics import BORDER, PSNR_PATCH
 from .scene_sets import CROP
 from .tables import describe, method_table
-from .verdict import judge
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -27,7 +27,7 @@ from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
 from ...shared.spelling import meant
 from ..io.display import checked_picture
-from .method import Method
+from .cameras import Method
 from .rivals.network import content, printable, read
 
 _TEXT = re.compile(rb"""["']([^"'\n]+)["']""")

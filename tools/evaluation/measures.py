@@ -13,8 +13,18 @@ from numpy.typing import NDArray
 from ...shared.arrays import DoubleArray, FloatArray
 from ...shared.errors import InputError
 from ..io.scene import RGB
-from .hue import SUMS, colour_kept, wrong_hue
-from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
+from .metrics import (
+    BORDER,
+    CAP,
+    QUANTILES,
+    SUMS,
+    Quality,
+    Quantiles,
+    colour_kept,
+    patch_psnr,
+    whole_psnr,
+    wrong_hue,
+)
 
 PLANES = ("rgb", "luminance", "chrominance")
 TITLES = ("RGB", "luminance", "chrominance")

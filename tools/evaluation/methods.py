@@ -10,8 +10,8 @@ from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
 from ...shared.spelling import meant
 from ..batch.previews import linear_preview
+from .cameras import Method
 from .functions import function
-from .method import Method
 from .rivals import bilinear, bm3d_dlmmse, dlmmse, libraw
 from .rivals.network import CHANGED, ENDING, network
 

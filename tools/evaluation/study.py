@@ -17,10 +17,8 @@ from ...shared.errors import InputError, OutputError, PanchromaError
 from ...shared.writing import own_file, write_durably
 from ..batch.cluster import source_digest
 from ..simulation.protocols import Protocol
-from .cameras import CameraPair
-from .compared_tiles import Tile
+from .cameras import CameraPair, Method, Tile
 from .measures import Measures
-from .method import Method
 from .methods import Sources, find_method
 from .scene_sets import Reading, SceneInfo
 

@@ -31,8 +31,7 @@ from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
 from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
-from .damage import guarded
-from .file_size import data_bytes
+from .damage import data_bytes, guarded
 from .limited import Facts, run_limited
 from .scene import Scene, check_size
 

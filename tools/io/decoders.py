@@ -20,7 +20,7 @@ from ...shared.errors import InputError
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from ...shared.tiff_reading import StoredField, read_directories
-from .damage import guarded
+from .damage import data_bytes, guarded
 from .decoded import (
     Decoded,
     PictureFormat,
@@ -31,7 +31,6 @@ from .decoded import (
     without_alpha,
 )
 from .encoding import SRGB, Encoding, coded_encoding, power_curve, space_of
-from .file_size import data_bytes
 from .limited import Facts, run_limited
 from .scene import RGB, check_size, scene_channels
 from .tiff import TIFF

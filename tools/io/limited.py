@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...shared.errors import InputError
-from .file_size import data_bytes
+from .damage import data_bytes
 
 Facts = dict[str, Any]
 """Whatever JSON holds, by name."""

@@ -15,7 +15,7 @@ from ...shared.dng import read_metadata
 from ...shared.dng.tags import TAG, tags_of
 from ...shared.errors import InputError
 from ...shared.tiff_check import PLAIN, check_directories, check_page
-from .damage import guarded
+from .damage import check_strips, data_bytes, guarded
 from .decoded import (
     MOST_PAGES,
     Decoded,
@@ -27,7 +27,6 @@ from .decoded import (
     without_alpha,
 )
 from .encoding import SRGB, Curve, Encoding, space_of, table_curve
-from .file_size import check_strips, data_bytes
 from .scene import RGB, check_size
 
 # TIFF 6.0, sections 8 and 20; the ICC profile.

@@ -13,8 +13,8 @@ import pytest
 from panchroma.device.capture import Refused, Saved, Sensor, capture, capture_burst
 from panchroma.device.capture.frame_queue import FrameQueue
 from panchroma.device.capture.frames import FrameLayout, RawFrame
+from panchroma.device.capture.loop import SteadyWhite
 from panchroma.device.capture.shots import ShotFolder
-from panchroma.device.capture.steady_white import SteadyWhite
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from panchroma.shared.arrays import ByteArray
 from panchroma.shared.dng import read_preview

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from panchroma.device.capture.steady_white import SteadyWhite
+from panchroma.device.capture.loop import SteadyWhite
 from panchroma.shared import Mosaic, SensorCalibration
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from tests.shared.test_white_balance import LIGHT, shot

@@ -4,8 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from panchroma.shared import control_groups
-from panchroma.shared import processors as counted
 from panchroma.tools.batch.memory import available_memory
 from tests.python import run_python
 
@@ -16,8 +14,8 @@ def limited(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What the system says of this process's groups, in a folder for them instead of its own."""
     membership = folder / "membership"
     membership.write_text(f"9:name=systemd:/\n0::/{GROUPS[0]}\n")
-    monkeypatch.setattr(control_groups, "_MEMBERSHIP", membership)
-    monkeypatch.setattr(control_groups, "_MOUNT", folder / "groups")
+    monkeypatch.setattr(counted, "_MEMBERSHIP", membership)
+    monkeypatch.setattr(counted, "_MOUNT", folder / "groups")
     return membership
 
 

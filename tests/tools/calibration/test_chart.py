@@ -13,8 +13,7 @@ from panchroma.tools.calibration.chart.find import chart_at, find_chart
 from panchroma.tools.calibration.chart.place import ChartPlace, least_pitch
 from panchroma.tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault
 from panchroma.tools.calibration.places import patch_samples
-from panchroma.tools.io.colour import lab_to_xyz, xyz_to_lab
-from panchroma.tools.io.colour_difference import delta_e_2000, lab_slopes
+from panchroma.tools.io.colour import delta_e_2000, lab_slopes, lab_to_xyz, xyz_to_lab
 from panchroma.tools.simulation.perspective import rectangle
 from tests.tools.calibration.known_camera import (
     HEIGHT,

@@ -19,8 +19,7 @@ from panchroma.shared import CfaPattern, SensorCalibration, read_camera, read_dn
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.white_balance import balanced
 from panchroma.tools.calibration.colour_matrix import GREYS, fit_colour, light_change
-from panchroma.tools.io.colour import encode_srgb, xyz_to_lab
-from panchroma.tools.io.colour_difference import delta_e_2000
+from panchroma.tools.io.colour import delta_e_2000, encode_srgb, xyz_to_lab
 from tests.sensitivities import CAMERAS, readings
 from tests.tools.calibration.known_camera import (
     REFERENCE,

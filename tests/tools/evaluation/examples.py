@@ -8,7 +8,7 @@ import numpy as np
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.batch.console import Console
-from panchroma.tools.evaluation.compared_tiles import Tile
+from panchroma.tools.evaluation.cameras import Tile
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.scene_sets import Reading
 from panchroma.tools.evaluation.study import FOLDER, Study, collect, missing_cases, work

@@ -14,13 +14,12 @@ import pytest
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
-from panchroma.tools.evaluation.compared_tiles import Tile
-from panchroma.tools.evaluation.figures import CRITERIA, HUE, RGB, WHOLE, Figures, Place
-from panchroma.tools.evaluation.hue import colour_slopes
+from panchroma.tools.evaluation.cameras import Tile
+from panchroma.tools.evaluation.figures import CRITERIA, FEW, HUE, RGB, WHOLE, Figures, Place, judge
 from panchroma.tools.evaluation.measures import Measures
+from panchroma.tools.evaluation.metrics import colour_slopes
 from panchroma.tools.evaluation.study import Case, Study
 from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
-from panchroma.tools.evaluation.verdict import FEW, judge
 from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
 from tests.tools.evaluation.examples import KODAK, measured, study_of
 

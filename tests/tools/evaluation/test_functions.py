@@ -12,8 +12,7 @@ import pytest
 from panchroma.offline import PAPER, render
 from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation import methods as registry
-from panchroma.tools.evaluation.cameras import CameraPair
-from panchroma.tools.evaluation.compared_tiles import Tile
+from panchroma.tools.evaluation.cameras import CameraPair, Tile
 from panchroma.tools.evaluation.study import work
 from panchroma.tools.simulation.protocols import PaperProtocol, SensorProtocol
 from panchroma.tools.training.graph import Graph

@@ -7,9 +7,8 @@ from scipy.ndimage import gaussian_filter
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from panchroma.shared.white_balance import shades_of_grey
-from panchroma.tools.evaluation.hue import PLACES, colour_kept, colour_slopes, wrong_hue
-from panchroma.tools.io.colour import xyz_to_lab
-from panchroma.tools.io.colour_difference import delta_e_2000
+from panchroma.tools.evaluation.metrics import PLACES, colour_kept, colour_slopes, wrong_hue
+from panchroma.tools.io.colour import delta_e_2000, xyz_to_lab
 
 RNG = np.random.default_rng(3)
 

@@ -4,7 +4,7 @@ import pytest
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
-from panchroma.tools.evaluation import method as module
+from panchroma.tools.evaluation import cameras as module
 from panchroma.tools.evaluation.cameras import CameraPair, with_balance
 from panchroma.tools.evaluation.methods import choose, default_names, methods
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from panchroma.tools.evaluation.compared_tiles import Tile
+from panchroma.tools.evaluation.cameras import Tile
 from panchroma.tools.evaluation.crops import AHEAD, BEHIND, render_crops
 from panchroma.tools.evaluation.evaluation_page import build_page, draw_noise, plots_svg
-from panchroma.tools.evaluation.figures import Place
+from panchroma.tools.evaluation.figures import Place, judge
 from panchroma.tools.evaluation.measures import PLANES
-from panchroma.tools.evaluation.verdict import judge
 from tests.browser import Browser
 from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
 

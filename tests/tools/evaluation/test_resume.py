@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from panchroma.tools.evaluation import method as method_module
+from panchroma.tools.evaluation import cameras as method_module
 from panchroma.tools.evaluation import study as study_module
 from tests.data import ROOT
 from tests.tools.command import SCRIPT, run

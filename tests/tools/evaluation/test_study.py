@@ -106,7 +106,7 @@ def test_everything_that_changes_a_result_changes_its_name(
     for package in ("numba", "numpy", "onnxruntime", "scipy"):
         with monkeypatch.context() as changed:
             versions = lambda name, package=package: f"9 {name == package}"  # noqa: E731
-            changed.setattr("panchroma.tools.evaluation.method.package_version", versions)
+            changed.setattr("panchroma.tools.evaluation.cameras.package_version", versions)
             other[package] = name_of()
     with monkeypatch.context() as changed:
         changed.setattr(module, "source_digest", lambda: CHANGED)
@@ -177,7 +177,9 @@ def test_results_of_another_version_are_not_kept(
     """A worker on another machine, or a package that was installed meanwhile."""
     study = study_of(tmp_path, methods=("dcb", "bilinear"))
     todo = missing_cases(study, tmp_path)[0]
-    monkeypatch.setattr("panchroma.tools.evaluation.method.package_version", lambda name: "another")
+    monkeypatch.setattr(
+        "panchroma.tools.evaluation.cameras.package_version", lambda name: "another"
+    )
     for line, name in zip(alone().measure(study, tmp_path, todo), study.methods, strict=True):
         assert line.startswith(f"{name}: the process that measures has another source of Panchroma")
 

@@ -5,8 +5,7 @@ import pytest
 
 from panchroma.shared import CfaPattern
 from panchroma.shared.errors import InputError
-from panchroma.tools.evaluation.cameras import CameraPair
-from panchroma.tools.evaluation.compared_tiles import Tile, filters_of
+from panchroma.tools.evaluation.cameras import CameraPair, Tile, filters_of
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.simulation.pattern_text import read_pattern
 from panchroma.tools.simulation.protocols import PaperProtocol, SensorProtocol

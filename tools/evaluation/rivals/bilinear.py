@@ -6,8 +6,7 @@ import numpy as np
 
 from ....shared.arrays import FloatArray
 from ...simulation.bayer import channel_map
-from ..cameras import render_samples
-from ..method import Method
+from ..cameras import Method, render_samples
 
 # At missing sites: green is the mean of its four neighbours, red and blue of the nearest two or
 # four.

@@ -11,8 +11,7 @@ import numpy as np
 
 from ....shared.arrays import DoubleArray, FloatArray
 from ...simulation.protocols import BayerShot
-from ..cameras import with_balance
-from ..method import Method
+from ..cameras import Method, with_balance
 from .dlmmse import demosaic_dlmmse
 
 _BLOCK_SIDE = 8  # pixels of a plane each way: BM3D's block

@@ -13,8 +13,7 @@ import numpy as np
 
 from ....shared.arrays import DoubleArray, FloatArray
 from ...simulation.bayer import channel_map
-from ..cameras import render_samples
-from ..method import Method
+from ..cameras import Method, render_samples
 
 _GREEN = 1
 # Second-order interpolation of the missing colour along a line (section II; after Hamilton and

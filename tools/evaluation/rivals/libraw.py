@@ -15,8 +15,7 @@ from ....shared.arrays import FloatArray
 from ....shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
 from ....shared.tiff import FieldType
 from ...simulation.bayer import ORDER
-from ..cameras import render_samples
-from ..method import Method
+from ..cameras import Method, render_samples
 
 _HEADROOM = 1.02  # range of the codes, as a multiple of the samples'
 

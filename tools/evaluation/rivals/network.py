@@ -23,7 +23,7 @@ from ....shared.reading import read_text, read_whole
 from ....shared.spelling import meant
 from ...simulation.bayer import channel_map
 from ...simulation.protocols import BayerShot
-from ..method import Method
+from ..cameras import Method
 
 _ORDERS = {"RGGB": (0, 0), "GRBG": (0, 1), "GBRG": (1, 0), "BGGR": (1, 1)}
 _FORMS, _FIELDS = ("quads", "sparse", "mosaic"), ("sites", "add", "noise", "crop")

@@ -10,8 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 import panchroma
 from panchroma.shared import CfaPattern
-from panchroma.tools.evaluation.cameras import CameraPair
-from panchroma.tools.evaluation.method import Method
+from panchroma.tools.evaluation.cameras import CameraPair, Method
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.simulation.protocols import PaperProtocol
