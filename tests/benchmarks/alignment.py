@@ -27,7 +27,7 @@ from panchroma.shared import Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
-from panchroma.tools.simulation.simulated_burst import SimulatedBurst, SimulatedFrame, burst_frames
+from panchroma.tools.simulation.simulated_camera import SimulatedBurst, SimulatedFrame, burst_frames
 from tests.benchmarks.harness import PATTERN, options, photographs
 
 CALIBRATION = SensorCalibration.of_bits(12, headroom=False)

@@ -36,7 +36,7 @@ from panchroma.tools.io.versions import package_version
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.protocols import PaperProtocol
 from panchroma.tools.simulation.sensor import simulate_additive
-from panchroma.tools.simulation.simulated_burst import SimulatedBurst, burst_frames
+from panchroma.tools.simulation.simulated_camera import SimulatedBurst, burst_frames
 from tests.bayer import bayer_mosaic
 from tests.benchmarks.alignment import DEGREES, PIXELS, alignment_error
 from tests.benchmarks.bayer_burst import render_bayer_burst

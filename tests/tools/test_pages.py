@@ -20,11 +20,10 @@ from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.measure import Measurements, measure_chart
 from panchroma.tools.calibration.report import build_report
 from panchroma.tools.evaluation.cameras import Tile
-from panchroma.tools.evaluation.crops import REASONS, Crop, Rendered
-from panchroma.tools.evaluation.evaluation_page import build_page
+from panchroma.tools.evaluation.evaluation_page import REASONS, Crop, Rendered, build_page
 from panchroma.tools.evaluation.figures import Figures
-from panchroma.tools.evaluation.measures import Measures
 from panchroma.tools.evaluation.methods import choose
+from panchroma.tools.evaluation.metrics import Measures
 from panchroma.tools.io.page import embed_plot, without_folders
 from tests.data import ROOT
 from tests.python import run_python

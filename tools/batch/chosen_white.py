@@ -10,8 +10,8 @@ import numpy as np
 from ...shared import Mosaic
 from ...shared.errors import InputError
 from ...shared.white_balance import GREY_BOX, balanced, estimate_neutral, neutral_at
+from ..io.display import upright
 from ..io.kind import AS_MEASURED, PictureKind
-from ..io.samples import upright
 
 _CAMERA, _AUTO = "camera", "auto"
 _MOST_WB = 1000.0  # multiplier; its inverse is the smallest

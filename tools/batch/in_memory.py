@@ -11,8 +11,8 @@ from ...shared import Mosaic
 from ...shared.arrays import ByteArray, FloatArray
 from ...shared.errors import InputError
 from ...shared.processors import processors
+from ..io.display import joined
 from ..io.kind import PictureKind
-from ..io.samples import joined
 from .burst_files import BurstOrder, BurstSubject
 from .checks import check_light, check_memory
 from .compilation import announced_compilation, compile_ahead

@@ -1,24 +1,32 @@
-"""Order of a run, and sources of a picture."""
+"""Order of a run, sources of a picture, and one shot or burst rendered to one picture, once, by
+whichever process on whichever machine gets it.
+"""
 
 import os
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from functools import cached_property
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, lru_cache, partial
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ...shared import Camera, Mosaic, read_dng
 from ...shared.arrays import ByteArray, FloatArray
-from ...shared.errors import InputError
+from ...shared.errors import InputError, OutputError, PanchromaError
+from ...shared.processors import threads
 from ...shared.progress import Progress
 from ...shared.reading import MAX_PIXELS
+from ..io.backup import keep_old
 from ..io.development import Development
-from ..io.kind import PictureKind
-from .checks import check_light
+from ..io.kind import PictureKind, write_picture
+from .checks import check_light, check_memory
 from .chosen_white import AS_SHOT, WhiteBalance
-from .jobs import Job
-from .journal import key
-from .progress import Note
+from .compilation import announced_compilation, compile_ahead
+from .jobs import Job, Outcome, State, file_status, identity, refuse_existing
+from .journal import Entry, Journal, digest, key, output_lock
+from .progress import Note, StageProgress
 
 if TYPE_CHECKING:
     from ...offline import RenderSettings
@@ -201,3 +209,229 @@ class Order:
 
         fields = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
         return key(algorithm=ALGORITHM, settings=asdict(self.settings), **fields)
+
+
+def attempt(
+    order: Order, memory: int, processes: int, job: Job, listener: StageProgress
+) -> Outcome:
+    """Make a picture, or find that it is there already.
+
+    Raises InputError, ForeignFileError, OutputError: there can be no picture.
+
+    Parameters
+    ----------
+    order
+        Settings of the run.
+    memory
+        Bytes that may be used.
+    processes
+        Number of processes that may be started to compile the renderer; 1 in a process that was
+        started itself.
+    job
+        The shot or burst, and where its picture goes.
+    listener
+        Takes stages, and remarks for the user.
+    """
+    output = job.output
+    if not (order.dry_run or order.folder.is_dir()):
+        raise OutputError(f"{order.folder}: is not there; every machine has to see this folder")
+    read = partial(order.open, job, memory, listener.note)
+    if not any(map(file_status, job.files)):
+        read()  # says what is wrong with it, before a folder is made for its picture
+    try:
+        if not order.dry_run:
+            job.make_folders()
+            with output_lock(output):
+                return _make(order, memory, processes, job, listener)
+        if _is_unchanged(order, job) or _existing(order, job, _digest(job)).current:
+            return _up_to_date(output, "current", dry_run=True)
+        facts = {"output": str(output), "dry_run": True}
+        return Outcome(facts, (f"{job.source} -> {output}",), read().errors, "planned")
+    except PanchromaError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
+
+
+def _make(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
+    """Make the picture, while this process holds the lock on the output."""
+    start, output, kind = time.monotonic(), job.output, order.kind
+    if _is_unchanged(order, job):
+        return _up_to_date(output, "current")
+    stamp, output_stamp = _stamp(job.files), _stamp([output])
+    source_digest = _digest(job)
+    existing = _existing(order, job, source_digest)
+    if existing.current:
+        _note_stamp(order, output, f"{stamp} {output_stamp}")
+        return _up_to_date(output, existing.current)
+    listener.stage("reading", 1)
+    subject = order.open(job, memory, listener.note)
+    with announced_compilation(listener):
+        if source_digest is None or _digest(job) != source_digest:
+            remedy = "render it again when it is complete"
+            raise InputError(f"{job.source}: has changed while it was read; {remedy}")
+        check_memory(subject.mosaic, kind, order.settings, memory, subject.count)
+        # now that only the writing can fail
+        compile_ahead(processes, listener)
+        for remark in _assumptions(subject.mosaic, kind.has_white_balance):
+            listener.note(f"{job.source}: {remark}")
+        subject.prepare(listener)
+        development, pattern = order.development(subject.mosaic), subject.mosaic.pattern
+        if existing.changed:
+            kept = keep_old(output).name
+            listener.note(f"{output}: has changed since it was made; it is kept as {kept}")
+        # Journal and picture are fsynced at the same time: for small pictures fsync takes most of
+        # the time, and a large one is digested meanwhile. The pool is this picture's own: one that
+        # stays would wait for ever for a thread whose start is interrupted.
+        with ThreadPoolExecutor(1) as pool:
+            made = order, job, source_digest
+            bands = _whitened(subject.bands(listener), subject.lost, development, listener)
+            write_picture(
+                output,
+                bands,
+                development,
+                overwrite=existing.replace,
+                on_complete=lambda partial: pool.submit(_note_in_journal, *made, partial).result,
+                threads=threads(),
+            )
+        _note_stamp(order, output, f"{stamp} {_stamp([output])}")
+    from ...offline import network_name
+
+    seconds, calibration = time.monotonic() - start, development.calibration
+    rows, columns = development.written_shape
+    line = (
+        f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, "
+        f"{subject.words}{seconds:.1f} s"
+    )
+    facts = {
+        "output": str(output),
+        "width": columns,
+        "height": rows,
+        "seconds": round(seconds, 3),
+        "neutral": calibration.neutral,
+        "neutral_estimated": calibration.neutral_estimated,
+        "learned": network_name(pattern) if order.settings.learned.used else None,
+    }
+    return Outcome(facts | subject.facts(), (line,), subject.errors)
+
+
+def _up_to_date(output: Path, state: State, **facts: bool) -> Outcome:
+    record: dict[str, Any] = {"output": str(output), "current": True, **facts}
+    return Outcome(record, (f"{output}: is up to date",), state=state)
+
+
+def _assumptions(mosaic: Mosaic, has_white_balance: bool) -> Iterator[str]:
+    calibration = mosaic.calibration
+    if calibration.noise is None:
+        yield "the noise level is unknown; calibrate the camera for better colour"
+    if not calibration.knows_white and has_white_balance:
+        yield 'the white balance is unknown; `wb="auto"` estimates it'
+    yield from calibration.remarks(mosaic.metadata.focal_length)
+
+
+def _whitened(
+    bands: Iterable[FloatArray],
+    lost: ByteArray | None,
+    development: Development,
+    listener: StageProgress,
+) -> Iterator[FloatArray]:
+    """Yield the bands as the picture shows them. lost: where light is lost."""
+    top = 0
+    for band in bands:
+        yield development.whitened(band, None if lost is None else lost[top : top + len(band)])
+        top += len(band)
+    listener.stage("writing", 1)
+
+
+def _note_in_journal(order: Order, job: Job, source_digest: str, partial: Path) -> None:
+    entry = Entry(
+        order.name(job.output),
+        digest(partial) or "",
+        order.key(job.output, source_digest),
+        order.run,
+        os.path.abspath(job.source),  # noqa: PTH100 (without following links)
+        source_digest,
+    )
+    _journal(order.folder).append(entry)
+
+
+def _note_stamp(order: Order, output: Path, stamp: str) -> None:
+    """Note sizes and times of files that are as the last entry says: the next run need not read
+    them. Getting its name changed the picture's.
+    """
+    journal = _journal(order.folder)
+    journal.append(replace(journal.of(order.name(output))[-1], stamp=stamp), wait=False)
+
+
+def _is_unchanged(order: Order, job: Job) -> bool:
+    """True if the picture is up to date by sizes and times alone: reading all files of an archive
+    takes long.
+    """
+    entries = _journal(order.folder).of(order.name(job.output)) if order.resume else []
+    if not entries or entries[-1].stamp != f"{_stamp(job.files)} {_stamp([job.output])}":
+        return False
+    return entries[-1].key == order.key(job.output, entries[-1].input)
+
+
+class _Existing(NamedTuple):
+    """Existing file under the name of an output.
+
+    current: the outcome when it is up to date, made by this run or by an earlier one; otherwise
+    None. replace: it may be replaced. changed: a render made it, and somebody has changed it since.
+    """
+
+    current: State | None = None
+    replace: bool = False
+    changed: bool = False
+
+
+def _existing(order: Order, job: Job, source_digest: str | None) -> _Existing:
+    """Look up what exists under the name of the output. Raises OutputError for a file that must
+    stay.
+    """
+    output = job.output
+    if not output.exists():
+        return _Existing(replace=order.overwrite)
+    entries = _journal(order.folder).of(order.name(output))
+    last = entries[-1] if entries else None
+    # by a process that died before it could say so
+    of_this_run = last is not None and last.run == order.run
+    if not (order.resume or of_this_run):
+        if not order.overwrite:
+            refuse_existing([output])
+        return _Existing(replace=True)
+    current = digest(output)
+    up_to_date = current, order.key(output, source_digest or "")
+    if last and source_digest and (last.digest, last.key) == up_to_date:
+        return _Existing("made" if of_this_run else "current", True)
+    if order.overwrite:
+        return _Existing(replace=True)
+    if not last:
+        reason = "exists already, and no render noted that it made it; `overwrite=True` replaces it"
+        raise OutputError(f"{output}: {reason}")
+    first, second = identity(last.source), identity(job.source)
+    if first and second and first != second:  # two files, rather than one that was moved
+        remedy = "use another output folder, or `overwrite=True`"
+        raise OutputError(f"{output}: is the picture of {last.source}; {remedy}")
+    return _Existing(replace=True, changed=current not in {entry.digest for entry in entries})
+
+
+def _digest(job: Job) -> str | None:
+    """Digest of the files that a picture is made from; None if there is only one, and it cannot be
+    read.
+    """
+    frames = job.frames
+    return key(frames=[digest(name) for name in frames]) if frames else digest(job.source)
+
+
+@lru_cache(maxsize=1)  # so that a process reads a long journal once
+def _journal(folder: Path) -> Journal:
+    return Journal(folder)
+
+
+def _stamp(files: Iterable[str | Path]) -> str:
+    """Digest of the size of each file and of the times at which it was modified and changed:
+    programs that edit a file may set the former back, and none can set the latter.
+    """
+    facts = attrgetter("st_size", "st_mtime_ns", "st_ctime_ns")
+    return key(files=[status and facts(status) for status in map(file_status, files)])

@@ -11,14 +11,13 @@ from functools import lru_cache, partial
 from ...shared.errors import OutputError, PanchromaError
 from ...shared.processors import available_threads, processors
 from ...shared.writing import sweep
-from .attempt import attempt
 from .checks import needed_memory
 from .cluster import absolute_path, cluster
 from .compilation import compile_ahead
 from .console import Console
 from .jobs import Job, Outcome, State, do_jobs, file_status
 from .memory import allowed_memory
-from .order import Order
+from .order import Order, attempt
 from .parallel import Results, follow, one_by_one, possible_processes
 from .parallel import processes as worker_processes
 from .progress import REMARKS, Note, StageProgress

@@ -37,8 +37,12 @@ from ..io.scene import Scene
 from ..simulation.bayer import sample_bayer
 from ..simulation.drawn.builtin import builtin_scene
 from ..simulation.protocols import PaperProtocol
-from ..simulation.simulated_burst import SimulatedBurst, SimulatedFrame, burst_frames
-from ..simulation.simulated_camera import SimulatedCamera
+from ..simulation.simulated_camera import (
+    SimulatedBurst,
+    SimulatedCamera,
+    SimulatedFrame,
+    burst_frames,
+)
 from .options import add
 
 if TYPE_CHECKING:

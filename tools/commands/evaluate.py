@@ -19,8 +19,7 @@ from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
 from ..batch.memory import allowed_memory
 from ..evaluation.cameras import Tile, channels_of
-from ..evaluation.crops import render_crops
-from ..evaluation.evaluation_page import build_page, plots_svg
+from ..evaluation.evaluation_page import build_page, plots_svg, render_crops
 from ..evaluation.figures import Figures
 from ..evaluation.methods import choose, default_names, missing_packages
 from ..evaluation.scene_sets import Reading

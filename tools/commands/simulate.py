@@ -39,8 +39,14 @@ from ..io.kind import PictureKind, write_picture
 from ..simulation.lens import Lens
 from ..simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
 from ..simulation.protocols import chosen_protocol
-from ..simulation.simulated_burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
-from ..simulation.simulated_camera import Exposed, SimulatedCamera
+from ..simulation.simulated_camera import (
+    Exposed,
+    SimulatedBurst,
+    SimulatedCamera,
+    SimulatedFrame,
+    burst_frames,
+    motion_text,
+)
 from .options import SENSOR_BITS, add, amount, camera_of, count, numbers, pixel_limit
 
 RAW = "raw"

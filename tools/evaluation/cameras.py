@@ -1,5 +1,5 @@
-"""Both cameras in front of one scene at one noise level, the filter patterns that are compared, and a
-method: a way from the shot of one of the two to a picture.
+"""Both cameras in front of one scene at one noise level, the filter patterns that are compared, and
+a method: a way from the shot of one of the two to a picture.
 """
 
 from collections.abc import Callable

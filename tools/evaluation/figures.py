@@ -1,5 +1,6 @@
-"""Figures of an evaluation, per scene and pooled, and who is ahead by how much; and the verdict on a
-set of scenes in three sentences: who is ahead, where ours is weakest, what this does not stand on.
+"""Figures of an evaluation, per scene and pooled, and who is ahead by how much; and the verdict on
+a set of scenes in three sentences: who is ahead, where ours is weakest, what this does not stand
+on.
 """
 
 from collections import defaultdict
@@ -12,8 +13,7 @@ import numpy as np
 
 from ..simulation.protocols import Protocol
 from .cameras import Tile
-from .measures import PLANES, Histogram, Measures
-from .metrics import QUANTILES, colour_slopes
+from .metrics import PLANES, QUANTILES, Histogram, Measures, colour_slopes
 from .scene_sets import SETS
 from .study import Case, Study
 

@@ -18,8 +18,8 @@ from ...shared.writing import own_file, write_durably
 from ..batch.cluster import source_digest
 from ..simulation.protocols import Protocol
 from .cameras import CameraPair, Method, Tile
-from .measures import Measures
 from .methods import Sources, find_method
+from .metrics import Measures
 from .scene_sets import Reading, SceneInfo
 
 FOLDER = "results"

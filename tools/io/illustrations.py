@@ -9,8 +9,7 @@ import numpy as np
 from ...shared import Mosaic
 from ...shared.arrays import ByteArray, DoubleArray, FloatArray
 from ...shared.pattern import PANCHROMATIC
-from .display import ColourTransform
-from .samples import quantise
+from .display import ColourTransform, quantise
 
 if TYPE_CHECKING:
     from PIL.Image import Image

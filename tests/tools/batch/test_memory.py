@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from panchroma.shared import processors as counted
 from panchroma.tools.batch.memory import available_memory
 from tests.python import run_python
 

@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import pytest
 
 from panchroma.shared import read_dng
-from panchroma.tools.batch import attempt
+from panchroma.tools.batch import order as attempt
 from panchroma.tools.batch.journal import NAME, digest
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import Outcome, assert_refused, contents, results, run

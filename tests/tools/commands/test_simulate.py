@@ -18,7 +18,7 @@ from panchroma.tools.commands.simulate import noise_of
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor, typical_noise
-from panchroma.tools.simulation.simulated_burst import SimulatedBurst, burst_frames
+from panchroma.tools.simulation.simulated_camera import SimulatedBurst, burst_frames
 from tests.tools.command import assert_refused, names, run
 
 SOURCE = "builtin:24x18"

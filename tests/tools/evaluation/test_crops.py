@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from panchroma.shared.arrays import ByteArray
-from panchroma.tools.evaluation.crops import (
+from panchroma.tools.evaluation.evaluation_page import (
     AHEAD,
     BEHIND,
     REASONS,
@@ -20,7 +20,7 @@ from panchroma.tools.evaluation.crops import (
     render_crops,
     render_exhibit,
 )
-from panchroma.tools.evaluation.measures import WINDOW, window_origins
+from panchroma.tools.evaluation.metrics import WINDOW, window_origins
 from panchroma.tools.evaluation.study import Study
 from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of

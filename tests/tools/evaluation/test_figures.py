@@ -16,8 +16,7 @@ from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.evaluation.cameras import Tile
 from panchroma.tools.evaluation.figures import CRITERIA, FEW, HUE, RGB, WHOLE, Figures, Place, judge
-from panchroma.tools.evaluation.measures import Measures
-from panchroma.tools.evaluation.metrics import colour_slopes
+from panchroma.tools.evaluation.metrics import Measures, colour_slopes
 from panchroma.tools.evaluation.study import Case, Study
 from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
 from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol

@@ -5,8 +5,17 @@ import pytest
 
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
-from panchroma.tools.evaluation.measures import WINDOW, Histogram, Measures, window_origins
-from panchroma.tools.evaluation.metrics import BORDER, CAP, patch_psnr, psnr, quality
+from panchroma.tools.evaluation.metrics import (
+    BORDER,
+    CAP,
+    WINDOW,
+    Histogram,
+    Measures,
+    patch_psnr,
+    psnr,
+    quality,
+    window_origins,
+)
 from tests.tools.evaluation.examples import pair
 
 

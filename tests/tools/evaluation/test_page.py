@@ -10,10 +10,16 @@ import pytest
 from matplotlib.figure import Figure
 
 from panchroma.tools.evaluation.cameras import Tile
-from panchroma.tools.evaluation.crops import AHEAD, BEHIND, render_crops
-from panchroma.tools.evaluation.evaluation_page import build_page, draw_noise, plots_svg
+from panchroma.tools.evaluation.evaluation_page import (
+    AHEAD,
+    BEHIND,
+    build_page,
+    draw_noise,
+    plots_svg,
+    render_crops,
+)
 from panchroma.tools.evaluation.figures import Place, judge
-from panchroma.tools.evaluation.measures import PLANES
+from panchroma.tools.evaluation.metrics import PLANES
 from tests.browser import Browser
 from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
 

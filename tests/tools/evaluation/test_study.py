@@ -12,10 +12,9 @@ from panchroma.shared.errors import ConvergenceError, InputError
 from panchroma.shared.pattern import CfaPattern
 from panchroma.tools.evaluation import methods as registry
 from panchroma.tools.evaluation import study as module
-from panchroma.tools.evaluation.crops import WORST, Crop, render_exhibit
+from panchroma.tools.evaluation.evaluation_page import WORST, Crop, render_exhibit
 from panchroma.tools.evaluation.figures import Place
-from panchroma.tools.evaluation.measures import PLANES
-from panchroma.tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
+from panchroma.tools.evaluation.metrics import PLANES, QUANTILES, patch_psnr, quality, whole_psnr
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.evaluation.study import (
     FOLDER,

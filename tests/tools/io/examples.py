@@ -12,10 +12,9 @@ import rawpy
 from panchroma.shared import SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.io.development import Development
-from panchroma.tools.io.display import ColourTransform
+from panchroma.tools.io.display import ColourTransform, upright
 from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.kind import PictureKind, write_picture
-from panchroma.tools.io.samples import upright
 from tests.shared.dng import examples
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))

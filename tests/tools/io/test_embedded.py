@@ -7,9 +7,8 @@ import pytest
 from PIL import Image, ImageCms
 
 from panchroma.tools.io.colour import decode_srgb, encode_srgb
-from panchroma.tools.io.display import SPACES
+from panchroma.tools.io.display import SPACES, quantise
 from panchroma.tools.io.icc import icc_profile
-from panchroma.tools.io.samples import quantise
 
 
 @pytest.mark.parametrize("name", SPACES)

@@ -18,11 +18,10 @@ from PIL import Image
 from panchroma.shared import CaptureMetadata, SensorCalibration
 from panchroma.shared.errors import InputError, OutputError
 from panchroma.tools.io.development import CAMERA
-from panchroma.tools.io.display import SPACES
+from panchroma.tools.io.display import SPACES, quantise
 from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.icc import icc_profile
 from panchroma.tools.io.kind import PictureKind, write_picture
-from panchroma.tools.io.samples import quantise
 from tests.exiftool import fields
 from tests.tools.io import examples
 from tests.tools.io.examples import (

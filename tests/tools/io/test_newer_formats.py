@@ -11,10 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from panchroma.shared.arrays import FloatArray
-from panchroma.tools.io.display import SPACES, ColourTransform
+from panchroma.tools.io.display import SPACES, ColourTransform, upright
 from panchroma.tools.io.formats.uhdr import GainMap
 from panchroma.tools.io.kind import PictureKind
-from panchroma.tools.io.samples import upright
 from tests.exiftool import fields
 from tests.tools.io.examples import CALIBRATION, SIZES, encoded, scene, shown
 from tests.tools.io.examples import KINDS as ALL_KINDS

@@ -12,8 +12,8 @@ from PIL import Image, ImageOps
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import ConvergenceError
 from panchroma.tools.io.development import CAMERA
+from panchroma.tools.io.display import quantise, upright
 from panchroma.tools.io.kind import PictureKind, write_picture
-from panchroma.tools.io.samples import quantise, upright
 from tests.tools.io.examples import KINDS, development, encode_picture, scene
 
 

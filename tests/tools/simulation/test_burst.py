@@ -8,7 +8,7 @@ from panchroma.shared import CaptureMetadata
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
-from panchroma.tools.simulation.simulated_burst import (
+from panchroma.tools.simulation.simulated_camera import (
     CameraMotion,
     SimulatedBurst,
     burst_frames,

@@ -21,7 +21,7 @@ from panchroma.shared.errors import InputError
 from panchroma.shared.networks import load_network, network_for
 from panchroma.shared.runtime import session
 from panchroma.tools.batch.progress import StageProgress
-from panchroma.tools.io.samples import quantise
+from panchroma.tools.io.display import quantise
 from panchroma.tools.simulation.load import load_scene
 
 torch = pytest.importorskip(

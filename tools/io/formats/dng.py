@@ -26,8 +26,7 @@ from ....shared.errors import InputError
 from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development
-from ..display import checked_picture
-from ..samples import display_codes, joined, quantise, regrouped
+from ..display import checked_picture, display_codes, joined, quantise, regrouped
 from .format import Bands, Format
 
 CHUNK_ROWS = DIGEST_TILE

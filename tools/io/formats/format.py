@@ -12,8 +12,7 @@ from ....shared.arrays import FloatArray
 from ....shared.errors import InputError
 from ..ahead import ahead
 from ..development import CAMERA, Development
-from ..display import checked_picture
-from ..samples import display_codes, joined, turned, upright
+from ..display import checked_picture, display_codes, joined, turned, upright
 
 Bands = Iterable[NDArray[Any]]
 """Rows of a picture, (rows, W, any), from top to bottom: of a rendering, or of samples."""

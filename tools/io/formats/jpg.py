@@ -12,8 +12,8 @@ from ....shared.dng.tags import LONGEST_SIDE
 from ....shared.errors import InputError
 from ....shared.tiff import encode_tiff
 from ..development import Development
+from ..display import joined
 from ..embedded import jpeg_directory
-from ..samples import joined
 from .format import Bands, Format
 
 JFIF_ENDS = 20

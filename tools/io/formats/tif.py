@@ -15,7 +15,7 @@ from ....shared.dng.tags import TAG, Compression
 from ....shared.tiff import Fields, FieldType, write_tiff
 from ..ahead import ahead
 from ..development import CAMERA, Development
-from ..samples import regrouped
+from ..display import regrouped
 from .format import Bands, Format
 
 _STRIP_ROWS = 64

@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 
 from ....shared.arrays import ByteArray, FloatArray, strips
 from ..development import Development
-from ..display import ColourTransform
-from ..samples import joined
+from ..display import ColourTransform, joined
 from .format import Bands
 from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, check_quality, development_segments, segment
 

@@ -268,7 +268,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     >>> np.asarray(panchroma.to_srgb(ramp))[0, :, 0].tolist()
     [0, 137, 188, 225, 255]
     """
-    from .tools.io.samples import display_codes, upright
+    from .tools.io.display import display_codes, upright
 
     shown = picture if isinstance(picture, Picture) else Picture(np.asarray(picture))
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)

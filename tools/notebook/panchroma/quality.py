@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .pictures import Picture
 from .shared.errors import InputError
 from .shots import Shot
-from .tools.evaluation.measures import Measures
+from .tools.evaluation.metrics import Measures
 from .tools.io.display import checked_picture
 
 

@@ -31,7 +31,7 @@ from .tools.batch.in_memory import merged_picture, note_once, render_array
 from .tools.batch.order import settings_named
 from .tools.batch.previews import Previews
 from .tools.batch.progress import StageProgress
-from .tools.io.samples import upright
+from .tools.io.display import upright
 
 if TYPE_CHECKING:
     from .offline import RenderSettings, Stages

@@ -22,8 +22,12 @@ from .tools.simulation.lens import Lens
 from .tools.simulation.load import load_scene
 from .tools.simulation.pattern_text import camera_and_pattern
 from .tools.simulation.protocols import chosen_protocol
-from .tools.simulation.simulated_burst import SimulatedBurst, burst_frames
-from .tools.simulation.simulated_camera import Exposed, SimulatedCamera
+from .tools.simulation.simulated_camera import (
+    Exposed,
+    SimulatedBurst,
+    SimulatedCamera,
+    burst_frames,
+)
 
 
 class _Options(TypedDict, total=False):

@@ -11,7 +11,7 @@ import numpy as np
 import panchroma
 from panchroma.offline import render
 from panchroma.offline.burst import merge_burst, render_burst_bands
-from panchroma.tools.simulation.simulated_burst import SimulatedBurst, burst_frames
+from panchroma.tools.simulation.simulated_camera import SimulatedBurst, burst_frames
 
 # %%
 # Six frames of the built-in scene, displaced by up to three pixels:
