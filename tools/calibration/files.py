@@ -97,7 +97,7 @@ def read_known(path: Path) -> Camera:
     return camera
 
 
-def check_same(path: Path, old: Camera, base: Mosaic) -> None:
+def check_same(path: str | Path, old: Camera, base: Mosaic) -> None:
     """Raise InputError, naming the file, if a frame is not from the camera in it: another sensor,
     pattern, size or white level.
     """

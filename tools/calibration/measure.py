@@ -177,6 +177,7 @@ def measure_frames(
     corners: Matrix | None = None,
     sensor: str | None = None,
     old: Camera | None = None,
+    read: Callable[[str], Mosaic] = read_dng,
 ) -> Measurements:
     """Measure all frames of one camera. A frame that cannot be used is skipped, with a line that
     says why.
@@ -196,8 +197,10 @@ def measure_frames(
     old
         A camera file that is updated: its black level, shading and gamma count as known. None =
         there is none.
+    read
+        Reads a frame.
     """
-    session = Session(console, chart_colours, sensor, old)
+    session = Session(console, chart_colours, sensor, old, read)
     session.dark(files["dark"])
     session.flat(files["flat"])
     session.shots(files["shots"], corners)

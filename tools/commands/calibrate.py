@@ -8,19 +8,14 @@ camera.json.
 """
 
 import argparse
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...shared import Camera
 from ...shared.colorimetry import Matrix
-from ...shared.errors import InputError
-from ...shared.lights import check_apart, illuminant_xy
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
-from ..io.versions import program_version
-from ..simulation.drawn.charts import color_checker_xyz
 from .options import add, numbers, text, value
 
 if TYPE_CHECKING:
@@ -85,48 +80,34 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     int
         0, or 1 if a frame was skipped or no camera file was written.
     """
-    from ..calibration.conclude import conclude, noise_change
-    from ..calibration.files import KINDS, check_output, check_same, read_known, sort_files
-    from ..calibration.measure import measure_frames
-    from ..calibration.reference import read_reference
+    from ..calibration.calibrated import (
+        NoCameraError,
+        calibrated,
+        check_frames,
+        provenance,
+        shots_by_light,
+    )
+    from ..calibration.conclude import noise_change
+    from ..calibration.files import KINDS, check_output, read_known, sort_files
     from ..calibration.report import build_report
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
     old = read_known(output) if arguments.update and output.is_file() else None
-    lights = _lights(arguments, old)
+    lights = shots_by_light(arguments.chart_light, old)
     files, searches = sort_files({kind: getattr(arguments, kind) for kind in KINDS} | lights)
     for search in searches:
         search.report(console)
-    if not any(files.values()):
-        raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
-    if arguments.corners and len(files["shots"]) != 1:
-        number = f"{len(files['shots'])} shots are given"
-        raise InputError(f"--corners gives the place of the chart in one shot; {number}")
+    check_frames(files, arguments.corners)
     corners: Matrix | None = arguments.corners and tuple(arguments.corners)
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
         refuse_existing((folder / "report.html",))
-    chart_colours = color_checker_xyz()
-    if arguments.chart:
-        chart_colours = read_reference(Path(arguments.chart))
-    measurements = measure_frames(console, files, chart_colours, corners, arguments.sensor, old)
-    if old is not None and measurements.base is not None:
-        check_same(output, old, measurements.base)
-    if measurements.base is None or measurements.empty:
-        console.note(*measurements.remarks)
-        error = "no frame could be used, and no camera file was written"
-        return _refuse(output, error, console)
-    is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)
-    if (files["shots"] or lights) and not is_known:
-        error = (
-            "gamma is not known, for no chart could be used, and no camera file was written; mend "
-            "what is said above, or leave these shots out to keep only what the other frames show"
-        )
-        return _refuse(output, error, console)
-    today, program = datetime.now(UTC).date().isoformat(), f"panchroma {program_version()}"
-    provenance = {"date": today, "program": program}
-    result = conclude(measurements, provenance)
+    made, known = provenance(), (arguments.chart, corners, arguments.sensor, old)
+    try:
+        result = calibrated(console, files, made, *known, output=str(output))
+    except NoCameraError as error:
+        return _refuse(output, str(error), console)
     if result.camera:  # otherwise they are the reason
         console.error(*result.contradictions)
     console.note(*(f"warning: {line}" for line in result.warnings))
@@ -139,31 +120,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             console.say(change)
     code = _write(output, result, old, console, replace_existing)
     if folder is not None:
-        path, make = folder / "report.html", partial(build_report, result, provenance)
+        path, make = folder / "report.html", partial(build_report, result, made)
         if not write_report(path, make, console, overwrite=True):
             return FAILED
         console.say(f"{path}: {result.words}")
     return code
-
-
-def _lights(arguments: argparse.Namespace, old: Camera | None) -> dict[str, list[str]]:
-    """The shots of the chart under each of two lights, or one that the file `old` has; empty if
-    there is one, which needs no name.
-    """
-    shots: dict[str, list[str]] = {}
-    for light, path in arguments.chart_light:
-        illuminant_xy(light)
-        shots.setdefault(light, []).append(path)
-    known = [light.illuminant for light in (old and old.calibration.lights) or ()]
-    if len(shots) not in (0, 2) and not (len(shots) == 1 and shots.keys() <= {*known}):
-        raise InputError(
-            "--chart-light names two lights, with shots of the chart under each: --chart-light "
-            "A=F --chart-light D65=F, or, with --update, one of two that FILE has "
-            f"({' and '.join(known) or 'it has none'}); charts under one light need none"
-        )
-    if len(shots) > 1:
-        check_apart(*shots)
-    return shots
 
 
 def _refuse(output: Path, error: str, console: Console, **facts: Any) -> int:

@@ -17,6 +17,7 @@ import panchroma
 from panchroma import offline
 from panchroma.shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading
 from panchroma.shared.dng import read_dng
+from panchroma.tools.commands.spelling import spelled
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.simulation.lens import lens_shading
@@ -169,6 +170,56 @@ def test_a_merged_burst_is_that_of_the_command(
     assert of_shots.white == taken[chosen].truth.white
 
 
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Charts, dark and flat frames, of a lens with shading."""
+    folder = tmp_path_factory.mktemp("bench")
+    lights = {"chart": ("chart:360x240", 1.0), "dark": ("dark:360x240", 1.0)}
+    lights |= {f"flat{level}": ("flat:360x240", level) for level in (0.2, 0.8)}
+    for name, (scene, light) in lights.items():
+        for seed in (1, 2):
+            taken = panchroma.simulate(scene, light=light, rng=seed, shading=(0.5, 5))
+            taken.save(folder / f"{name}-{seed}.dng")
+    return folder
+
+
+@pytest.mark.parametrize("kinds", [("chart",), ("dark", "flat"), ("chart", "dark", "flat")])
+def test_a_calibration_is_that_of_the_command(
+    kinds: tuple[str, ...], bench: Path, tmp_path: Path
+) -> None:
+    files: dict[str, Any] = {kind: sorted(map(str, bench.glob(f"{kind}*"))) for kind in kinds}
+    line = [*files.pop("chart", ())]
+    found = panchroma.calibrate(line, **files)
+    of_shots: dict[str, Any] = {
+        kind: list(map(panchroma.open, names)) for kind, names in files.items()
+    }
+    same = panchroma.calibrate(list(map(panchroma.open, line)), **of_shots)
+    line += [
+        word for kind, names in files.items() for name in names for word in (f"--{kind}", name)
+    ]
+    camera, mine, report = (
+        tmp_path / name for name in ("camera.json", "mine.json", "made/report.html")
+    )
+    record = run("calibrate", *line, "-o", camera, "--json", code=0).records[-1]
+    found.save(mine, report=report.parent)
+    assert mine.read_bytes() == camera.read_bytes()
+    assert found.verdict == record["verdict"]
+    assert [spelled(text, ["--dark", "--flat", "--update"]) for text in found.warnings] == record[
+        "warnings"
+    ]
+    assert found.facts == found.camera.measured
+    assert found.verdict.capitalize() in report.read_text("utf-8")
+    assert replace(same.camera.calibration, camera="") == replace(
+        found.camera.calibration, camera=""
+    )
+    more = panchroma.calibrate(dark=bench / "dark-1.dng", update=mine)
+    more.save(mine, overwrite=True)
+    run("calibrate --dark", bench / "dark-1.dng", "-o", camera, "--update --overwrite", code=0)
+    assert mine.read_bytes() == camera.read_bytes()
+    assert set(more.facts) == {"black_level", "defects"}
+    assert more.camera.measured.keys() == found.camera.measured.keys() | more.facts.keys()
+
+
 def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> None:
     plain, warm = (panchroma.render(shot, wb=wb) for wb in ("camera", (2, 1, 1)))
     assert np.array_equal(plain.rgb, warm.rgb)
@@ -305,8 +356,19 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.compare(GREY, panchroma.open("shot.dng")), "truth"),
         (lambda: panchroma.compare(GREY, GREY, white=0), "`white` is 0"),
         (lambda: panchroma.render("shot.dng", max_memory="much"), "`max_memory` is 'much'"),
+        (panchroma.calibrate, "nothing to calibrate from"),
+        (lambda: panchroma.calibrate("shot.dng"), "skipped shot.dng: no ColorChecker"),
+        (lambda: panchroma.calibrate(dark="gone.dng"), "skipped gone.dng: there is no"),
+        (lambda: panchroma.calibrate("empty"), "empty: no .dng file"),
+        (lambda: panchroma.calibrate("shot.dng", dark="shot.dng"), "is given as dark and as"),
+        (lambda: panchroma.calibrate("shot.dng", corners=[(0, 0)]), "expected four (x, y)"),
+        (lambda: panchroma.calibrate("shot.dng", corners=[1, 2, 3, 4]), "expected four (x, y)"),  # type: ignore[list-item]
+        (lambda: panchroma.calibrate("shot.dng", chart="there.tif"), "there.tif: "),
+        (lambda: panchroma.calibrate("shot.dng", update="there.tif"), "there.tif: "),
+        (lambda: panchroma.calibrate(chart_light={"D65": "shot.dng"}), "names two lights"),
+        (lambda: panchroma.calibrate(chart_light={"D65": "a", "B": "b"}), "'B'"),
         (lambda: panchroma.burst([]), "`shots` is empty"),
-        (lambda: panchroma.burst(panchroma.open("shot.dng")), "shots[0]: is one frame"),  # type: ignore[arg-type]
+        (lambda: panchroma.burst(panchroma.open("shot.dng")), "shots[0]: is one frame"),
         (lambda: panchroma.burst("shot.dng"), "shot.dng: is one frame"),
         (lambda: panchroma.burst(["shot.dng", "gone.dng"]), "gone.dng: there is no such file"),
         (lambda: panchroma.burst([panchroma.open("shot.dng"), "gone.dng"]), "gone.dng: there is"),

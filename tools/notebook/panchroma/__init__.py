@@ -19,6 +19,7 @@ What each returns:
 
     open, simulate      a Shot: shot.mosaic has the samples, shot.truth what a simulated camera saw
     render, burst       a Picture: picture.rgb is float32 (rows, columns, channels), 1.0 = white
+    calibrate           a Calibration: the camera, and how well it is known
     preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
     compare             a Comparison: PSNR, and how much of the picture has a wrong hue
 
@@ -36,7 +37,7 @@ however they are started.
 
 Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead.
 Nothing overwrites a file unless it is told to (overwrite=True). The command `panchroma` does more:
-thousands of shots, comparison with Bayer cameras; `panchroma --help` lists it.
+thousands of shots, connected cameras, comparison with Bayer cameras; `panchroma --help` lists it.
 `panchroma.shared` and `panchroma.offline` are the libraries underneath.
 """
 
@@ -44,6 +45,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .calibration import Calibration, calibrate
     from .pictures import Image, Picture, to_srgb
     from .quality import Comparison, compare
     from .shared.errors import PanchromaError as PanchromaError
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
 # A camera imports panchroma.shared and panchroma.device: names load when they are first used, with
 # what they need.
 _NAMES = {
+    "calibration": ("Calibration", "calibrate"),
     "pictures": ("Image", "Picture", "to_srgb"),
     "quality": ("Comparison", "compare"),
     "shared.errors": ("PanchromaError",),
@@ -63,11 +66,13 @@ _NAMES = {
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
 __all__ = [
+    "Calibration",
     "Comparison",
     "Image",
     "Picture",
     "Shot",
     "burst",
+    "calibrate",
     "compare",
     "open",
     "preview",

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .pictures import Image, Picture, checked_flag
 from .shared import (
@@ -111,6 +111,10 @@ class Shot:
 
     def _repr_png_(self) -> bytes:
         return preview(self)._repr_png_()
+
+
+Shots: TypeAlias = Shot | str | Path | Sequence[Shot | str | Path]
+"""Shots, the names of their files, or the name of a folder with them."""
 
 
 def open(  # noqa: A001
@@ -226,7 +230,7 @@ def render(
 
 
 def burst(
-    shots: str | Path | Sequence[Shot | str | Path],
+    shots: Shots,
     *,
     reference: int | str | Path | None = None,
     shifts: Sequence[tuple[float, float]] = (),
@@ -245,7 +249,7 @@ def burst(
 
     Parameters
     ----------
-    shots : str | Path | Sequence[Shot | str | Path]
+    shots : Shots
         Two or more, each a `Shot` or the name of its file; or the name of a folder with the frames
         of one burst, STEM-1.dng, STEM-2.dng ...
     reference : int | str | Path | None, optional
@@ -293,14 +297,11 @@ def burst(
     except (TypeError, ValueError):
         expected = "expected (right, down) of each shot"
         raise InputError(f"`shifts` is {shifts!r}, {expected}") from None
-    frames = [shots] if isinstance(shots, Shot | str | Path) else list(shots)
-    held: dict[str, Shot] = {}
-    if any(isinstance(frame, Shot) for frame in frames):
-        held = {f"shots[{number}]": as_shot(frame) for number, frame in enumerate(frames)}
-    files = search([str(frame) for frame in frames if not isinstance(frame, Shot)], DNGS)
+    named, held = named_shots(shots, "shots")
+    files = search(named, DNGS)
     for folder, wrong in files.failures:
         raise InputError(f"{folder}: {wrong}")
-    names = [*held] or series(files.sources)
+    names = series(files.sources)
     if not names:
         raise InputError("`shots` is empty; expected two or more of one scene")
     index = checked_reference(names, None if isinstance(reference, int) else reference, places)
@@ -311,12 +312,11 @@ def burst(
     rgb, subject = merged_picture(
         names,
         StageProgress(note=note_once),
-        (lambda name: held[name].mosaic) if held else None,
+        lambda name: held[name].mosaic if name in held else read_dng(name, max_pixels=max_pixels),
         max_memory,
         preset=settings,
         white=white,
         camera=read_camera(camera) if camera is not None else None,
-        max_pixels=max_pixels,
         reference=index,
         shifts=places,
     )
@@ -349,6 +349,18 @@ def with_notes_shown(shot: Shot) -> Shot:
     for note in shot.notes:
         note_once(f"{shot.name}: {note}")
     return shot
+
+
+def named_shots(shots: Shots, argument: str) -> tuple[list[str], dict[str, Shot]]:
+    """The name of each shot, that of its file or its place in the argument, such as "dark[0]"; and
+    the shots that are in memory, by these names.
+    """
+    held: dict[str, Shot] = {}
+    names = []
+    for number, shot in enumerate([shots] if isinstance(shots, Shot | str | Path) else shots):
+        names.append(f"{argument}[{number}]" if isinstance(shot, Shot) else str(shot))
+        held |= {names[-1]: shot} if isinstance(shot, Shot) else {}
+    return names, held
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:

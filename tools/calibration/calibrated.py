@@ -1,0 +1,94 @@
+"""From the frames of one camera to its camera file: what the command and Python do alike."""
+
+from collections.abc import Callable, Iterable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ...shared import Camera, Mosaic, read_dng
+from ...shared.colorimetry import Matrix
+from ...shared.errors import InputError
+from ...shared.lights import check_apart, illuminant_xy
+from ..batch.console import Console
+from ..io.versions import program_version
+from ..simulation.drawn.charts import color_checker_xyz
+from .conclude import Result, conclude
+from .files import KINDS, Files, check_same
+from .measure import measure_frames
+from .reference import read_reference
+
+
+class NoCameraError(InputError):
+    """The frames do not show what a camera file needs."""
+
+
+def provenance() -> dict[str, str]:
+    """The facts that every entry of a camera file that is made now records."""
+    today = datetime.now(UTC).date().isoformat()
+    return {"date": today, "program": f"panchroma {program_version()}"}
+
+
+def shots_by_light(named: Iterable[tuple[str, str]], old: Camera | None) -> dict[str, list[str]]:
+    """The shots of the chart under each of two lights, or one that the file `old` has; empty if
+    there is one, which needs no name.
+
+    named: (light, file or folder). Raises InputError for other lights.
+    """
+    shots: dict[str, list[str]] = {}
+    for light, path in named:
+        illuminant_xy(light)
+        shots.setdefault(light, []).append(path)
+    known = [light.illuminant for light in (old and old.calibration.lights) or ()]
+    if len(shots) not in (0, 2) and not (len(shots) == 1 and shots.keys() <= {*known}):
+        raise InputError(
+            "`chart_light` names two lights, such as A and D65, with shots of the chart under "
+            "each, or, with `update`, one of two that the camera file has "
+            f"({' and '.join(known) or 'it has none'}); charts under one light need none"
+        )
+    if len(shots) > 1:
+        check_apart(*shots)
+    return shots
+
+
+def check_frames(files: Files, corners: object) -> None:
+    """Raise InputError if there are no frames, or several shots for the corners of one chart."""
+    if not any(files.values()):
+        raise InputError("nothing to calibrate from: name shots, or `dark` and `flat` frames")
+    if corners and len(files["shots"]) != 1:
+        number = f"{len(files['shots'])} shots are given"
+        raise InputError(f"`corners` gives the place of the chart in one shot; {number}")
+
+
+def calibrated(
+    console: Console,
+    files: Files,
+    made: Mapping[str, str],
+    chart: str | Path | None = None,
+    corners: Matrix | None = None,
+    sensor: str | None = None,
+    old: Camera | None = None,
+    *,
+    output: str = "the camera file",
+    read: Callable[[str], Mosaic] = read_dng,
+) -> Result:
+    """Measure the frames, see `measure_frames`, and conclude what camera they are from.
+
+    made: see `provenance`. chart: a file with its colours, see `read_reference`. output: the name
+    of the old camera file, for messages.
+
+    Raises InputError for frames of another camera than the old one, and NoCameraError where they
+    do not show enough.
+    """
+    colours = color_checker_xyz() if chart is None else read_reference(Path(chart))
+    measurements = measure_frames(console, files, colours, corners, sensor, old, read)
+    if old is not None and measurements.base is not None:
+        check_same(output, old, measurements.base)
+    if measurements.base is None or measurements.empty:
+        console.note(*measurements.remarks)
+        raise NoCameraError("no frame could be used, and no camera file was written")
+    is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)
+    if any(names for kind, names in files.items() if kind not in KINDS[1:]) and not is_known:
+        raise NoCameraError(
+            "gamma is not known, for no chart could be used, and no camera file was written; mend "
+            "what is said above, or leave these shots out to keep only what the other frames show"
+        )
+    return conclude(measurements, made)
