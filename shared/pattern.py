@@ -17,9 +17,8 @@ import numpy as np
 from .arrays import BoolArray, ByteArray, IndexArray
 from .block_grid import BlockGrid
 from .colorimetry import COMPLEMENTS
-from .errors import InputError
+from .errors import InputError, meant
 from .figures import shown, whole
-from .spelling import meant
 from .tiles import CLEAR, EXPECTED, TILES, letters_of, name_of
 
 PANCHROMATIC = "W"

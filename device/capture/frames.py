@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from ...shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from ...shared.arrays import ByteArray, CodeArray, is_frozen
 from ...shared.dng.tags import LONGEST_SIDE
-from ...shared.errors import InputError
+from ...shared.errors import InputError, meant
 from ...shared.reading import MAX_PIXELS
-from ...shared.spelling import meant
 
 Bytes = bytes | bytearray | memoryview
 

@@ -13,7 +13,7 @@ the inputs, and has an example without Panchroma.
 
 Inputs, for a pattern of C channels; float32 where nothing else is said:
     mosaic  (rows, columns)         sensor codes, or finer ones without shading
-                                    (`device.preview.flat_field`); uint16 at scale 1
+                                    (`device.preview.codes`); uint16 at scale 1
     black   (C + 1,)                black level per plane, in these codes: channels, panchromatic
     scale   (C + 1,)                scene units per code of each plane
     gamma   (C,)                    weights of Eq. 7

@@ -19,11 +19,9 @@ from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.runtime import session
 from . import contract
-from .border import copy_extended
-from .flat_field import correct_flat_field
+from .codes import copy_extended, correct_flat_field, without_defects
 from .geometry import REACH, Geometry
 from .graph import build_preview
-from .listed_defects import without_defects
 
 _STRIP_PIXELS = 1 << 17
 """Sensor pixels per strip at full resolution; five times as many for smaller pictures. Their planes

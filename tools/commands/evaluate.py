@@ -23,9 +23,8 @@ from ..evaluation.evaluation_page import build_page, plots_svg, render_crops
 from ..evaluation.figures import Figures
 from ..evaluation.methods import choose, default_names, missing_packages
 from ..evaluation.scene_sets import Reading
-from ..evaluation.study import Case, Study, collect, missing_cases, remove_results
+from ..evaluation.study import Case, Study, Team, collect, missing_cases, remove_results
 from ..evaluation.tables import encode_csv, encode_json, plain_text
-from ..evaluation.team import Team
 from ..io.page import without_folders
 from ..io.scene import RGB
 from ..io.versions import program_version

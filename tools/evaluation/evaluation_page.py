@@ -24,9 +24,8 @@ from .cameras import CameraPair
 from .figures import RGB, Figures, Place, judge
 from .metrics import BORDER, PLANES, PSNR_PATCH, TITLES, WINDOW, psnr, window_origins
 from .scene_sets import CROP, SceneInfo
-from .study import Study
+from .study import Study, Team
 from .tables import describe, method_table
-from .team import Team
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,8 +24,7 @@ import numpy as np
 
 from ...shared import Mosaic
 from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
-from ...shared.spelling import meant
+from ...shared.errors import InputError, meant
 from ..io.display import checked_picture
 from .cameras import Method
 from .rivals.network import content, printable, read

@@ -7,8 +7,7 @@ from functools import cache, partial
 from ...offline import PRESETS, RenderSettings, render
 from ...shared import Mosaic
 from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
-from ...shared.spelling import meant
+from ...shared.errors import InputError, meant
 from ..batch.previews import linear_preview
 from .cameras import Method
 from .functions import function

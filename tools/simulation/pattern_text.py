@@ -9,10 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...shared import Camera, read_camera
-from ...shared.errors import InputError
+from ...shared.errors import InputError, meant
 from ...shared.pattern import PERIODS, CfaPattern
 from ...shared.reading import read_text
-from ...shared.spelling import meant
 from ...shared.tiles import EXPECTED, TILES, letters_of
 
 _PATTERN_LETTERS = re.compile("[A-Z/]+")

@@ -11,8 +11,7 @@ from panchroma.tools.batch.console import Console
 from panchroma.tools.evaluation.cameras import Tile
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.scene_sets import Reading
-from panchroma.tools.evaluation.study import FOLDER, Study, collect, missing_cases, work
-from panchroma.tools.evaluation.team import Team
+from panchroma.tools.evaluation.study import FOLDER, Study, Team, collect, missing_cases, work
 from panchroma.tools.simulation.protocols import PaperProtocol
 
 KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")

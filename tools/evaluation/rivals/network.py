@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from ....shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
-from ....shared.errors import InputError
+from ....shared.errors import InputError, meant
 from ....shared.reading import read_text, read_whole
-from ....shared.spelling import meant
 from ...simulation.bayer import channel_map
 from ...simulation.protocols import BayerShot
 from ..cameras import Method
