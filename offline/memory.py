@@ -5,7 +5,7 @@ from ..shared.networks import network_for
 from .patches import band_rows
 from .settings import BEST, RenderSettings
 
-# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_memory.py` measures
 # again). per pixel of the frame: samples in scene units, luminance, what replaces them, `lost`
 _PLANES = 9.0
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated

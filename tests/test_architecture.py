@@ -177,7 +177,7 @@ def test_every_module_of_tools_is_in_a_layer() -> None:
 def test_lower_floors_are_tested_without_the_upper_one() -> None:
     """Nor do the modules of other tests that they import."""
     waiting = [path for floor in LOWER for path in sorted((ROOT / "tests" / floor).rglob("*.py"))]
-    assert len(waiting) > 80
+    assert len(waiting) > 60
     seen, found = set(waiting), []
     while waiting:
         path = waiting.pop()

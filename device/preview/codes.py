@@ -1,12 +1,12 @@
 """Codes as a preview graph takes them, which knows no shading, no edges and no defects.
 
 **Shading.** A graph takes any 16-bit codes, with their black level and scale as inputs, and its
-sums over them are exact. So the gain is applied to the codes, which become as fine as 16 bits allow:
-12 bits and two stops no coarser than before.
+sums over them are exact. So the gain is applied to the codes, which become as fine as 16 bits
+allow: for 12 bits and two stops no coarser than before.
 
-**Edges.** The filter pattern continues outside the frame: each place takes the nearest sample at the
-same place of the tile, down and across. A frame smaller than the tile may lack a filter; then the
-nearest sample takes its place, whatever its filter.
+**Edges.** The filter pattern continues outside the frame: each place takes the nearest sample at
+the same place of the tile, down and across. A frame smaller than the tile may lack a filter; then
+the nearest sample takes its place, whatever its filter.
 
 **Listed defects.** Each takes the median of the nearest good samples of its filter.
 """

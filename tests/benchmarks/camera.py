@@ -32,10 +32,11 @@ from panchroma.device.capture import Sensor
 from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
 from panchroma.device.capture.loop import SteadyWhite
 from panchroma.shared import CfaPattern, SensorCalibration
-from panchroma.shared.arrays import ByteArray, CodeArray
+from panchroma.shared.arrays import ByteArray
 from panchroma.shared.dng import encode_dng
 from panchroma.tools.capture.viewfinder import encode_view
 from tests.benchmarks.harness import Frame, Work, alternate
+from tests.device.packer import pack
 from tests.tools.command import start
 
 WIDTH, HEIGHT, BITS = 4056, 3040, {"u16": 12, "raw12": 12, "raw10": 10}
@@ -50,22 +51,11 @@ def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
     """The layout, and frames as bytes (H, stride)."""
     layout = FrameLayout(WIDTH, HEIGHT, name, STRIDES[name])
     codes = (Frame((HEIGHT + 8, WIDTH)).shot.codes >> (12 - BITS[name])).astype(np.uint16)
-    frames = []
-    for number in range(FRAMES):
-        shifted = np.roll(codes, 96 * number, axis=1)[:HEIGHT]
-        lines = shifted.astype("<u2").view(np.uint8) if name == "u16" else _packed(shifted, name)
-        padding = layout.stride - layout.line_bytes
-        frames.append(np.pad(lines[:, : layout.line_bytes], ((0, 0), (0, padding))))
-    return layout, frames
-
-
-def _packed(codes: CodeArray, name: str) -> ByteArray:
-    """Lines in a format of MIPI CSI-2."""
-    packing = FORMATS[name]
-    groups, lower = codes.reshape(len(codes), -1, packing.pixels), packing.bits - 8
-    shifts = lower * np.arange(packing.pixels, dtype=np.uint16)
-    last = ((groups & ((1 << lower) - 1)) << shifts).sum(axis=-1, keepdims=True)
-    return np.concatenate([groups >> lower, last], axis=-1).astype(np.uint8).reshape(len(codes), -1)
+    # as many whole groups of pixels are as many whole bytes
+    lines = np.frombuffer(pack(codes[:HEIGHT], name), np.uint8).reshape(HEIGHT, layout.line_bytes)
+    step = 96 * layout.line_bytes // WIDTH
+    padding = ((0, 0), (0, layout.stride - layout.line_bytes))
+    return layout, [np.pad(np.roll(lines, step * k, axis=1), padding) for k in range(FRAMES)]
 
 
 @dataclass

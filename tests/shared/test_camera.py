@@ -1,13 +1,34 @@
+"""Shading as a value, in shots and camera files, and in what a sensor sees."""
+
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
-from panchroma.shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, read_camera
+from panchroma.shared import (
+    Camera,
+    CfaPattern,
+    Mosaic,
+    NoiseModel,
+    SensorCalibration,
+    Shading,
+    read_camera,
+    read_dng,
+    write_dng,
+)
+from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
+from panchroma.shared.shading import basis
+from panchroma.shared.white_balance import estimate_neutral
+from panchroma.tools.simulation.sensor import sample, simulate_additive, simulate_sensor
+from tests.scenes import darker_corners
+
+# --- camera ---------------------------------------------------------------------------------------
 
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
@@ -106,3 +127,117 @@ def test_a_calibrated_shot_keeps_what_the_camera_does_not_know() -> None:
     for measured, defects in ({}, ((3, 4),)), ({"defects": {"frames": 10}}, ()):
         known = Camera(coloured, CAMERA.pattern, measured).calibrated(shot).calibration
         assert (known.neutral, known.defects) == ((0.6, 1.0, 0.6), defects)
+
+
+# --- lens -----------------------------------------------------------------------------------------
+
+SHAPE = (61, 90)
+PATTERN = CfaPattern.bayer(6, origin=(4, 1))
+BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
+DARKER = darker_corners(SHAPE)
+SHADED = replace(BARE, shading=DARKER)
+EVEN = [[[1.0] * 4] * 4] * 4
+FIGURES: dict[str, Any] = {"gain": EVEN, "size": SHAPE}
+
+
+def scene() -> FloatArray:
+    return np.random.default_rng(1).uniform(0.1, 1, (*SHAPE, 3)).astype(np.float32)
+
+
+def shot_by(calibration: SensorCalibration) -> Mosaic:
+    return simulate_sensor(scene(), PATTERN, calibration, 1.0, np.random.default_rng(0))
+
+
+def test_files_keep_it(tmp_path: Path) -> None:
+    taken = shot_by(SHADED)
+    write_dng(tmp_path / "shot.dng", taken, np.zeros((10, 10, 3), np.uint8))
+    assert read_dng(tmp_path / "shot.dng").calibration == taken.calibration
+    known = Camera(replace(taken.calibration, noise=None))
+    (tmp_path / "camera.json").write_text(json.dumps(known.to_json()))
+    camera = read_camera(tmp_path / "camera.json")
+    stated = camera.calibrated(replace(taken, calibration=BARE)), Camera(BARE).calibrated(taken)
+    for calibration in (camera.calibration, *(shot.calibration for shot in stated)):
+        assert calibration.shading == DARKER
+
+
+def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:
+    shading = Shading(**FIGURES | {"size": (600, 900)})
+    for shape in ((600, 900), (300, 450), (1200, 1800), (200, 299)):
+        shading.check(shape)
+    for shape in ((600, 896), (597, 900)):
+        with pytest.raises(InputError, match="measured on frames of 900 x 600 pixels, and the"):
+            shading.check(shape)
+    with pytest.raises(InputError, match="frames of 90 x 61 pixels, and the frame has 90 x 90"):
+        Mosaic(np.zeros((90, 90), np.float32), PATTERN, SHADED)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"gain": [[1.0] * 4] * 4}, "gain is 1.0, expected a list of numbers"),
+        ({"gain": [[[1.0] * 3] * 4] * 4}, "4 to 32 rows and columns"),
+        ({"gain": [[[1.0, 2.0], [1.0]]] * 4}, "gain is not"),
+        ({"gain": [[[2e4] * 4] * 4] * 4}, "control points of -10000 to 10000"),
+        ({"gain": [[[-1.0] * 4] * 4] * 4}, "the gains are -1 to -1"),
+        ({"gain": [[[1.1] * 4] * 4] * 4}, "in the middle of the frame"),
+        ({"gain": EVEN[:3]}, r"shading has 3 planes, expected 4 \(RGBW\)"),
+        ({"residual": -1.0}, "residual is -1"),
+        *(({"size": size}, "size is .*, expected .rows, columns.") for size in ((0, 5), 5)),
+        ({"more": 1}, "shading is .*, expected an object with gain, size, focal_length, residual"),
+    ],
+)
+def test_what_is_no_shading_is_refused(changed: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        SensorCalibration.from_json({**BARE.to_json(), "shading": {**FIGURES, **changed}})
+
+
+def test_a_shot_at_another_focal_length_is_remarked_on() -> None:
+    zoom = replace(DARKER, focal_length=35)
+    assert zoom.zoomed(50).startswith(
+        "taken at 50 mm, but its shading was measured at 35 mm: colours"
+    )
+    assert zoom.zoomed(35.5) == zoom.zoomed(None) == ""
+    assert "shading" not in BARE.to_json()
+    assert BARE.id != SHADED.id
+
+
+def test_a_part_has_the_gain_of_the_whole() -> None:
+    whole = DARKER.of_plane(SHAPE, 0)
+    for window in (np.s_[4:5, :], np.s_[3::6, 2::6], np.s_[0:61, 89:90]):
+        assert np.array_equal(DARKER.of_plane(SHAPE, 0, *window), whole[window])
+    assert whole[30, 45] == pytest.approx(1, abs=1e-3)
+
+
+def test_control_points_are_those_of_a_cubic_spline() -> None:
+    points, place = np.random.default_rng(0).uniform(1, 2, 9), np.arange(100.0)
+    spline = BSpline(np.arange(-3, 10) / 6, points, 3)((place + 0.5) / 100)
+    np.testing.assert_allclose(basis(100, 9, place) @ points, spline, rtol=1e-12)
+
+
+def test_what_the_sensor_reads_is_less_and_scene_units_are_not() -> None:
+    shaded, even = sample(scene(), PATTERN, SHADED), sample(scene(), PATTERN, BARE)
+    gains = np.stack([DARKER.of_plane(SHAPE, plane) for plane in range(4)])
+    gain = np.take_along_axis(gains, PATTERN.filter_map(SHAPE)[None].astype(int), 0)[0]
+    np.testing.assert_allclose(even / shaded, gain, rtol=1e-5)
+    shot = simulate_additive(scene(), PATTERN, SHADED, 0.0, np.random.default_rng(0))
+    np.testing.assert_allclose(shot.signal, even, rtol=1e-5)
+    of_codes = Mosaic(shot.codes, PATTERN, SHADED)
+    np.testing.assert_allclose(of_codes.signal, even, atol=2e-4)
+    assert np.array_equal(of_codes.in_scene_units().codes, of_codes.codes)
+
+
+def test_evenly_shaded_frames_keep_what_panchromatic_pixels_read() -> None:
+    shot = shot_by(SHADED)
+    dim, clear = shot.evenly_shaded(), PATTERN.panchromatic_mask(SHAPE)
+    assert dim.calibration.shading is None
+    assert np.array_equal(dim.signal[clear], Mosaic(shot.codes, PATTERN, BARE).signal[clear])
+    close = partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-6)
+    close(dim.signal * DARKER.of_plane(SHAPE), shot.signal)
+    close(shot.in_scene_units().evenly_shaded().signal, dim.signal)
+
+
+def test_the_neutral_is_estimated_without_it() -> None:
+    grey = np.full((120, 180, 3), (0.4, 0.6, 0.5), np.float32)
+    lens = replace(BARE, shading=darker_corners((120, 180), colour=0.3))
+    shot = simulate_sensor(grey, PATTERN, lens, 1.0, np.random.default_rng(0))
+    assert estimate_neutral(shot) == pytest.approx((0.4 / 0.6, 1, 0.5 / 0.6), rel=0.02)

@@ -1,4 +1,8 @@
-"""Bones of TIFF files, read back by another program: tifffile."""
+"""Bones of TIFF files, read back by another program: tifffile.
+
+Directories of TIFF files, before a library believes them. What they would do otherwise: see
+tests/fuzz/bombs.
+"""
 
 import io
 import struct
@@ -6,11 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from tifffile import TiffFile
 
 import panchroma.shared.tiff
+from panchroma.shared.dng import encode_dng
 from panchroma.shared.errors import InputError
 from panchroma.shared.tiff import Directory, FieldType, encode_tiff
+from panchroma.shared.tiff_check import check_directories
+from tests.shared.dng.examples import mosaic, preview
+
+# --- tiff -----------------------------------------------------------------------------------------
 
 _ASCII_TAG, _NUMBERS_TAG, _SUB, _EXIF = 270, 50714, 330, 34665
 
@@ -97,3 +107,72 @@ def test_more_than_4_gib_is_refused_before_it_is_written(monkeypatch: pytest.Mon
     encode_tiff(Directory(strips=[bytes(900)]))
     with pytest.raises(InputError, match="4 GiB"):
         encode_tiff(Directory(strips=[bytes(500), bytes(600)]))
+
+
+# --- tiff check -----------------------------------------------------------------------------------
+
+
+def tiff(pages: int = 1, **options: object) -> io.BytesIO:
+    buffer = io.BytesIO()
+    with tifffile.TiffWriter(buffer, **options) as writer:  # type: ignore[arg-type]
+        for _ in range(pages):
+            writer.write(np.zeros((20, 30, 3), np.uint8), photometric="rgb")
+    return buffer
+
+
+def directory(*fields: tuple[int, int, int, int]) -> bytes:
+    """A little-endian TIFF of one directory at byte 8: fields (code, type, count, value)."""
+    table = b"".join(struct.pack("<HHII", *field) for field in fields)
+    return b"II*\0" + struct.pack("<IH", 8, len(fields)) + table + bytes(4)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"bigtiff": True}, {"byteorder": ">"}, {"bigtiff": True, "byteorder": ">"}]
+)
+@pytest.mark.parametrize("pages", [1, 2])
+def test_pictures_pass_and_a_second_one_is_seen(options: dict[str, object], pages: int) -> None:
+    file = tiff(pages, **options)
+    assert check_directories(file) == (pages > 1)
+    assert file.tell() == 0
+
+
+def test_a_shot_passes_whatever_is_read_of_it() -> None:
+    data = encode_dng(mosaic(), preview())
+    assert not check_directories(io.BytesIO(data))
+    assert not check_directories(io.BytesIO(data), {330})
+
+
+@pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        ((273, 4, 1 << 19, 8), "524288 numbers in field 273"),
+        ((270, 2, 1 << 25, 8), "33554432 bytes in field 270"),
+        ((330, 4, 65, 8), "65 directories in field 330"),
+    ],
+)
+def test_what_no_picture_has_is_refused_where_it_would_be_read(
+    field: tuple[int, int, int, int], words: str
+) -> None:
+    data = directory(field)
+    with pytest.raises(InputError, match=words):
+        check_directories(io.BytesIO(data))
+    if field[0] != 330:  # directories are always followed
+        assert not check_directories(io.BytesIO(data), {256})
+
+
+def test_directories_that_name_each_other_have_an_end() -> None:
+    itself = directory((330, 4, 1, 8))
+    assert not check_directories(io.BytesIO(itself))
+    table = struct.pack("<H", 1) + struct.pack("<HHII", 330, 4, 1, 0) + bytes(4)
+    chain = bytearray(b"II*\0" + struct.pack("<I", 8) + table * 100)
+    for number in range(100):
+        struct.pack_into("<I", chain, 8 + number * len(table) + 10, 8 + (number + 1) * len(table))
+    with pytest.raises(InputError, match="65 directories, more than any picture has"):
+        check_directories(io.BytesIO(chain))
+
+
+@pytest.mark.parametrize("size", [0, 3, 8, 9, 100])
+def test_a_torn_directory_is_told(size: int) -> None:
+    file = tiff()
+    with pytest.raises(InputError, match=f"the file ends after {size} bytes, before its directory"):
+        check_directories(io.BytesIO(file.getvalue()[:size]))

@@ -12,7 +12,7 @@ from .memory import format_bytes
 if TYPE_CHECKING:
     from ...offline import RenderSettings
 
-# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py` measures
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_memory.py` measures
 # again). with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _PROGRAM = 290 * 2**20
 _THREAD = 20 * 2**20  # of each thread: its own heap

@@ -1,5 +1,8 @@
 """No file of the user is executed because of its name, wherever it lies: neither by a command and
 the processes that it starts, nor by a decoder that a notebook starts.
+
+A library changes nothing of the program that uses it: neither an import nor a call does, not
+even meanwhile.
 """
 
 import os
@@ -12,8 +15,12 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from panchroma.tools.batch.progress import StageProgress
 from tests.dask_cluster import SOURCE
+from tests.python import run_python
 from tests.tools.batch.examples import save_shot
+
+# --- safe path ------------------------------------------------------------------------------------
 
 # What Python and the packages import, and some that nothing does.
 NAMES = {*sys.stdlib_module_names, "numpy", "PIL", "cv2", "rawpy", "OpenEXR", "pebble", "panchroma"}
@@ -124,3 +131,56 @@ def test_worker_processes_find_what_PYTHONPATH_names(folder: Path) -> None:  # n
     subprocess.run(program, cwd=folder, env=environment, check=True, capture_output=True)
     assert not (folder / "executed").exists()
     assert len(list((folder / "out").glob("*.tif"))) == 2
+
+
+# --- host untouched -------------------------------------------------------------------------------
+
+SCRIPT = """
+import gc, os, signal, sys, threading
+from pathlib import Path
+
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # before onnxruntime is imported, whoever does it
+
+def niceness(task):
+    return int(Path(f"/proc/self/task/{task}/stat").read_text().rpartition(")")[2].split()[16])
+
+def surroundings():
+    return {
+        "variables": dict(os.environ),
+        "hooks": (sys.unraisablehook, sys.excepthook, threading.excepthook),
+        "signals": [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)],
+        "switch interval": sys.getswitchinterval(),
+        "frozen": gc.get_freeze_count(),
+        "nice": {niceness(task) for task in os.listdir("/proc/self/task")},
+    }
+
+if __name__ == "__main__":
+    before, seen = surroundings(), []
+    import panchroma
+    from tests.tools.batch.test_safe_path import threads_of
+    from panchroma.tools.io.ahead import ahead
+    from panchroma.tools.batch.parallel import processes
+
+    shot = panchroma.simulate("builtin:200x120", sigma=0.01)
+    panchroma.preview(shot)
+    panchroma.render(shot).save(Path(sys.argv[1], "a.jpg"))
+    seen.append(surroundings())
+    list(ahead(lambda _: seen.append(surroundings()), range(4), 2))
+    with processes(2, "", threads=3) as executor:
+        for _, result in executor.run(threads_of, [1, 2, 3], print):
+            seen.append(surroundings())
+            assert result == ["3", "3"], result
+    seen.append(surroundings())
+    for each in seen:
+        assert each == before, {name: (value, before[name]) for name, value in each.items() if value != before[name]}
+    print(len(seen))
+"""
+
+
+def threads_of(piece: int, listener: StageProgress) -> list[str]:
+    """What two libraries are told in a worker."""
+    return [os.environ["OPENBLAS_NUM_THREADS"], os.environ["PANCHROMA_THREADS"]]
+
+
+def test_a_program_that_renders_and_starts_processes_is_what_it_was(tmp_path: Path) -> None:
+    assert int(run_python(SCRIPT, tmp_path)) == 9

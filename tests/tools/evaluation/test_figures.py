@@ -1,26 +1,58 @@
 """Figures, who is ahead, and what the verdict says of it: the same rows for JSON, CSV, terminal and
 page.
+
+Squares that show where methods differ: chosen by the figures, and cut out of the whole
+picture.
+
+The page, as a browser shows it.
 """
 
 import csv
 import io
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared.arrays import ByteArray, FloatArray
 from panchroma.tools.evaluation.cameras import Tile
+from panchroma.tools.evaluation.evaluation_page import (
+    AHEAD,
+    BEHIND,
+    REASONS,
+    WORST,
+    Crop,
+    build_page,
+    choose_crops,
+    draw_noise,
+    plots_svg,
+    render_crop,
+    render_crops,
+    render_exhibit,
+)
 from panchroma.tools.evaluation.figures import CRITERIA, FEW, HUE, RGB, WHOLE, Figures, Place, judge
-from panchroma.tools.evaluation.metrics import Measures, colour_slopes
+from panchroma.tools.evaluation.metrics import (
+    PLANES,
+    WINDOW,
+    Measures,
+    colour_slopes,
+    window_origins,
+)
 from panchroma.tools.evaluation.study import Case, Study
 from panchroma.tools.evaluation.tables import encode_csv, encode_json, method_table, plain_text
 from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
-from tests.tools.evaluation.examples import KODAK, measured, study_of
+from tests.browser import Browser
+from tests.tools.evaluation.examples import KODAK, alone, measured, small_scene, study_of
+
+# --- figures --------------------------------------------------------------------------------------
 
 SET = "linear photographs"
 LEVELS = (0.0, 0.03)
@@ -230,3 +262,208 @@ def test_no_entry_of_a_csv_is_a_formula(tmp_path: Path, name: str) -> None:
     assert float(alone["rgb_q50"]) < 0
     ordinary = replace(study, scenes=(replace(study.scenes[0], name="a=1"),))
     assert ",a=1," in encode_csv(figures_with(ordinary)).decode()
+
+
+# --- crops ----------------------------------------------------------------------------------------
+
+# scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
+INVISIBLE = 2e-3
+
+
+def large(folder: Path, size: tuple[int, int] = (318, 342), **changes: object) -> Study:
+    """One scene in which a square's surroundings do not reach the frame's border."""
+    np.save(folder / "scene0.npy", small_scene(*size, 0))
+    return study_of(folder, count=1, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("level", "names"),
+    [
+        (PaperProtocol(0.03), ("paper", "bilinear", "dcb")),
+        (SensorProtocol(0.25), ("preview", "dlmmse")),
+    ],
+)
+def test_a_square_is_cut_out_of_the_whole_rendering(
+    tmp_path: Path, level: Protocol, names: tuple[str, ...]
+) -> None:
+    study = large(tmp_path, methods=names, levels=(level,))
+    scene = study.scenes[0]
+    light = study.reading.scene(scene).rgb
+    crop = Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW)
+    frame = crop._replace(row=0, column=0, height=scene.rows, width=scene.columns)
+    squares, pictures = (render_crop(study, place, light) for place in (crop, frame))
+    for square, picture in zip(squares, pictures, strict=True):
+        assert square.shape == (WINDOW, WINDOW, 3)
+        assert np.quantile(np.abs(square - picture[crop.window]), 0.99) < INVISIBLE
+
+
+def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: Path) -> None:
+    size = (240, 264)
+    study = large(tmp_path, size, methods=("preview", "bilinear", "dlmmse"))
+    figures = measured(study, tmp_path)
+    crops = list(choose_crops(figures))
+    assert {crop.why for crop in crops} <= set(REASONS)
+    assert {crop.level for crop in crops} == set(study.levels)
+    for crop in crops:
+        origins = map(window_origins, size)
+        place = tuple(map(list.index, origins, (crop.row, crop.column)))
+        errors = {
+            case.method: measures.errors[place]
+            for case, measures in figures.results.items()
+            if case.level == crop.level
+        }
+        ours, rival = crop.methods
+        assert ours == "preview"
+        assert crop.why != AHEAD or errors["preview"] < errors[rival]
+        assert crop.why != BEHIND or errors["preview"] > errors[rival]
+        for other in crops:  # no two squares of a level show the same
+            apart = max(abs(crop.row - other.row), abs(crop.column - other.column))
+            assert other is crop or other.level != crop.level or apart >= WINDOW
+
+
+def test_exhibits_show_truth_ours_and_the_best_rival(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper", "bilinear", "dcb"), count=1)
+    exhibits = render_crops(measured(study, tmp_path), alone())
+    assert exhibits
+    for _, pictures in exhibits:
+        truth, ours, rival = pictures
+        assert (truth.title, ours.title) == ("truth", "Sparse colour, paper")
+        assert rival.title.startswith("Bayer, ")
+        assert truth.pixels.shape == ours.pixels.shape == rival.pixels.shape
+        assert all(10 < psnr < 90 for psnr in (ours.psnr, rival.psnr))
+
+
+def test_without_rivals_the_worst_places_are_shown(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper",), count=1, levels=PaperProtocol.levels((0.03,)))
+    ((_, pictures),) = render_crops(measured(study, tmp_path), alone())
+    assert len(pictures) == 2
+    assert render_crops(measured(replace(study, methods=("bilinear",)), tmp_path), alone()) == []
+
+
+def shown(study: Study, place: int = 15, size: tuple[int, int] = (48, 60)) -> ByteArray:
+    crop = Crop(study.scenes[0], study.levels[0], WORST, study.methods, place, place, *size)
+    return render_exhibit(study, crop)[1][0].pixels
+
+
+def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
+    np.save(tmp_path / "scene0.npy", small_scene(78, 90, 0) / 16)
+    assert shown(study_of(tmp_path, methods=("bilinear",), count=1)).mean() > 60
+
+
+@pytest.mark.parametrize("tint", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.6)])
+def test_bright_squares_are_darkened(tmp_path: Path, tint: tuple[float, float, float]) -> None:
+    """A lit surface above display white, whatever white reads, in a scene that is dark elsewhere,
+    is no white square.
+    """
+    scene = 0.02 * small_scene(318, 342, 0)
+    scene[100:220, 100:220] = small_scene(120, 120, 1) * 0.5 + 1.0
+    np.save(tmp_path / "scene0.npy", (scene * np.array(tint)).astype(np.float32))
+    study = study_of(tmp_path, methods=("bilinear",), count=1)
+    study = replace(study, scenes=(replace(study.scenes[0], neutral=tint),))
+    bright, dark = (shown(study, place, (96, 96)) for place in (112, 16))
+    assert (bright == 255).all(axis=2).mean() < 0.1
+    assert np.ptp(bright) > 20
+    assert dark.mean() < bright.mean() / 2
+
+
+# --- page -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    tiles = (Tile.of_period(4), Tile.of_period(6), KODAK)
+    study = study_of(folder, methods=("paper", "bilinear", "dcb"), count=1, tiles=tiles)
+    figures, path = measured(study, folder), folder / "evaluation.html"
+    failures = ["odd.png: cannot be read"]
+    path.write_bytes(build_page(figures, render_crops(figures, alone()), "panchroma 1", failures))
+    (folder / "sentences.txt").write_text("\n".join(judge(figures, figures.groups[0]).sentences))
+    return path
+
+
+def test_it_is_one_whole_file_with_verdict_crops_table_and_plots(written: Path) -> None:
+    text = written.read_text("utf-8")
+    assert "<script" not in text
+    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    assert re.search(f"Content-Security-Policy.*\n.*{policy}", text)
+    assert "odd.png: cannot be read" in text
+    for name in ("paper, K=4", "paper, K=6", "paper, Kodak"):
+        assert text.count(f"Sparse colour, {name}</th>") == 2
+    assert text.count('class="plot"') == 3
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1300, False), (360, True)])
+def test_a_browser_shows_it_without_errors_and_without_network(
+    tmp_path: Path, written: Path, width: int, dark: bool
+) -> None:
+    with Browser(tmp_path, width, 860, dark=dark) as browser:
+        browser.open(written.as_uri())
+        browser.until("document.readyState === 'complete'")
+        assert browser.errors == []
+        assert browser.requests == [written.as_uri()]
+        assert browser.evaluate("document.documentElement.scrollWidth") == width
+        texts = "[...document.querySelectorAll('{}')].map(e => e.textContent)"
+        sentences = (written.parent / "sentences.txt").read_text().split("\n")
+        assert browser.evaluate(texts.format(".verdict p")) == sentences
+        assert browser.evaluate(texts.format("article h3"))[0].lower() in (AHEAD, BEHIND)
+        widths = "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth)))"
+        assert browser.evaluate(f"{widths}.then(w => Math.min(...w))") >= 48
+        colours = "['color', 'backgroundColor'].map(name => getComputedStyle(document.body)[name])"
+        ink, paper = (
+            sum(map(int, re.findall(r"\d+", colour))) for colour in browser.evaluate(colours)
+        )
+        assert (ink - paper) * (1 if dark else -1) > 450
+
+
+def test_plots_show_medians_and_quartiles_of_every_method(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper", "bilinear", "dlmmse"))
+    figures = measured(study, tmp_path)
+    (group,) = figures.groups
+    for plane, title in enumerate(PLANES):
+        axes = Figure().subplots()
+        draw_noise(figures, group, plane, axes)
+        assert len(axes.containers) == len(study.methods)
+        places = []
+        for name, (line, _, (bars,)) in zip(study.methods, axes.containers, strict=True):
+            rows = [figures.of(Place(group, level), name).values for level in study.levels]
+            for percent, drawn in (
+                (25, [ends[0, 1] for ends in bars.get_segments()]),
+                (50, line.get_ydata()),
+                (75, [ends[1, 1] for ends in bars.get_segments()]),
+            ):
+                assert list(drawn) == pytest.approx([row[f"{title}_q{percent}"] for row in rows])
+            places.append(line.get_xdata())
+        apart = np.abs(np.subtract.outer(np.ravel(places), np.ravel(places)))
+        assert apart[~np.eye(len(apart), dtype=bool)].min() > 0.1  # no bar hides another
+        assert (np.rint(places) == [0, 1]).all()  # and each is nearest to its own level
+
+
+def test_a_missing_result_leaves_a_gap(tmp_path: Path) -> None:
+    figures = measured(study_of(tmp_path, methods=("paper", "bilinear")), tmp_path)
+    lost = next(case for case in figures.results if case.method == "bilinear" and case.level.level)
+    figures = type(figures)(
+        figures.study, {case: kept for case, kept in figures.results.items() if case != lost}
+    )
+    axes = Figure().subplots()
+    draw_noise(figures, figures.groups[0], 0, axes)
+    (paper, *_), (bilinear, *_) = axes.containers
+    assert np.isfinite(paper.get_ydata()).all()
+    assert np.isfinite(bilinear.get_ydata()).tolist() == [True, False]
+    assert b"bilinear" in plots_svg(figures)
+
+
+def test_the_svg_holds_all_plots_and_names_and_is_the_same_each_time(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper", "bilinear"), count=1)
+    figures = measured(study, tmp_path)
+    before = dict(mpl.rcParams)
+    svg = plots_svg(figures)
+    with mpl.rc_context({"axes.facecolor": "red", "lines.linewidth": 9, "svg.hashsalt": "other"}):
+        assert svg == plots_svg(figures)
+    assert dict(mpl.rcParams) == before
+    texts = [element.text for element in ElementTree.fromstring(svg).iter() if element.text]
+    expected = ("Linear photographs: RGB", "luminance", "chrominance", "paper", "bilinear")
+    assert set(expected) <= set(texts)
+    assert texts.count("PSNR, dB: median and quartiles") == 3
+    assert not {"date", "Date"} & {
+        element.tag.rpartition("}")[2] for element in ElementTree.fromstring(svg).iter()
+    }

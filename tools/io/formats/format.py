@@ -42,7 +42,7 @@ class Format(ABC):
     longest_side : ClassVar[int | None]
         Pixels; None = any.
     memory_per_pixel : ClassVar[float]
-        Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_checks.py`
+        Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_memory.py`
         measures again). Of a format in bands: what is kept while it is rendered. Of another: what a
         picture of 3 channels needs when it is encoded, beside the picture, but without what the
         rendering needed.
