@@ -19,13 +19,6 @@ _SITE = 10.0
 _PAPER, _SITES, _PINNING, _LEARNED = 34.0, 14.0, 36.0, 37.0
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the chunks that are at work
 
-# Of bursts, bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame
-# (luminance, agreement, colour samples) and besides (what compares one frame with the reference).
-_FRAME, _REST = 13.0, 97.0
-# bytes, of each colour sample of a frame: where these are scattered they are many, otherwise those
-# are in `_FRAME`
-_SAMPLE = 130.0
-
 
 def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     """An upper estimate, in bytes, of what `render_bands` needs in addition to the program, the
@@ -54,30 +47,3 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     blocks = min(height * width / pattern.period**2, _BLOCKS) * settings.chromaticity.learned
     steps = _BLOCK_SITE * sites, _FOUND * sites + _BLOCK * blocks, _SITE * sites + stages
     return round(_PLANES * height * width + max(steps))
-
-
-def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
-    """An upper estimate, in bytes, of what merging and rendering a burst needs in addition to the
-    program and the mosaics.
-
-    Parameters
-    ----------
-    frames : int
-        Their number.
-    mosaic : Mosaic
-        One of them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from panchroma.offline.burst import burst_memory
-    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-    >>> mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
-    >>> 50e6 < burst_memory(8, mosaic) < 300e6
-    True
-    """
-    pixels, pattern = mosaic.shape[0] * mosaic.shape[1], mosaic.pattern
-    frame = _FRAME + (
-        _SAMPLE * len(pattern.sites) / pattern.period**2 if pattern.is_scattered else 0
-    )
-    return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))

@@ -11,11 +11,12 @@ import pytest
 
 import panchroma
 from panchroma import device, offline, shared
+from panchroma.device import capture
+from panchroma.offline import burst
 from tests.test_architecture import sources
 
-PUBLIC = [
-    (module, name) for module in (shared, device, offline, panchroma) for name in module.__all__
-]
+MODULES = shared, device, capture, offline, burst, panchroma
+PUBLIC = [(module, name) for module in MODULES for name in module.__all__]
 EXAMPLES = [
     (module, name)
     for module, name in PUBLIC

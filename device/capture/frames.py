@@ -348,6 +348,16 @@ class Sensor:
         When pattern and calibration have different channels, when a frame holds no whole colour
         block, and when the bits of the calibration do not fit the format: then the calibration
         belongs to another mode of the sensor.
+
+    Examples
+    --------
+    >>> from panchroma.device.capture import Sensor
+    >>> from panchroma.device.capture.frames import FrameLayout
+    >>> from panchroma.shared import CfaPattern, SensorCalibration
+    >>> layout = FrameLayout(4056, 3040, "raw12", stride=6112)
+    >>> sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> sensor.dark().shape
+    (3040, 4056)
     """
 
     layout: FrameLayout

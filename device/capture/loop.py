@@ -36,6 +36,13 @@ class Saved:
         Seconds that encoding and writing the file took beyond that.
     is_checked : bool
         See `RawFrame`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from panchroma.device.capture import Saved
+    >>> Saved(Path("shots/20261127-101500-000001.dng"), preview=0.02, write=0.1).path.stem
+    '20261127-101500-000001'
     """
 
     path: Path
@@ -46,7 +53,14 @@ class Saved:
 
 @dataclass(frozen=True)
 class Refused:
-    """A frame that could not be used, with the reason."""
+    """A frame that could not be used, with the reason.
+
+    Examples
+    --------
+    >>> from panchroma.device.capture import Refused
+    >>> Refused("frame 3 has 100 bytes").reason
+    'frame 3 has 100 bytes'
+    """
 
     reason: str
 
@@ -74,6 +88,25 @@ def capture(
     ------
     OutputError
         When a file cannot be written, because the next one could not be written either.
+
+    Examples
+    --------
+    >>> import io
+    >>> from pathlib import Path
+    >>> from panchroma.device import Preview
+    >>> from panchroma.device.capture import Sensor, capture
+    >>> from panchroma.device.capture.frames import FrameLayout, read_frames
+    >>> from panchroma.device.capture.shots import ShotFolder
+    >>> from panchroma.shared import CfaPattern, SensorCalibration
+    >>> layout = FrameLayout(48, 36, "raw12")
+    >>> sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> preview = Preview.for_mosaic(sensor.dark(), scale=3)  # before the first frame comes
+    >>> stream = io.BytesIO(bytes(2 * 36 * 72))  # two dark frames; a camera's is standard input
+    >>> frames = read_frames(stream, layout)
+    >>> for outcome in capture(frames, sensor, preview.run, ShotFolder(Path())):
+    ...     print(type(outcome).__name__, outcome.path.suffix)
+    Saved .dng
+    Saved .dng
     """
     balance = SteadyWhite()
     for frame in frames:
@@ -100,6 +133,23 @@ def capture_burst(
     White, where it is unknown, is estimated from the first frame for all.
 
     For the arguments and errors see `capture`.
+
+    Examples
+    --------
+    >>> import io
+    >>> from pathlib import Path
+    >>> from panchroma.device import Preview
+    >>> from panchroma.device.capture import Sensor, capture_burst
+    >>> from panchroma.device.capture.frames import FrameLayout, read_frames
+    >>> from panchroma.device.capture.shots import ShotFolder
+    >>> from panchroma.shared import CfaPattern, SensorCalibration
+    >>> layout = FrameLayout(48, 36, "raw12")
+    >>> sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> preview = Preview.for_mosaic(sensor.dark(), scale=3)
+    >>> frames = read_frames(io.BytesIO(bytes(4 * 36 * 72)), layout)
+    >>> saved = list(capture_burst(frames, 3, sensor, preview.run, ShotFolder(Path())))
+    >>> [outcome.path.stem[-2:] for outcome in saved]
+    ['-1', '-2', '-3']
     """
     taken = list(islice(frames, count))
     if len(taken) < count:

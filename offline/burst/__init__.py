@@ -17,7 +17,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..bands import RowStage
 from ..frame import Frame
-from ..memory import burst_memory
+from ..memory import rendering_memory
 from ..pipeline import colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
 from ..stages.shading import ShadingCorrection
@@ -38,6 +38,13 @@ __all__ = [
     "render_burst_bands",
 ]
 
+# Bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame
+# (luminance, agreement, colour samples) and besides (what compares one frame with the reference).
+_FRAME, _REST = 13.0, 97.0
+# bytes, of each colour sample of a frame: where these are scattered they are many, otherwise those
+# are in `_FRAME`
+_SAMPLE = 130.0
+
 
 @dataclass(frozen=True, eq=False)
 class MergedBurst:
@@ -54,6 +61,17 @@ class MergedBurst:
         1 where it is alone.
     measured, samples : Frame, ColourSamples
         What `render_burst_bands` needs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from panchroma.offline.burst import merge_burst
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+    >>> codes = np.random.default_rng(0).integers(0, 400, (48, 60), np.uint16)
+    >>> mosaic = Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> merged = merge_burst([mosaic, mosaic], reference=0)
+    >>> [frame.copy_of for frame in merged.frames], merged.noise_ratio.shape
+    ([None, 0], (48, 60))
     """
 
     reference: int
@@ -96,6 +114,20 @@ def merge_burst(
     InputError
         When there is no frame, when frames and motions differ in number, when the reference is no
         frame's index, and for samples that are not in scene units.
+
+    Examples
+    --------
+    A pixel shift: the second frame's sensor was two pixels further down.
+
+    >>> import numpy as np
+    >>> from panchroma.offline.burst import Motion, merge_burst, render_burst_bands
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+    >>> scene = np.random.default_rng(0).integers(0, 400, (50, 60), np.uint16)
+    >>> pattern, calibration = CfaPattern.bayer(6), SensorCalibration.of_bits(12)
+    >>> frames = [Mosaic(scene[top : top + 48], pattern, calibration) for top in (0, 2)]
+    >>> merged = merge_burst(frames, reference=0, motions=[Motion(), Motion((-2.0, 0.0))])
+    >>> np.concatenate(list(render_burst_bands(merged))).shape
+    (48, 60, 3)
     """
     if not frames or (motions is not None and len(motions) != len(frames)):
         expected = "expected one motion for each frame"
@@ -137,6 +169,16 @@ def render_burst_bands(
         When a solver does not reach its tolerance.
     RangeError
         Rather than yield a value that is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from panchroma.offline.burst import merge_burst, render_burst_bands
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+    >>> codes = np.random.default_rng(0).integers(0, 400, (48, 60), np.uint16)
+    >>> mosaic = Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> sum(len(band) for band in render_burst_bands(merge_burst([mosaic])))
+    48
     """
 
     def stages(measured: Frame, settings: RenderSettings) -> list[RowStage]:
@@ -146,6 +188,33 @@ def render_burst_bands(
         return stages
 
     return colour_bands(merged.measured, settings, progress, stages)
+
+
+def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
+    """An upper estimate, in bytes, of what merging and rendering a burst needs in addition to the
+    program and the mosaics.
+
+    Parameters
+    ----------
+    frames : int
+        Their number.
+    mosaic : Mosaic
+        One of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from panchroma.offline.burst import burst_memory
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+    >>> mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
+    >>> 50e6 < burst_memory(8, mosaic) < 300e6
+    True
+    """
+    pixels, pattern = mosaic.shape[0] * mosaic.shape[1], mosaic.pattern
+    frame = _FRAME + (
+        _SAMPLE * len(pattern.sites) / pattern.period**2 if pattern.is_scattered else 0
+    )
+    return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))
 
 
 def _merged(

@@ -222,7 +222,14 @@ def in_frame(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArr
 
 
 def in_reference(motion: Motion, y: Any, x: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Places in the reference of points of a frame: the inverse of `in_frame`."""
+    """Places in the reference of points of a frame: the inverse of `in_frame`.
+
+    Examples
+    --------
+    >>> from panchroma.offline.burst import Motion, in_reference
+    >>> in_reference(Motion((2.0, -1.0)), 12, 19, (101, 101)).tolist()
+    [10.0, 20.0]
+    """
     return _mapped(motion, y, x, shape, 1)
 
 

@@ -70,6 +70,13 @@ class Judged:
         Share of the frame that agrees with the reference, 0 to 1.
     sharpness : float
         Amplitude of its fine detail, relative to the reference's at the same places.
+
+    Examples
+    --------
+    >>> from panchroma.offline.burst import Judged, Motion
+    >>> frames = Judged(motion=Motion((2.0, -1.0))), Judged("does not overlap the reference")
+    >>> [frame.reason or frame.motion.shift for frame in frames]
+    [(2.0, -1.0), 'does not overlap the reference']
     """
 
     reason: str = ""
