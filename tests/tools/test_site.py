@@ -1,14 +1,19 @@
-"""The site builds without a warning, and its examples are short."""
+"""The site builds without a warning, its links lead somewhere, the API has every public name, and
+its examples are short.
+"""
 
 import ast
 import shutil
 import subprocess
 import sys
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import pytest
 
 from tests.data import ROOT
+from tests.test_examples import PUBLIC
 
 EXAMPLES = sorted((ROOT / "tools/pages/gallery").glob("*.py"))
 
@@ -20,9 +25,46 @@ def code_lines(path: Path) -> int:
     return sum(bool(line.strip()) and line[0] != "#" for line in text.splitlines()[head:])
 
 
+class Anchors(HTMLParser):
+    """The anchors of a page, and what it links to or shows."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.anchors, self.links = set[str](), set[str]()
+        self.feed(page.read_text("utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = {name: value for name, value in attrs if value}
+        self.anchors |= {found[name] for name in ("id", "name") if name in found}
+        self.links |= {found[name] for name in ("href", "src") if name in found}
+
+
+def dead_links(site: Path) -> list[str]:
+    """Return a line for each link within a site to a file or an anchor that is not there."""
+    pages = {path: Anchors(path) for path in site.rglob("*.html")}
+    dead = []
+    for path, page in pages.items():
+        for link in map(urlsplit, page.links):
+            target = (path.parent / unquote(link.path)).resolve() if link.path else path
+            anchors = pages[target].anchors if target in pages else {unquote(link.fragment)}
+            leads = target.exists() and unquote(link.fragment) in {"", *anchors}
+            if not (link.scheme or leads):
+                dead.append(f"{path.relative_to(site)}: {link.geturl()}")
+    return dead
+
+
 def test_there_are_ten_short_examples() -> None:
     assert len(EXAMPLES) == 10
     assert {path.stem: lines for path in EXAMPLES if (lines := code_lines(path)) >= 30} == {}
+
+
+def test_planted_dead_links_are_found(tmp_path: Path) -> None:
+    links = "a.html#b", "#b", "https://example.org", "b.png", "a.html#c", "#c", "c.html", "../d"
+    (tmp_path / "b.png").touch()
+    (tmp_path / "a.html").write_text(
+        "<p id=b></p>" + "".join(f"<a href={link}></a>" for link in links)
+    )
+    assert {line.split()[1] for line in dead_links(tmp_path)} == {*links[4:]}
 
 
 def test_the_site_builds_with_warnings_as_errors(tmp_path: Path) -> None:
@@ -40,3 +82,7 @@ def test_the_site_builds_with_warnings_as_errors(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "build/pages/index.html").is_file()
     assert len(list((tmp_path / "build/gallery/images").glob("*_001.png"))) == len(EXAMPLES)
+    site = tmp_path.resolve() / "build/pages"
+    assert dead_links(site) == []
+    documented = Anchors(site / "tools/pages/api.html").anchors
+    assert {f"{module.__name__}.{name}" for module, name in PUBLIC} <= documented

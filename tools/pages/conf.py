@@ -48,6 +48,7 @@ html_static_path, html_css_files = ["static"], ["site.css"]
 html_math_renderer = "mathml"
 myst_enable_extensions, myst_heading_anchors = ["dollarmath"], 4
 numpydoc_show_class_members, autodoc_typehints = False, "none"
+autodoc_preserve_defaults, default_role, smartquotes = True, "py:obj", False
 sphinx_gallery_conf: dict[str, Any] = {
     "examples_dirs": ["tools/pages/gallery", "tools/pages/method"],
     "gallery_dirs": ["build/gallery", "build/method"],

@@ -1,7 +1,7 @@
 """Panchroma for notebooks: a sparse-colour camera, simulated, and its shots, rendered.
 
 The sensor is panchromatic, except for a few pixels in each tile that see a colour; a render
-computes the colours of all others.
+computes the colours of all others. ::
 
     import panchroma
 
@@ -15,18 +15,26 @@ computes the colours of all others.
     shot.save("house.dng")                  # the camera's own file ...
     shot = panchroma.open("house.dng")      # ... and back
 
+Samples of your own sensor are an array of codes (rows, columns), described by its filters and its
+levels. A calibration (panchroma.calibrate, or camera.json) says more than the bits alone::
+
+    from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+
+    mosaic = Mosaic(codes, CfaPattern.of_letters("kodak"), SensorCalibration.of_bits(12))
+    picture = panchroma.render(panchroma.Shot(mosaic))
+
 What each returns:
 
-    open, simulate      a Shot: shot.mosaic has the samples, shot.truth what a simulated camera saw
-    render, burst       a Picture: picture.rgb is float32 (rows, columns, channels), 1.0 = white
-    calibrate           a Calibration: the camera, and how well it is known
-    preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
-    compare             a Comparison: PSNR, and how much of the picture has a wrong hue
+- open, simulate: a Shot; shot.mosaic has the samples, shot.truth what a simulated camera saw
+- render, burst: a Picture; picture.rgb is float32 (rows, columns, channels), 1.0 = white
+- calibrate: a Calibration; the camera, and how well it is known
+- preview, to_srgb: an Image; image.pixels is uint8 (rows, columns, 3), sRGB
+- compare: a Comparison, PSNR, and how much of the picture has a wrong hue
 
 Jupyter shows shots, pictures and images; NumPy and matplotlib take pictures and images as arrays:
 plt.imshow(panchroma.to_srgb(picture)).
 
-Any filter pattern works, with any channels. A tile is written row by row, and W is panchromatic:
+Any filter pattern works, with any channels. A tile is written row by row, and W is panchromatic::
 
     panchroma.simulate("house.jpg", pattern=4)  # the paper's Bayer block, in 4 x 4 pixels
     panchroma.simulate("house.jpg", pattern="WBWG/BWGW/WGWR/GWRW")  # Kodak's, or pattern="kodak"

@@ -33,4 +33,4 @@ print(np.round(found.fit.gamma, 3), np.round(found.fit.half_width, 3))
 # report`` does this, and measures noise, black level, defects, shading and colour as well.
 plt.figure(figsize=(6, 4), layout="constrained")
 plt.imshow(found.picture)
-plt.axis("off")
+plt.gca().set_axis_off()

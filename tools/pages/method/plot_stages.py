@@ -18,6 +18,8 @@ paper                   code                           meaning
 ======================  =============================  ===========================================
 """
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -41,6 +43,14 @@ def show(**pictures):
         axis.set(title=name.replace("_", " "), xticks=[], yticks=[])
 
 
+def show_blocks(**blocks):
+    """Show chromaticities of the blocks in the crop as colours of one brightness."""
+    _, axes = plt.subplots(1, len(blocks), figsize=(12, 4), layout="constrained")
+    for axis, (name, colours) in zip(axes, blocks.items(), strict=True):
+        axis.imshow(panchroma.to_srgb(0.9 * colours[:17, :25]))
+        axis.set(title=name.replace("_", " "), xticks=[], yticks=[])
+
+
 # %%
 # Samples
 # -------
@@ -49,7 +59,7 @@ def show(**pictures):
 # .. math:: \sum_i \gamma_i\, r_i[n] = l[n] \qquad \text{(Eq. 7)}
 shot = panchroma.simulate("builtin:480x320", light=1)
 codes = shot.mosaic.codes.copy()
-codes[40:44, 20] = 4095  # hot pixels, which a sensor has
+codes[9:96:16, 14:144:24] = 4095  # hot pixels, which a sensor has
 mosaic = panchroma.shared.Mosaic(codes, shot.pattern, shot.calibration)
 filters = shot.pattern.filter_map(shot.shape)[..., None]
 coloured = np.where(filters == 3, mosaic.signal[..., None] / 3, 0) + (
@@ -92,12 +102,17 @@ show(samples=frame.signal, filled=filled, denoised=luminance)
 # followed by medians in four directions. ``best`` asks a network of blocks instead
 # (``block_network``), which sees similar blocks too (``pooling``).
 measured = measure(mosaic)
-shape = (slice(0, 17), slice(0, 25))
 paper = estimate_chromaticities(frame, luminance, PAPER.chromaticity)
-_, axes = plt.subplots(1, 2, figsize=(12, 4), layout="constrained")
-for axis, blocks, name in zip(axes, (paper, measured.blocks), ("Eqs. 6-9", "best"), strict=True):
-    axis.imshow(panchroma.to_srgb(blocks[shape] / 3 * 0.6))
-    axis.set(title=name, xticks=[], yticks=[])
+show_blocks(paper=paper, best=measured.blocks)
+
+# %%
+# Pooling
+# -------
+# Not in the paper. In noise the sums of Eqs. 8-9 are averaged over blocks that are alike
+# (``pooling``). Here a sixteenth of the light:
+dark = panchroma.simulate("builtin:480x320", light=1 / 16).mosaic
+single = replace(BEST, pooling=PAPER.pooling)  # none
+show_blocks(each_block_alone=measure(dark, single).blocks, pooled=measure(dark).blocks)
 
 # %%
 # Affinity
@@ -121,7 +136,7 @@ show(luminance=measured.luminance, affinity=fields)
 #           x_i[n] = c_i[n]\, l[n] \qquad \text{(Eqs. 10, 14, 17)}
 
 
-def first(count):
+def first(count, mosaic=mosaic):
     """Render with the first stages in rows alone."""
     return render(mosaic, stages=lambda *given: row_stages(*given)[:count]).rgb
 
@@ -147,7 +162,25 @@ show(
 # Correction and network
 # ----------------------
 # Not in the paper. At a site the picture predicts a sample; the residual corrects luminance where
-# it is uncertain, otherwise colour (``correction``; ``pinning`` for scattered sites). Last, a
-# network corrects chromaticity (``colour_network``; see :doc:`/offline/models/README`), and a
-# lens's shading is undone (``shading``).
+# it is uncertain, otherwise colour (``correction``). Then a network corrects chromaticity
+# (``colour_network``; see :doc:`/offline/models/README`).
 show(**{name: first(count + 1) for count, name in enumerate(names) if name != "residual"})
+
+# %%
+# Pinning
+# -------
+# Not in the paper. Scattered sites, as those of Kodak's tile, are boundary values of their own
+# channel (``pinning``).
+scattered = panchroma.simulate("builtin:480x320", pattern="kodak", light=1).mosaic
+names = [stage.name for stage in row_stages(measure(scattered), BEST)]
+place = names.index("pinning")
+show(without=first(place, scattered), pinned=first(place + 1, scattered))
+
+# %%
+# Shading
+# -------
+# A lens darkens the corners, and colours them. Eq. 7, noise and saturation hold for the samples as
+# they are, and so shading is undone last (``shading``).
+shaded = panchroma.simulate("builtin:480x320", light=1, shading=(2, 15)).mosaic
+count = len(row_stages(measure(shaded), BEST))
+show(before=first(count - 1, shaded), shading_undone=first(count, shaded))
