@@ -26,7 +26,7 @@ for name, picture in pictures.items():
 # %%
 # What became of each frame: its displacement (right, down) in pixels, and its angle.
 for frame in pictures["six frames"].facts["frames"]:
-    print(frame)
+    print("{source}: {right:5.2f} {down:5.2f} {degrees:6.3f}".format(**frame))
 
 # %%
 _, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")

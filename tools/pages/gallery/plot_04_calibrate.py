@@ -2,35 +2,50 @@
 Calibrate from a chart
 ======================
 
-Measure gamma, the weights of the channels in a panchromatic pixel, from one shot of a ColorChecker.
+Measure gamma, the weights of the channels in a panchromatic pixel, and noise, black level and
+colours, from a ColorChecker, dark and flat frames.
 """
 
-from dataclasses import replace
+import json
+from pathlib import Path
+from tempfile import mkdtemp
 
 import matplotlib.pyplot as plt
-import numpy as np
 
-from panchroma.shared import CfaPattern, SensorCalibration
-from panchroma.tools.calibration.measure import measure_chart
-from panchroma.tools.simulation.drawn.charts import chart_scene, color_checker_xyz
-from panchroma.tools.simulation.sensor import simulate_sensor
+import panchroma
 
 # %%
-# A sensor of gamma (0.9, 1.1, 0.8) photographs the chart, and its file does not know gamma yet.
-pattern, rng = CfaPattern.bayer(6), np.random.default_rng(0)
-sensor = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8), headroom=False)
-shot = simulate_sensor(chart_scene(480, 320).rgb, pattern, sensor, 1.0, rng)
-unknown = replace(shot, calibration=replace(sensor, gamma=(1.0, 1.0, 1.0)))
+# A sensor to be measured: its panchromatic pixels see less red and blue than green. What the shots
+# state of it is not used.
+folder = Path(mkdtemp())
+sensor = {"schema": 1, "gamma": [0.9, 1.1, 0.8], "black_level": [97] * 4, "white_level": 4095}
+(folder / "sensor.json").write_text(json.dumps(sensor))
+
+
+def shots(scene, light):
+    """Take two frames of a scene."""
+    settings = {"light": light, "camera": folder / "sensor.json"}
+    return [panchroma.simulate(f"{scene}:480x320", rng=seed, **settings) for seed in (1, 2)]
+
 
 # %%
-# The chart is found, and gamma follows from all its patches: Eq. 7 in each. Gamma and the half
-# width of its 95 % interval:
-found = measure_chart("chart.dng", unknown, color_checker_xyz())
-print(np.round(found.fit.gamma, 3), np.round(found.fit.half_width, 3))
+# The chart, the lens covered, and an even surface in three lights:
+chart = shots("chart", 1)[0]
+flats = [flat for light in (0.1, 0.3, 0.6) for flat in shots("flat", light)]
+found = panchroma.calibrate(chart, dark=shots("dark", 1), flat=flats)
+found
 
 # %%
-# The patches that were measured. On files, ``panchroma calibrate chart.dng -o camera.json --report
-# report`` does this, and measures noise, black level, defects, shading and colour as well.
+# Gamma, and the half width of its 95 % interval; black levels; how far colours are off:
+print(found.camera.calibration.gamma, found.facts["gamma"]["half_width_95"])
+print(found.camera.calibration.black_level)
+print(found.facts["colour"])
+
+# %%
+# Files have the result as camera.json, which ``open`` and the commands take:
+found.save(folder / "camera.json")
+chart.save(folder / "chart.dng")
+calibrated = panchroma.open(folder / "chart.dng", camera=folder / "camera.json")
 plt.figure(figsize=(6, 4), layout="constrained")
-plt.imshow(found.picture)
+plt.imshow(panchroma.to_srgb(panchroma.render(calibrated)))
 plt.gca().set_axis_off()
