@@ -78,7 +78,7 @@ def of_calibration(_: Path, text: str) -> bytes:
     taken = frame(chart().rgb, says=replace(BLIND, sensor=text))
     shot = measure_chart(text, taken, REFERENCE, true_place().corners)
     return build_report(
-        conclude(Measurements(REFERENCE, taken, shots=[shot], skipped=[text])), {"date": text}
+        conclude(Measurements(REFERENCE, taken, shots=[shot], skipped=[text]), {"date": text})
     )
 
 

@@ -1,6 +1,6 @@
 """From the frames of one camera to its camera file: what the command and Python do alike."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -19,12 +19,6 @@ from .reference import read_reference
 
 class NoCameraError(InputError):
     """The frames do not show what a camera file needs."""
-
-
-def provenance() -> dict[str, str]:
-    """The facts that every entry of a camera file that is made now records."""
-    today = datetime.now(UTC).date().isoformat()
-    return {"date": today, "program": f"panchroma {program_version()}"}
 
 
 def shots_by_light(named: Iterable[tuple[str, str]], old: Camera | None) -> dict[str, list[str]]:
@@ -49,19 +43,9 @@ def shots_by_light(named: Iterable[tuple[str, str]], old: Camera | None) -> dict
     return shots
 
 
-def check_frames(files: Files, corners: object) -> None:
-    """Raise InputError if there are no frames, or several shots for the corners of one chart."""
-    if not any(files.values()):
-        raise InputError("nothing to calibrate from: name shots, or `dark` and `flat` frames")
-    if corners and len(files["shots"]) != 1:
-        number = f"{len(files['shots'])} shots are given"
-        raise InputError(f"`corners` gives the place of the chart in one shot; {number}")
-
-
 def calibrated(
     console: Console,
     files: Files,
-    made: Mapping[str, str],
     chart: str | Path | None = None,
     corners: Matrix | None = None,
     sensor: str | None = None,
@@ -72,12 +56,17 @@ def calibrated(
 ) -> Result:
     """Measure the frames, see `measure_frames`, and conclude what camera they are from.
 
-    made: see `provenance`. chart: a file with its colours, see `read_reference`. output: the name
-    of the old camera file, for messages.
+    chart: a file with its colours, see `read_reference`. output: the name of the old camera file,
+    for messages.
 
-    Raises InputError for frames of another camera than the old one, and NoCameraError where they
-    do not show enough.
+    Raises InputError if there are no frames, or several shots for the corners of one chart, for
+    frames of another camera than the old one, and NoCameraError where they do not show enough.
     """
+    if not any(files.values()):
+        raise InputError("nothing to calibrate from: name shots, or `dark` and `flat` frames")
+    if corners and len(files["shots"]) != 1:
+        number = f"{len(files['shots'])} shots are given"
+        raise InputError(f"`corners` gives the place of the chart in one shot; {number}")
     colours = color_checker_xyz() if chart is None else read_reference(Path(chart))
     measurements = measure_frames(console, files, colours, corners, sensor, old, read)
     if old is not None and measurements.base is not None:
@@ -91,4 +80,5 @@ def calibrated(
             "gamma is not known, for no chart could be used, and no camera file was written; mend "
             "what is said above, or leave these shots out to keep only what the other frames show"
         )
-    return conclude(measurements, made)
+    made = {"date": datetime.now(UTC).date().isoformat()}
+    return conclude(measurements, made | {"program": f"panchroma {program_version()}"})

@@ -120,6 +120,8 @@ class Result:
         Sentences for the user.
     missing
         Entries that neither these frames nor the old camera file measured, and what to do.
+    provenance
+        Facts that every entry of the camera file records: date, program ...
     """
 
     measured: Measurements
@@ -130,6 +132,7 @@ class Result:
     contradictions: tuple[str, ...]
     warnings: tuple[str, ...]
     missing: Mapping[str, str]
+    provenance: Mapping[str, Any]
 
     @property
     def verdict(self) -> str:
@@ -155,10 +158,9 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     calibration = measured.calibration
     findings = {entry.name: entry for find in _ENTRIES if (entry := find(measured))}
     changes = {name: value for entry in findings.values() for name, value in entry.changes.items()}
+    made = provenance or {}
     sources = {
-        name: {**(provenance or {}), **entry.facts}
-        for name, entry in findings.items()
-        if entry.facts is not None
+        name: {**made, **entry.facts} for name, entry in findings.items() if entry.facts is not None
     }
     if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
@@ -176,7 +178,8 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
             missing[name] = (name in findings and findings[name].missing) or remedy
     lines += [f"{name.replace('_', ' ')}: not measured; {why}" for name, why in missing.items()]
     warnings = (*measured.remarks, *lines, *_outdated(measured, sources))
-    return Result(measured, findings, sources, camera, refusal, contradictions, warnings, missing)
+    told = contradictions, warnings, missing, made
+    return Result(measured, findings, sources, camera, refusal, *told)
 
 
 def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:

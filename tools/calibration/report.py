@@ -3,7 +3,6 @@ and how well they fit.
 """
 
 import json
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,11 +29,8 @@ _EDGE = "#1f1f1c"
 _OTHER = "#b658c4"  # colour of what has no colour of its own
 
 
-def build_report(result: Result, provenance: Mapping[str, str]) -> bytes:
-    """Return the content of the page's file.
-
-    result: of the calibration. provenance: date, program, ...
-    """
+def build_report(result: Result) -> bytes:
+    """Return the content of the page's file, with the result of a calibration."""
     camera, measured = result.camera, result.measured
     told = () if result.refusal else result.contradictions  # a refusal names them already
     fits = {name: one.result for name, one in result.findings.items() if one.result is not None}
@@ -44,7 +40,7 @@ def build_report(result: Result, provenance: Mapping[str, str]) -> bytes:
     return render_page(
         _TEMPLATE,
         title=f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
-        made=", ".join(provenance.values()),
+        made=", ".join(result.provenance.values()),
         verdict=result.verdict.capitalize(),
         tone=_TONES[result.verdict],
         refusal=result.refusal,

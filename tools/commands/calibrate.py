@@ -80,13 +80,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     int
         0, or 1 if a frame was skipped or no camera file was written.
     """
-    from ..calibration.calibrated import (
-        NoCameraError,
-        calibrated,
-        check_frames,
-        provenance,
-        shots_by_light,
-    )
+    from ..calibration.calibrated import NoCameraError, calibrated, shots_by_light
     from ..calibration.conclude import noise_change
     from ..calibration.files import KINDS, check_output, read_known, sort_files
     from ..calibration.report import build_report
@@ -97,15 +91,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     files, searches = sort_files({kind: getattr(arguments, kind) for kind in KINDS} | lights)
     for search in searches:
         search.report(console)
-    check_frames(files, arguments.corners)
     corners: Matrix | None = arguments.corners and tuple(arguments.corners)
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
         refuse_existing((folder / "report.html",))
-    made, known = provenance(), (arguments.chart, corners, arguments.sensor, old)
+    known = arguments.chart, corners, arguments.sensor, old
     try:
-        result = calibrated(console, files, made, *known, output=str(output))
+        result = calibrated(console, files, *known, output=str(output))
     except NoCameraError as error:
         return _refuse(output, str(error), console)
     if result.camera:  # otherwise they are the reason
@@ -120,7 +113,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             console.say(change)
     code = _write(output, result, old, console, replace_existing)
     if folder is not None:
-        path, make = folder / "report.html", partial(build_report, result, made)
+        path, make = folder / "report.html", partial(build_report, result)
         if not write_report(path, make, console, overwrite=True):
             return FAILED
         console.say(f"{path}: {result.words}")

@@ -19,8 +19,6 @@ from .tools.batch.jobs import output_folder, refuse_existing
 from .tools.calibration.calibrated import (
     NoCameraError,
     calibrated,
-    check_frames,
-    provenance,
     shots_by_light,
 )
 from .tools.calibration.conclude import Result, noise_change
@@ -59,7 +57,6 @@ class Calibration:
     warnings: tuple[str, ...]
     skipped: tuple[str, ...]
     _result: Result
-    _made: Mapping[str, str]
 
     @property
     def facts(self) -> Mapping[str, Mapping[str, Any]]:
@@ -88,7 +85,7 @@ class Calibration:
         if page:
             from .tools.calibration.report import build_report
 
-            write_durably(page, build_report(self._result, self._made), overwrite=overwrite)
+            write_durably(page, build_report(self._result), overwrite=overwrite)
 
     def __repr__(self) -> str:
         return f"<Calibration: {self._result.words}>"
@@ -174,7 +171,7 @@ def calibrate(
     >>> panchroma.simulate("builtin:120x90", camera="camera.json").shape
     (90, 120)
     """
-    console, made = _Log(), provenance()
+    console = _Log()
     try:
         place = None if corners is None else tuple((float(x), float(y)) for x, y in corners)
     except (TypeError, ValueError):
@@ -193,12 +190,10 @@ def calibrate(
     files, searches = sort_files(requested | shots_by_light(by_light, old))
     for search in searches:
         console.note(*search.left_out)
-    check_frames(files, place)
     try:
         result = calibrated(
             console,
             files,
-            made,
             chart,
             place,
             sensor,
@@ -217,4 +212,4 @@ def calibrate(
         warnings += (f"{moved[0]}, more than both intervals allow",)
     console.note(*warnings)
     skipped = tuple(result.measured.skipped)
-    return Calibration(result.camera, result.verdict, warnings, skipped, result, made)
+    return Calibration(result.camera, result.verdict, warnings, skipped, result)
