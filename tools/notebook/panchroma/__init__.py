@@ -10,7 +10,7 @@ computes the colours of all others. ::
     picture = panchroma.render(shot)        # the full-quality picture, linear light
     picture.save("house.tif")               # .tif .png .jpg .jxl .exr .npy .dng; format="uhdr"
     panchroma.compare(picture, shot.truth)  # how near it is to the truth
-    panchroma.burst("shots/house")         # one picture of a series of shots
+    panchroma.burst("shots/house")          # one picture of a series of shots
 
     shot.save("house.dng")                  # the camera's own file ...
     shot = panchroma.open("house.dng")      # ... and back
