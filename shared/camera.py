@@ -7,7 +7,6 @@ the calibration or the pattern names are those of both.
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from .figures import parsed_json, shown, size
 from .lights import without_gamma
 from .mosaic import Mosaic
 from .pattern import CfaPattern
-from .reading import MAX_DOCUMENT, read_text
+from .reading import MAX_DOCUMENT, File, file_name, read_text
 from .white_balance import balanced, estimate_neutral
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading")
@@ -191,7 +190,7 @@ class Camera:
         return cls(SensorCalibration.from_json(given), known, measured, shape)
 
 
-def read_camera(path: Path | str) -> Camera:
+def read_camera(path: File) -> Camera:
     """The camera in a camera file.
 
     Raises
@@ -212,7 +211,7 @@ def read_camera(path: Path | str) -> Camera:
     try:
         return Camera.from_json(parsed_json(read_text(path, MAX_DOCUMENT, "a camera file")))
     except InputError as error:
-        raise type(error)(f"{path}: {error}") from None
+        raise type(error)(f"{file_name(path)}: {error}") from None
 
 
 def _shown(pattern: CfaPattern) -> str:

@@ -3,12 +3,13 @@ limits.
 """
 
 import codecs
+import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
-from os import SEEK_END
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from io import TextIOBase
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, Any, TypeAlias, TypeGuard
 
 from .errors import InputError, MissingFileError
 
@@ -22,18 +23,49 @@ MAX_DOCUMENT = 4 << 20
 defects has half as many.
 """
 
+File: TypeAlias = str | os.PathLike[str] | IO[bytes]
+"""The name of a file, or a file object that is open for bytes, such as io.BytesIO."""
+
 _WILD = re.compile(r"[*?]")  # a shell leaves them where they match nothing
 
 
+def is_file(value: object) -> TypeGuard[File]:
+    """True for the name of a file and for a file object."""
+    return isinstance(value, str | os.PathLike) or hasattr(value, "read") or hasattr(value, "write")
+
+
+def file_name(file: File) -> str:
+    """The name of a file for messages; a file object may have none."""
+    if isinstance(file, str | os.PathLike):
+        return os.fspath(file)
+    name = getattr(file, "name", None)  # a temporary file has a number
+    return name if isinstance(name, str) else "the file object"
+
+
+def file_object(file: Any, method: str) -> IO[bytes]:
+    """The file object, after a check that it is one for bytes and has this method.
+
+    Raises
+    ------
+    InputError
+        That does not name the file.
+    """
+    if isinstance(file, TextIOBase) or not hasattr(file, method):
+        expected = "expected its name, or a file that is open for bytes"
+        raise InputError(f"a file is {type(file).__name__}, {expected}")
+    return file
+
+
 @contextmanager
-def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]:
-    """Open a file of 1 to `largest` bytes for reading, in a `with` block.
+def opened_file(path: File, largest: int, kind: str) -> Iterator[IO[bytes]]:
+    """Open a file of 1 to `largest` bytes for reading, in a `with` block; a file object is read
+    from its beginning, and stays open.
 
     The message does not name the file.
 
     Parameters
     ----------
-    path : Path | str
+    path : File
         The file.
     largest : int
         Bytes; a longer file is refused.
@@ -48,24 +80,9 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
         For a folder, for a pipe or a device (which might never end), for an empty file, for a
         longer one, and when the file cannot be read.
     """
-    path = Path(path)
-    try:
-        if path.is_dir():
-            raise InputError(f"is a folder; give {kind}")
-        if path.exists() and not path.is_file():
-            raise InputError("is a pipe or a device, not a file; save it to a file first")
-        stream = path.open("rb")
-    except FileNotFoundError:
-        wild, plain = "no file matches this name with wildcards", "there is no such file"
-        what = wild if _WILD.search(str(path)) else plain
-        raise MissingFileError(f"{what}; check the name") from None
-    except InputError:
-        raise
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise _unreadable(error) from error
-    with stream:
+    with _opened(path, kind) as stream:
         try:
-            size = stream.seek(0, SEEK_END)
+            size = stream.seek(0, os.SEEK_END)
             stream.seek(0)
             if not size:
                 raise InputError("the file is empty; copy it again")
@@ -77,11 +94,34 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
             raise _unreadable(error) from error
 
 
+def _opened(path: File, kind: str) -> AbstractContextManager[IO[bytes]]:
+    """The file, open until the end of a `with` block; a file object, which stays open."""
+    if not isinstance(path, str | os.PathLike):
+        if not file_object(path, "seekable").seekable():
+            raise InputError("cannot be read from its beginning; give io.BytesIO(file.read())")
+        return nullcontext(path)
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise InputError(f"is a folder; give {kind}")
+        if path.exists() and not path.is_file():
+            raise InputError("is a pipe or a device, not a file; save it to a file first")
+        return path.open("rb")
+    except FileNotFoundError:
+        wild, plain = "no file matches this name with wildcards", "there is no such file"
+        what = wild if _WILD.search(str(path)) else plain
+        raise MissingFileError(f"{what}; check the name") from None
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise _unreadable(error) from error
+
+
 def _unreadable(error: OSError | ValueError) -> InputError:
     return InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})")
 
 
-def read_whole(path: Path | str, largest: int, kind: str) -> bytes:
+def read_whole(path: File, largest: int, kind: str) -> bytes:
     """All bytes of a file, checked as by `opened_file`; never more than `largest`, even if the file
     grows meanwhile.
     """
@@ -89,7 +129,7 @@ def read_whole(path: Path | str, largest: int, kind: str) -> bytes:
         return file.read(largest)
 
 
-def read_text(path: Path | str, largest: int, kind: str, otherwise: str = "") -> str:
+def read_text(path: File, largest: int, kind: str, otherwise: str = "") -> str:
     """The text of a file in UTF-8, without the byte-order mark that some editors put before it;
     checked as by `opened_file`.
 

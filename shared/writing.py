@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, Any, BinaryIO
 
 from .errors import DurabilityWarning, OutputError
+from .reading import File, file_name, file_object
 
 try:
     import fcntl
@@ -42,7 +43,7 @@ _CANNOT_SYNC = {
 }
 
 
-def write_durably(path: Path | str, data: bytes, *, overwrite: bool = False) -> None:
+def write_durably(path: File, data: bytes, *, overwrite: bool = False) -> None:
     """Write the content of `path` atomically and durably; see `durable_file`."""
     with durable_file(path, overwrite=overwrite) as file:
         file.write(data)
@@ -50,10 +51,10 @@ def write_durably(path: Path | str, data: bytes, *, overwrite: bool = False) -> 
 
 @contextmanager
 def durable_file(
-    path: Path | str, *, overwrite: bool = False, on_complete: OnComplete | None = None
+    path: File, *, overwrite: bool = False, on_complete: OnComplete | None = None
 ) -> Iterator[BinaryIO]:
     """Open a temporary file for the new content of `path`, in a `with` block; it becomes `path`
-    when that ends without an error.
+    when that ends without an error. What a file object gets is in memory until then.
 
     The temporary file (see `partial_path`) is written beside `path`, fsynced and renamed, then the
     folder is fsynced: at any moment `path` is absent, old or new, never half of it. An error in the
@@ -66,7 +67,7 @@ def durable_file(
 
     Parameters
     ----------
-    path : Path | str
+    path : File
         The file to write.
     overwrite : bool, optional
         Replace an existing file.
@@ -79,6 +80,12 @@ def durable_file(
         When the file exists and `overwrite` is False, when the folder is missing or read-only, and
         when the disk is full.
     """
+    if not isinstance(path, str | os.PathLike):
+        target, content = file_object(path, "write"), io.BytesIO()
+        yield content
+        with _named(Path(file_name(path))):
+            target.write(content.getbuffer())
+        return
     path = Path(path)
     partial = partial_path(path)
     with _named(path):

@@ -4,12 +4,11 @@ with the name of the file.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from ..arrays import ByteArray
 from ..errors import InputError
 from ..mosaic import Mosaic
-from ..reading import MAX_PIXELS, opened_file
+from ..reading import MAX_PIXELS, File, file_name, opened_file
 from ..writing import write_durably
 from .codec import decode_dng, decode_preview, encode_dng, verify
 
@@ -17,14 +16,12 @@ _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
 _KIND = "a DNG of Panchroma"
 
 
-def write_dng(
-    path: Path | str, mosaic: Mosaic, preview: ByteArray, *, overwrite: bool = False
-) -> None:
+def write_dng(path: File, mosaic: Mosaic, preview: ByteArray, *, overwrite: bool = False) -> None:
     """Save a mosaic with its preview picture as a DNG, atomically and durably.
 
     Parameters
     ----------
-    path : Path | str
+    path : File
         The file to write.
     mosaic : Mosaic
         The shot; its `codes` are saved.
@@ -55,13 +52,13 @@ def write_dng(
     write_durably(path, data, overwrite=overwrite)
 
 
-def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
+def read_dng(path: File, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
     """Read a mosaic that `write_dng` saved: uint16 codes, equal pattern and calibration, capture
     data as last edited.
 
     Parameters
     ----------
-    path : Path | str
+    path : File
         The file.
     max_pixels : int, optional
         A file that declares more is refused before it is decoded.
@@ -86,7 +83,7 @@ def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
         return decode_dng(file, max_pixels=max_pixels)
 
 
-def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
+def verify_dng(path: File, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
     """Check a DNG of Panchroma completely, see `codec.verify`; returns (rows, columns).
 
     Raises
@@ -98,7 +95,7 @@ def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> tuple[int, 
         return verify(file, max_pixels=max_pixels)
 
 
-def read_preview(path: Path | str) -> bytes:
+def read_preview(path: File) -> bytes:
     """The JPEG preview of a DNG, unchanged.
 
     Raises
@@ -111,8 +108,8 @@ def read_preview(path: Path | str) -> bytes:
 
 
 @contextmanager
-def _naming(path: Path | str) -> Iterator[None]:
+def _naming(path: File) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise type(error)(f"{path}: {error}") from error
+        raise type(error)(f"{file_name(path)}: {error}") from error

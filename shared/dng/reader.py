@@ -46,7 +46,7 @@ def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
         raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
     check_directories(stream)
     with library():
-        file = TiffFile(stream, **PLAIN)
+        file = TiffFile(stream, name="DNG", **PLAIN)  # a temporary file is called by a number
     with file:
         yield DngReader(stream, file)
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
-from pathlib import Path
 
 from ...shared import Camera, Mosaic, read_dng
 from ...shared.colorimetry import Matrix
 from ...shared.errors import InputError
 from ...shared.lights import check_apart, illuminant_xy
+from ...shared.reading import File
 from ..batch.console import Console
 from ..io.versions import program_version
 from ..simulation.drawn.charts import color_checker_xyz
@@ -46,7 +46,7 @@ def shots_by_light(named: Iterable[tuple[str, str]], old: Camera | None) -> dict
 def calibrated(
     console: Console,
     files: Files,
-    chart: str | Path | None = None,
+    chart: File | None = None,
     corners: Matrix | None = None,
     sensor: str | None = None,
     old: Camera | None = None,
@@ -67,7 +67,7 @@ def calibrated(
     if corners and len(files["shots"]) != 1:
         number = f"{len(files['shots'])} shots are given"
         raise InputError(f"`corners` gives the place of the chart in one shot; {number}")
-    colours = color_checker_xyz() if chart is None else read_reference(Path(chart))
+    colours = color_checker_xyz() if chart is None else read_reference(chart)
     measurements = measure_frames(console, files, colours, corners, sensor, old, read)
     if old is not None and measurements.base is not None:
         check_same(output, old, measurements.base)

@@ -5,12 +5,14 @@ written.
 import json
 from collections.abc import Mapping, Sequence
 from itertools import chain
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from ...shared import Camera, Mosaic, read_camera
 from ...shared.errors import InputError, OutputError
 from ...shared.figures import numbers
+from ...shared.reading import File, file_name
 from ...shared.writing import write_durably
 from ..batch.folders import DNGS, Search, file_key, search
 from ..batch.jobs import identity
@@ -79,7 +81,7 @@ def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
         raise OutputError(f"{output}: exists already; {remedy}")
 
 
-def read_known(path: Path) -> Camera:
+def read_known(path: File) -> Camera:
     """Return the camera in a file that is to be updated.
 
     Raises InputError that names the file and what is damaged in it.
@@ -93,7 +95,7 @@ def read_known(path: Path) -> Camera:
         ("black_level", "standard_error", planes),
     ):
         if (stated := camera.measured.get(entry, {}).get(key)) is not None:
-            numbers(f"{path}: measured.{entry}.{key}", stated, count)
+            numbers(f"{file_name(path)}: measured.{entry}.{key}", stated, count)
     return camera
 
 
@@ -111,7 +113,7 @@ def check_same(path: str | Path, old: Camera, base: Mosaic) -> None:
         raise InputError(f"{path}: the shots have white level {stated}, the camera file {known}")
 
 
-def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path | None:
+def write_camera(path: File, camera: Camera, *, overwrite: bool = False) -> Path | None:
     """Write the file atomically. With `overwrite` it may replace one, which is kept beside it, see
     `keep_old`.
 
@@ -119,7 +121,9 @@ def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path
 
     Returns the name of the old file; None if there was none.
     """
-    kept = keep_old(path) if overwrite and path.exists() else None
+    kept = None
+    if overwrite and isinstance(path, str | PathLike) and Path(path).exists():
+        kept = keep_old(Path(path))
     write_durably(path, (_text(camera.to_json()) + "\n").encode(), overwrite=overwrite)
     return kept
 

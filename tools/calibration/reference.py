@@ -3,13 +3,12 @@ of Argyll CMS.
 """
 
 import re
-from pathlib import Path
 
 import numpy as np
 
 from ...shared.arrays import DoubleArray
 from ...shared.errors import InputError
-from ...shared.reading import MAX_DOCUMENT, read_text
+from ...shared.reading import MAX_DOCUMENT, File, file_name, read_text
 from ..io.colour import lab_to_xyz, xyz_to_lab
 from .chart.place import COLUMNS, PATCHES
 
@@ -22,7 +21,7 @@ _LEAST_WHITE, _MOST_WHITE = 0.7, 1.1  # Y of the white patch: 0.88 to 0.92 on ch
 _TINTED = 6.0  # chroma of greys: of charts sold below 3, of their XYZ for D55 7, for D65 19
 
 
-def read_reference(path: Path) -> DoubleArray:
+def read_reference(path: File) -> DoubleArray:
     """Read a CGATS file with XYZ or L*a*b* of 24 patches; return XYZ (24, 3), D50 with white = 1,
     in reading order.
 
@@ -36,7 +35,7 @@ def read_reference(path: Path) -> DoubleArray:
     try:
         return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))
     except InputError as error:
-        raise type(error)(f"{path}: {error}") from None
+        raise type(error)(f"{file_name(path)}: {error}") from None
 
 
 def _reference(text: str) -> DoubleArray:

@@ -9,10 +9,13 @@ it. Capture data are written to every format that has fields for them.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
+from tempfile import gettempdir
 
 from ...shared.arrays import FloatArray
 from ...shared.errors import InputError
+from ...shared.reading import File
 from ...shared.writing import OnComplete, durable_file
 from .development import CAMERA, Development, FileKind
 from .display import check_exposure
@@ -101,7 +104,7 @@ def _known(name: str) -> Format:
 
 
 def write_picture(
-    path: Path | str,
+    path: File,
     bands: Iterable[FloatArray],
     development: Development,
     *,
@@ -121,7 +124,7 @@ def write_picture(
 
     Parameters
     ----------
-    path : Path | str
+    path : File
         The file.
     bands : Iterable[FloatArray]
         floating point (rows, W, C), scene units, C the calibration's channels, from top to bottom;
@@ -134,4 +137,5 @@ def write_picture(
     development.check()
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
         kept_as = FORMATS[development.kind.format]
-        kept_as.write(file, bands, development, threads, Path(path).parent)
+        folder = Path(path).parent if isinstance(path, str | PathLike) else Path(gettempdir())
+        kept_as.write(file, bands, development, threads, folder)

@@ -3,9 +3,13 @@
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -14,7 +18,7 @@ from ...shared import read_dng
 from ...shared.arrays import CodeArray
 from ...shared.dng.tags import MAKER, TAG, Photometric
 from ...shared.errors import ForeignFileError, InputError
-from ...shared.reading import MAX_PIXELS, opened_file
+from ...shared.reading import MAX_PIXELS, File, file_name, opened_file
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.damage import guarded, readable
 from ..io.decoded import PictureFormat
@@ -108,6 +112,29 @@ def load_scene(
             linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
             scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
     return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
+
+
+@contextmanager
+def named_file(file: File) -> Iterator[str]:
+    """The name of the file of a scene. What is in a file object goes into a temporary file, for the
+    time of a `with` block: decoders read at several places, some in processes of their own.
+
+    Raises InputError, which does not name the file, as `opened_file` does.
+    """
+    if isinstance(file, str | PathLike):
+        yield file_name(file)
+        return
+    with opened_file(file, sys.maxsize, "a picture or a camera RAW") as stream:
+        start = stream.read(16)
+        kinds = (kind for kind in FORMATS if re.match(kind.start, start, re.DOTALL))
+        ending = next((kind.endings[0] for kind in kinds), "")
+        name = Path(file_name(file)).name
+        with TemporaryDirectory() as folder:
+            path = Path(folder, name if Path(name).suffix else f"picture{ending}")
+            with path.open("wb") as copy:
+                stream.seek(0)
+                copyfileobj(stream, copy)
+            yield str(path)
 
 
 def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:

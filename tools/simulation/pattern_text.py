@@ -6,12 +6,11 @@ import os
 import re
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 
 from ...shared import Camera, read_camera
 from ...shared.errors import InputError, meant
 from ...shared.pattern import PERIODS, CfaPattern
-from ...shared.reading import read_text
+from ...shared.reading import File, file_name, read_text
 from ...shared.tiles import EXPECTED, TILES, letters_of
 
 _PATTERN_LETTERS = re.compile("[A-Z/]+")
@@ -53,7 +52,7 @@ def read_pattern(text: str) -> CfaPattern:
 
 
 def camera_and_pattern(
-    camera: str | Path | None,
+    camera: File | None,
     pattern: str | int | CfaPattern | None = None,
     channels: str | None = None,
     origin: tuple[int, int] | None = None,
@@ -92,11 +91,11 @@ def camera_and_pattern(
         tile = replace(tile, channels=channels)
     if origin is not None:
         tile = replace(tile, origin=origin)
-    try:
-        if known:
+    if known and camera:
+        try:
             known.check_pattern(tile)
-    except InputError as error:
-        raise type(error)(f"{camera}: {error}") from None
+        except InputError as error:
+            raise type(error)(f"{file_name(camera)}: {error}") from None
     return known, tile
 
 

@@ -2,7 +2,9 @@
 say what is wrong.
 """
 
+import io
 import json
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +24,14 @@ from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.simulation.lens import lens_shading
 from tests.tools.command import run
+
+
+class Pipe(io.BytesIO):
+    """As the other end of a pipe, or of a connection."""
+
+    def seekable(self) -> bool:
+        return False
+
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
@@ -401,6 +411,75 @@ def test_a_name_that_there_is_not_is_an_error_of_types_and_says_which_there_are(
     with pytest.raises(AttributeError, match=r"has no 'nonsense'; it has .*, render, simulate"):
         panchroma.nonsense  # type: ignore[attr-defined]  # noqa: B018
     assert not hasattr(panchroma, "evaluate")
+
+
+def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> None:
+    """What they hold is what the files hold, wherever they stand; they stay open."""
+    camera, dark = tmp_path / "camera.json", tmp_path / "dark.dng"
+    panchroma.simulate("dark:96x72", light=1).save(dark)
+    measured = panchroma.calibrate(dark=dark)
+    written: dict[str, tuple[Any, dict[str, Any]]] = {
+        "a.dng": (shot, {}),
+        "a.jpg": (panchroma.preview(shot), {"format": "jpg"}),
+        "a.png": (panchroma.preview(shot), {"format": "png"}),
+        "camera.json": (measured, {}),
+        **{f"b.{kind}": (shot.truth, {"format": kind}) for kind in ("tif", "png", "exr", "npy")},
+        **{f"c.{kind}": (shot.truth, {"format": kind}) for kind in ("dng", "jxl", "jpeg")},
+    }
+    for name, (result, options) in written.items():
+        held = io.BytesIO()
+        result.save(held, **options)
+        result.save(tmp_path / name)
+        assert held.getvalue() == (tmp_path / name).read_bytes(), name
+        with (tmp_path / f"again-{name}").open("wb") as named:  # whose name says the format
+            result.save(named)
+        assert (tmp_path / f"again-{name}").read_bytes() == held.getvalue(), name
+        if result is shot.truth and name != "c.jxl":
+            assert np.array_equal(
+                panchroma.simulate(held).mosaic.codes,
+                panchroma.simulate(tmp_path / name).mosaic.codes,
+            )
+    held = io.BytesIO((tmp_path / "a.dng").read_bytes())
+    assert np.array_equal(panchroma.open(held).mosaic.codes, shot.mosaic.codes)
+    with camera.open("rb") as stated:
+        seen = panchroma.open(held, camera=stated).calibration
+        assert seen == panchroma.open(tmp_path / "a.dng", camera=camera).calibration
+        assert panchroma.simulate(SCENE, camera=stated).calibration.camera == seen.camera
+    with tempfile.TemporaryFile() as unnamed:
+        shot.save(unnamed)
+        assert np.array_equal(panchroma.open(unnamed).mosaic.codes, shot.mosaic.codes)
+    assert np.array_equal(panchroma.preview(held), panchroma.preview(tmp_path / "a.dng"))
+    two = [shot, replace(shot, mosaic=panchroma.simulate(SCENE, sigma=0.01, rng=1).mosaic)]
+    files = [tmp_path / "a.dng", tmp_path / "d.dng"]
+    two[1].save(files[1])
+    objects = [io.BytesIO(path.read_bytes()) for path in files]
+    assert np.array_equal(panchroma.burst(objects).rgb, panchroma.burst(files).rgb)
+    darks = panchroma.calibrate(dark=io.BytesIO(dark.read_bytes()))
+    assert darks.camera == measured.camera
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda: panchroma.open(io.BytesIO()), "the file object: the file is empty"),
+        (lambda: panchroma.open(io.BytesIO(b"GIF89a")), "the file object: not a DNG"),
+        (lambda: panchroma.open(io.StringIO("II*")), "a file is StringIO, expected its name"),  # type: ignore[arg-type]
+        (lambda: panchroma.open(3), "a file is int, expected its name"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(io.BytesIO(b"GIF89a")), "the file object: "),
+        (lambda: panchroma.simulate(Pipe(b"II*\0")), "cannot be read from its beginning; give io"),
+        (lambda: panchroma.open(Pipe(b"II*\0")), "cannot be read from its beginning; give io"),
+        (lambda: panchroma.Picture(GREY).save(io.BytesIO()), "unknown picture format ''"),
+        (lambda: panchroma.to_srgb(GREY).save(io.BytesIO()), "saved as .png or .jpg"),
+        (lambda: panchroma.to_srgb(GREY).save("a.png", format="jpg"), "'png' by its name"),
+        (lambda: panchroma.Picture(GREY).save(io.StringIO(), format="tif"), "a file is StringIO"),  # type: ignore[arg-type]
+        (lambda: panchroma.render(io.BytesIO(b"II*\0")), "the file object: "),
+        (lambda: panchroma.burst([io.BytesIO(b"II*\0")] * 2), "the file object: "),
+    ],
+)
+def test_an_error_says_which_files_are_taken(wrong: Callable[[], object], said: str) -> None:
+    with pytest.raises(panchroma.PanchromaError) as caught:
+        wrong()
+    assert said in str(caught.value)
 
 
 def test_what_overwrites_is_true_or_false(shot: panchroma.Shot, tmp_path: Path) -> None:

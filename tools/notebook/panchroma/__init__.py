@@ -44,6 +44,7 @@ A render uses all processors. Several threads of a program may render at once, a
 however they are started.
 
 Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead.
+A file is given by its name, or as a file object that is open for bytes, such as io.BytesIO.
 Nothing overwrites a file unless it is told to (overwrite=True). The command `panchroma` does more:
 thousands of shots, connected cameras, comparison with Bayer cameras; `panchroma --help` lists it.
 `panchroma.shared` and `panchroma.offline` are the libraries underneath.

@@ -10,7 +10,7 @@ from typing import Any
 from .pictures import checked_flag
 from .shared import Camera, read_dng
 from .shared.errors import InputError
-from .shared.reading import MAX_PIXELS
+from .shared.reading import MAX_PIXELS, File, file_name
 from .shared.writing import write_durably
 from .shots import Shot, Shots, named_shots
 from .tools.batch.console import Console
@@ -66,7 +66,7 @@ class Calibration:
         return self._result.facts
 
     def save(
-        self, path: str | Path, *, report: str | Path | None = None, overwrite: bool = False
+        self, path: File, *, report: str | Path | None = None, overwrite: bool = False
     ) -> None:
         """Write the camera as a file that `open`, `simulate` and `burst` take as `camera`.
 
@@ -81,7 +81,7 @@ class Calibration:
         page = None if report is None else output_folder(str(report)) / "report.html"
         if page and not checked_flag(overwrite):
             refuse_existing((page,))
-        write_camera(Path(path), self.camera, overwrite=checked_flag(overwrite))
+        write_camera(path, self.camera, overwrite=checked_flag(overwrite))
         if page:
             from .tools.calibration.report import build_report
 
@@ -117,9 +117,9 @@ def calibrate(
     flat: Shots = (),
     chart_light: Mapping[str, Shots] | None = None,
     corners: Sequence[tuple[float, float]] | None = None,
-    chart: str | Path | None = None,
+    chart: File | None = None,
     sensor: str | None = None,
-    update: str | Path | None = None,
+    update: File | None = None,
     max_pixels: int = MAX_PIXELS,
 ) -> Calibration:
     """Measure a camera: gamma, noise, black level, defects, colour and shading, as far as the
@@ -130,9 +130,9 @@ def calibrate(
     Parameters
     ----------
     shots : Shots, optional
-        Shots of a whole ColorChecker Classic: a `Shot`, the name of a file or of a folder with
-        them, or a list of these. In a folder, what is named dark* or flat*, or lies in a subfolder
-        of such a name, is a dark or a flat frame.
+        Shots of a whole ColorChecker Classic: a `Shot`, its file, the name of a folder with them,
+        or a list of these. In a folder, what is named dark* or flat*, or lies in a subfolder of
+        such a name, is a dark or a flat frame.
     dark : Shots, optional
         Frames with the lens covered: black level, read noise, defects.
     flat : Shots, optional
@@ -144,12 +144,12 @@ def calibrate(
     corners : Sequence[tuple[float, float]] | None, optional
         Outer corners (x, y) of the chart in the only shot, in pixels: at dark skin, bluish green,
         black, white. None = find them.
-    chart : str | Path | None, optional
+    chart : File | None, optional
         A CGATS file (.ti3, .cie) with the colours of the chart, XYZ or L*a*b* (D50). None = those
         of a usual one.
     sensor : str | None, optional
         Name of the sensor. None = the name in the shots.
-    update : str | Path | None, optional
+    update : File | None, optional
         A camera.json, of which only those parts are replaced that these frames measure.
     max_pixels : int, optional
         A larger frame is skipped.
@@ -178,7 +178,7 @@ def calibrate(
         place = ()
     if place is not None and len(place) != 4:
         raise InputError(f"`corners` is {corners!r}, expected four (x, y)")
-    old = None if update is None else read_known(Path(update))
+    old = None if update is None else read_known(update)
     kinds: dict[str, Shots] = dict(zip(KINDS, (shots, dark, flat), strict=True))
     lights = {str(light).upper().removesuffix("K"): on for light, on in (chart_light or {}).items()}
     requested: dict[str, list[str]] = {}
@@ -198,7 +198,7 @@ def calibrate(
             place,
             sensor,
             old,
-            output=str(update),
+            output=file_name(update or ""),
             read=lambda name: (
                 held[name].mosaic if name in held else read_dng(name, max_pixels=max_pixels)
             ),

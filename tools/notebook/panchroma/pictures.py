@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike, NDArray
 from .shared import CaptureMetadata, SensorCalibration
 from .shared.arrays import ByteArray, FloatArray
 from .shared.errors import InputError
+from .shared.reading import File, file_name
 from .shared.tiff import encode_tiff
 from .shared.writing import write_durably
 from .tools.io.colour import encode_srgb
@@ -60,12 +61,19 @@ class Image:
         return self.pixels.shape[0], self.pixels.shape[1]
 
     def save(
-        self, path: str | Path, *, quality: int | None = None, overwrite: bool = False
+        self,
+        path: File,
+        *,
+        format: str | None = None,  # noqa: A002
+        quality: int | None = None,
+        overwrite: bool = False,
     ) -> None:
         """Write a PNG or a JPEG, as the name ends.
 
         Parameters
         ----------
+        format : str | None, optional
+            "png" or "jpg", for a file object that has no name.
         quality : int | None, optional
             Of a JPEG, 1 to 100; 95 by default. A PNG has none.
         overwrite : bool, optional
@@ -76,14 +84,16 @@ class Image:
         from .tools.io.formats.png import encode_png
         from .tools.io.icc import icc_profile
 
-        metadata, suffix = CaptureMetadata(), Path(path).suffix.lower()
-        if suffix in (".jpg", ".jpeg"):
+        metadata, ending = CaptureMetadata(), _ending(path)
+        name = (format or ending).lower()
+        if name in ("jpg", "jpeg") and ending in ("", "jpg", "jpeg"):
             data = encode_jpeg(self.pixels, metadata, icc=icc_profile("srgb"), quality=quality)
-        elif suffix == ".png":
+        elif name == "png" and ending in ("", "png"):
             exif = encode_tiff(picture_directory(metadata, srgb=True))
             data = encode_png(self.pixels, "srgb", exif)
         else:
-            raise InputError(f"{path}: ends in {suffix!r}; an image is saved as .png or .jpg")
+            what = f"{ending!r} by its name, `format` is {format!r}"
+            raise InputError(f"{file_name(path)}: {what}; an image is saved as .png or .jpg")
         write_durably(path, data, overwrite=checked_flag(overwrite))
 
     def __repr__(self) -> str:
@@ -175,7 +185,7 @@ class Picture:
 
     def save(
         self,
-        path: str | Path,
+        path: File,
         *,
         format: str | None = None,  # noqa: A002
         bits: int | None = None,
@@ -191,7 +201,7 @@ class Picture:
         ----------
         format : str | None, optional
             "uhdr" for an Ultra HDR JPEG, a .jpg that HDR displays show with its highlights; other
-            formats go by the name.
+            formats go by the name, if `path` is no file object without one.
         bits : int | None, optional
             8, 16 or 32 (floating point); by default what is usual for the format.
         space : str | None, optional
@@ -208,12 +218,12 @@ class Picture:
         from .tools.io.formats import OTHER_NAMES
         from .tools.io.kind import PictureKind, write_picture
 
-        ending = Path(path).suffix.lower().removeprefix(".")
+        ending = _ending(path)
         name = (format or ending).lower()
         kind = PictureKind.of(OTHER_NAMES.get(name, name), bits, space, quality)
-        if kind.suffix != f".{OTHER_NAMES.get(ending, ending)}":
+        if kind.suffix != f".{OTHER_NAMES.get(ending, ending)}" and (ending or not format):
             what = f"a picture in the format {kind.format!r}"
-            raise InputError(f"{path}: {what} ends in {kind.suffix}")
+            raise InputError(f"{file_name(path)}: {what} ends in {kind.suffix}")
         sensor = self.calibration, self.metadata
         development = Development(kind, self.shape, *sensor, exposure, self.restored)
         rgb = development.whitened(self.rgb, self.lost)
@@ -274,6 +284,11 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)
     codes = display_codes(transform.whitened(shown.rgb, shown.lost), transform, 8, exposure)
     return Image(upright(codes, shown.metadata.orientation))
+
+
+def _ending(file: File) -> str:
+    """The end of a file's name, without the dot; "" for a file object without a name."""
+    return Path(file_name(file)).suffix.lower().removeprefix(".")
 
 
 def checked_flag(overwrite: object) -> bool:

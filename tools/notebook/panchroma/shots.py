@@ -7,6 +7,7 @@ from __future__ import annotations  # help() then shows them as they are written
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -22,7 +23,7 @@ from .shared import (
 )
 from .shared.arrays import FloatArray
 from .shared.errors import InputError
-from .shared.reading import MAX_PIXELS
+from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .tools.batch.burst_files import checked_reference, series
 from .tools.batch.chosen_white import WhiteBalance
 from .tools.batch.console import fault
@@ -91,7 +92,7 @@ class Shot:
         """Capture data: camera, lens, exposure, orientation."""
         return self.mosaic.metadata
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+    def save(self, path: File, *, overwrite: bool = False) -> None:
         """Write the shot with its preview as a DNG, which `open` reads.
 
         Parameters
@@ -99,7 +100,7 @@ class Shot:
         overwrite : bool, optional
             Replace an existing file.
         """
-        if Path(path).suffix.lower() != ".dng":
+        if isinstance(path, str | PathLike) and Path(path).suffix.lower() != ".dng":
             raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
         write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=checked_flag(overwrite))
 
@@ -113,21 +114,21 @@ class Shot:
         return preview(self)._repr_png_()
 
 
-Shots: TypeAlias = Shot | str | Path | Sequence[Shot | str | Path]
-"""Shots, the names of their files, or the name of a folder with them."""
+Shots: TypeAlias = Shot | File | Sequence[Shot | File]
+"""Shots, their files, or the name of a folder with them."""
 
 
 def open(  # noqa: A001
-    path: str | Path, *, camera: str | Path | None = None, max_pixels: int = MAX_PIXELS
+    path: File, *, camera: File | None = None, max_pixels: int = MAX_PIXELS
 ) -> Shot:
     """Read a shot, a DNG that Panchroma has written. For photographs of other cameras see
     `simulate`.
 
     Parameters
     ----------
-    path : str | Path
-        The file.
-    camera : str | Path | None, optional
+    path : File
+        The file: its name, or a file object such as io.BytesIO.
+    camera : File | None, optional
         A camera.json (from `panchroma calibrate`) to use in place of the shot's own calibration.
     max_pixels : int, optional
         A larger shot is refused.
@@ -148,16 +149,16 @@ def open(  # noqa: A001
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
     notes = mosaic.calibration.remarks(mosaic.metadata.focal_length)
-    return with_notes_shown(Shot(mosaic, name=Path(path).stem, notes=notes))
+    return with_notes_shown(Shot(mosaic, name=Path(file_name(path)).stem, notes=notes))
 
 
-def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
+def preview(shot: Shot | File, *, scale: int = 1) -> Image:
     """The camera's own picture of a shot: made in milliseconds by an ONNX graph, upright.
 
     Parameters
     ----------
-    shot : Shot | str | Path
-        A `Shot`, or the name of its file.
+    shot : Shot | File
+        A `Shot`, or its file.
     scale : int, optional
         Pixels of the sensor, each way, that become one of the preview; a divisor of the pattern's
         period.
@@ -178,7 +179,7 @@ def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
 
 
 def render(
-    shot: Shot | str | Path,
+    shot: Shot | File,
     *,
     preset: str | RenderSettings = "best",
     wb: str | Sequence[float] = "camera",
@@ -193,8 +194,8 @@ def render(
 
     Parameters
     ----------
-    shot : Shot | str | Path
-        A `Shot`, or the name of its file.
+    shot : Shot | File
+        A `Shot`, or its file.
     preset : str | RenderSettings, optional
         "best"; "unlearned": best without the networks that correct luminance and colour; "paper":
         the method as published; or settings of your own, such as
@@ -236,7 +237,7 @@ def burst(
     shifts: Sequence[tuple[float, float]] = (),
     preset: str | RenderSettings = "best",
     wb: str | Sequence[float] = "camera",
-    camera: str | Path | None = None,
+    camera: File | None = None,
     max_memory: int | str | None = None,
     max_pixels: int = MAX_PIXELS,
 ) -> Picture:
@@ -250,7 +251,7 @@ def burst(
     Parameters
     ----------
     shots : Shots
-        Two or more, each a `Shot` or the name of its file; or the name of a folder with the frames
+        Two or more, each a `Shot` or its file; or the name of a folder with the frames
         of one burst, STEM-1.dng, STEM-2.dng ...
     reference : int | str | Path | None, optional
         The frame that the picture shows: its place among `shots`, counted from 0, or the name of
@@ -264,7 +265,7 @@ def burst(
     wb : str | Sequence[float], optional
         White balance of what is shown and saved, as of `render`; the place of a grey is that in the
         reference, or in the first shot.
-    camera : str | Path | None, optional
+    camera : File | None, optional
         A camera.json (from `panchroma calibrate`) to use in place of the shots' own calibration.
     max_memory : int | str | None, optional
         Memory that may be used, as of `render`.
@@ -357,13 +358,17 @@ def named_shots(shots: Shots, argument: str) -> tuple[list[str], dict[str, Shot]
     """
     held: dict[str, Shot] = {}
     names = []
-    for number, shot in enumerate([shots] if isinstance(shots, Shot | str | Path) else shots):
-        names.append(f"{argument}[{number}]" if isinstance(shot, Shot) else str(shot))
-        held |= {names[-1]: shot} if isinstance(shot, Shot) else {}
+    listed: Any = [shots] if isinstance(shots, Shot) or is_file(shots) else shots
+    for number, shot in enumerate(listed):
+        if isinstance(shot, str | PathLike):
+            names.append(file_name(shot))
+        else:
+            names.append(f"{argument}[{number}]")
+            held[names[-1]] = as_shot(shot)
     return names, held
 
 
-def as_shot(shot: Shot | str | Path) -> Shot:
+def as_shot(shot: Shot | File) -> Shot:
     """The shot itself, or that in a file."""
     return shot if isinstance(shot, Shot) else open(shot)
 

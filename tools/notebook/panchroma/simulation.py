@@ -3,7 +3,6 @@
 from __future__ import annotations  # help() then shows them as they are written here
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
@@ -12,14 +11,14 @@ from numpy.typing import ArrayLike
 from .pictures import Picture
 from .shared import CfaPattern
 from .shared.errors import InputError
-from .shared.reading import MAX_PIXELS
+from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .shots import Shot, with_notes_shown
 from .tools.io.decoded import Decoded
 from .tools.io.decoders import decode_array
 from .tools.io.picture import picture_scene
 from .tools.io.scene import Scene
 from .tools.simulation.lens import Lens
-from .tools.simulation.load import load_scene
+from .tools.simulation.load import load_scene, named_file
 from .tools.simulation.pattern_text import camera_and_pattern
 from .tools.simulation.protocols import chosen_protocol
 from .tools.simulation.simulated_camera import (
@@ -46,20 +45,20 @@ class _Options(TypedDict, total=False):
     reduce: int
     bands: str | None
     linear: bool
-    camera: str | Path | None
+    camera: File | None
     max_pixels: int
 
 
 @overload
 def simulate(
-    scene: str | Path | Picture | ArrayLike, *, burst: None = None, **options: Unpack[_Options]
+    scene: File | Picture | ArrayLike, *, burst: None = None, **options: Unpack[_Options]
 ) -> Shot: ...
 @overload
 def simulate(
-    scene: str | Path | Picture | ArrayLike, *, burst: int, **options: Unpack[_Options]
+    scene: File | Picture | ArrayLike, *, burst: int, **options: Unpack[_Options]
 ) -> list[Shot]: ...
 def simulate(
-    scene: str | Path | Picture | ArrayLike,
+    scene: File | Picture | ArrayLike,
     *,
     pattern: str | int | CfaPattern | None = None,
     channels: str | None = None,
@@ -75,19 +74,19 @@ def simulate(
     reduce: int = 1,
     bands: str | None = None,
     linear: bool = False,
-    camera: str | Path | None = None,
+    camera: File | None = None,
     max_pixels: int = MAX_PIXELS,
 ) -> Shot | list[Shot]:
     """Photograph a scene with this camera. The shot keeps what it saw as its `truth`.
 
     Parameters
     ----------
-    scene : str | Path | Picture | ArrayLike
-        One of the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG,
-        JPEG, EXR, NPY), "builtin:1800x1200", leaves and charts of any size, the smaller the finer,
-        an array (H, W, C), or (H, W) of grey: floating point is linear light, 1.0 = white; uint8 is
-        sRGB; wider integers are linear light too, white is their largest value, a `Picture`, such
-        as the truth of another shot.
+    scene : File | Picture | ArrayLike
+        A file, a camera RAW (CR2, NEF, ARW, DNG ...) or a picture (TIFF, PNG, JPEG, EXR, NPY);
+        "builtin:1800x1200", leaves and charts of any size, the smaller the finer; a `Picture`, such
+        as the truth of another shot; or an array (H, W, C), or (H, W) of grey: floating point is
+        linear light, 1.0 = white; uint8 is sRGB; wider integers are linear light too, white is
+        their largest value.
     pattern : str | int | CfaPattern | None, optional
         The filters of one tile of the sensor, row by row, W is panchromatic, such as
         "WBWG/BWGW/WGWR/GWRW"; rows may also be parted by blanks or lines. "kodak", "sony", "honda",
@@ -128,7 +127,7 @@ def simulate(
         there are as many.
     linear : bool, optional
         Take the values of a picture file, or an array of integers, as linear light.
-    camera : str | Path | None, optional
+    camera : File | None, optional
         A camera.json (from `panchroma calibrate`), whose gamma, noise, levels, colours and lens it
         has.
     max_pixels : int, optional
@@ -186,18 +185,19 @@ def _shot(exposed: Exposed, name: str, peak: float) -> Shot:
 
 def _scene(source: Any, requested: str, bands: str | None, linear: bool, max_pixels: int) -> Scene:
     """The scene before a pattern with the channels `requested`."""
-    if bands is not None and isinstance(source, Picture | str | Path):
+    if bands is not None and (isinstance(source, Picture) or is_file(source)):
         remedy = "a picture or a file has its own"
         raise InputError(f"`bands` is {bands!r}, but it names those of an array; {remedy}")
     if isinstance(source, Picture):
         light, known = np.maximum(source.rgb, 0), source.calibration  # negative light is noise
         colours = known.camera_to_xyz, known.neutral, source.metadata
         return Scene(light, "picture", *colours, channels=known.channels)
-    if isinstance(source, str | Path):
+    if is_file(source):
         try:
-            return load_scene(str(source), linear=linear, max_pixels=max_pixels, channels=requested)
+            with named_file(source) as name:
+                return load_scene(name, linear=linear, max_pixels=max_pixels, channels=requested)
         except InputError as error:
-            raise type(error)(f"{source}: {error}") from None
+            raise type(error)(f"{file_name(source)}: {error}") from None
     try:
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
