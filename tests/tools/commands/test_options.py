@@ -145,7 +145,7 @@ def test_a_function_has_the_options_and_defaults_of_its_verb(verb: str) -> None:
     functions = IN_PYTHON[verb]
     parameters = [one for function in functions for one in described(function)]
     known = {name for name, _, _ in parameters} - OF_PYTHON
-    assert known == options.keys() - (BY_THE_NAME if verb == "simulate" else set())
+    assert known - BY_THE_NAME == options.keys() - BY_THE_NAME
     for name, default, text in parameters:
         assert text, f"{name} is not described"
         if name not in options or name in BY_THE_NAME:
