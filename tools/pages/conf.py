@@ -17,6 +17,7 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 
 import panchroma
+from panchroma.offline import burst, compile_kernel, kernels_to_compile
 
 project, author = "Panchroma", "the Panchroma developers"
 version = release = panchroma.__version__
@@ -134,7 +135,10 @@ def _finish(app: Sphinx, error: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Register what Sphinx has no option for."""
+    """Register what Sphinx has no option for; compile what examples would tell of."""
+    assert burst  # which has kernels, too
+    for kernel in kernels_to_compile():
+        compile_kernel(kernel)
     app.add_html_math_renderer("mathml", (_write_math, None), (_write_math, None))
     app.connect("source-read", _complete)
     app.connect("build-finished", _finish)
