@@ -36,6 +36,14 @@ class FrameQueue:
     ------
     InputError
         For a depth below 1, with which no frame would ever be dropped.
+
+    Examples
+    --------
+    >>> import io
+    >>> from panchroma.device.capture import FrameLayout, FrameQueue, read_frames
+    >>> frames = read_frames(io.BytesIO(bytes(96)), FrameLayout(8, 4, "raw12"))
+    >>> len(list(FrameQueue(frames, depth=2)))
+    2
     """
 
     def __init__(

@@ -161,6 +161,12 @@ class FrameLayout:
     ------
     InputError
         For a size that no frame has, and for a stride shorter than a line.
+
+    Examples
+    --------
+    >>> from panchroma.device.capture import FrameLayout
+    >>> FrameLayout(4, 1, "raw12").unpack(bytes([0x80, 0x40, 0x21, 0, 0, 0])).tolist()
+    [[2049, 1026, 0, 0]]
     """
 
     width: int
@@ -309,6 +315,13 @@ class RawFrame:
     is_checked : bool
         It shows the filters where its description says: no byte was lost before it. False: it does
         not show that.
+
+    Examples
+    --------
+    >>> from panchroma.device.capture import RawFrame
+    >>> frame = RawFrame.now(bytes(48))
+    >>> len(frame.data), frame.taken.tzinfo is None
+    (48, False)
     """
 
     data: Bytes
@@ -351,8 +364,7 @@ class Sensor:
 
     Examples
     --------
-    >>> from panchroma.device.capture import Sensor
-    >>> from panchroma.device.capture.frames import FrameLayout
+    >>> from panchroma.device.capture import FrameLayout, Sensor
     >>> from panchroma.shared import CfaPattern, SensorCalibration
     >>> layout = FrameLayout(4056, 3040, "raw12", stride=6112)
     >>> sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
@@ -404,6 +416,16 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
     ----------
     stream : RawIOBase
         Unbuffered; a buffered one would wait for more bytes than have arrived.
+
+    Examples
+    --------
+    Standard input is ``open(sys.stdin.fileno(), "rb", buffering=0)``.
+
+    >>> import io
+    >>> from panchroma.device.capture import FrameLayout, read_frames
+    >>> stream, layout = io.BytesIO(bytes(96)), FrameLayout(8, 4, "raw12")
+    >>> [len(frame.data) for frame in read_frames(stream, layout)]
+    [48, 48]
     """
     count = 0
     # Memory of frames that nobody needs any more: the system clears what is new to a process, which

@@ -41,8 +41,8 @@ class Saved:
     --------
     >>> from pathlib import Path
     >>> from panchroma.device.capture import Saved
-    >>> Saved(Path("shots/20261127-101500-000001.dng"), preview=0.02, write=0.1).path.stem
-    '20261127-101500-000001'
+    >>> Saved(Path("shots/20261127T101500.000Z-000001.dng"), preview=0.02, write=0.1).path.stem
+    '20261127T101500.000Z-000001'
     """
 
     path: Path
@@ -94,9 +94,7 @@ def capture(
     >>> import io
     >>> from pathlib import Path
     >>> from panchroma.device import Preview
-    >>> from panchroma.device.capture import Sensor, capture
-    >>> from panchroma.device.capture.frames import FrameLayout, read_frames
-    >>> from panchroma.device.capture.shots import ShotFolder
+    >>> from panchroma.device.capture import FrameLayout, Sensor, ShotFolder, capture, read_frames
     >>> from panchroma.shared import CfaPattern, SensorCalibration
     >>> layout = FrameLayout(48, 36, "raw12")
     >>> sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
@@ -139,9 +137,8 @@ def capture_burst(
     >>> import io
     >>> from pathlib import Path
     >>> from panchroma.device import Preview
-    >>> from panchroma.device.capture import Sensor, capture_burst
-    >>> from panchroma.device.capture.frames import FrameLayout, read_frames
-    >>> from panchroma.device.capture.shots import ShotFolder
+    >>> from panchroma.device.capture import FrameLayout, Sensor, ShotFolder, read_frames
+    >>> from panchroma.device.capture import capture_burst
     >>> from panchroma.shared import CfaPattern, SensorCalibration
     >>> layout = FrameLayout(48, 36, "raw12")
     >>> sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(12))

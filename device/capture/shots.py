@@ -42,6 +42,20 @@ class ShotFolder:
         When `latest` exists and is not a link, or can be none.
     OutputError
         When the folder cannot be listed.
+
+    Examples
+    --------
+    >>> from datetime import UTC, datetime
+    >>> from pathlib import Path
+    >>> from panchroma.device import Preview
+    >>> from panchroma.device.capture import FrameLayout, Sensor, ShotFolder
+    >>> from panchroma.shared import CfaPattern, SensorCalibration
+    >>> layout, pattern = FrameLayout(48, 36, "raw12"), CfaPattern.bayer(6)
+    >>> mosaic = Sensor(layout, pattern, SensorCalibration.of_bits(12)).dark()
+    >>> preview = Preview.for_mosaic(mosaic).run(mosaic)
+    >>> taken = datetime(2026, 11, 27, 10, 15, tzinfo=UTC)
+    >>> ShotFolder(Path()).save(mosaic, preview, taken).name
+    '20261127T101500.000Z-000001.dng'
     """
 
     def __init__(self, folder: Path, latest: Path | None = None) -> None:

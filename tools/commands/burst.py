@@ -20,7 +20,7 @@ from .options import add, numbers
 from .picture_options import add_picture, add_run, order_fields
 
 USAGE = "SHOT ... -o DIR"
-EXAMPLE = "panchroma burst shots/20261127-101500-*.dng -o pictures"
+EXAMPLE = "panchroma burst shots/20261127T101500.000Z-000001-*.dng -o pictures"
 
 
 def _shifts(text: str) -> tuple[tuple[float, ...], ...]:

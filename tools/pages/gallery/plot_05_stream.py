@@ -13,9 +13,7 @@ import matplotlib.pyplot as plt
 
 import panchroma
 from panchroma.device import Preview
-from panchroma.device.capture import Sensor, capture
-from panchroma.device.capture.frames import FrameLayout, read_frames
-from panchroma.device.capture.shots import ShotFolder
+from panchroma.device.capture import FrameLayout, Sensor, ShotFolder, capture, read_frames
 
 # %%
 # A stream of three frames of 16 bits in a file; a camera's is standard input, and often packed
