@@ -79,7 +79,7 @@ def meant(word: str, known: Iterable[str]) -> str:
 
     Examples
     --------
-    >>> from panchroma.shared.spelling import meant
+    >>> from panchroma.shared.errors import meant
     >>> meant("Kodk", ("kodak", "sony")), meant("canon", ("kodak", "sony"))
     ('; did you mean kodak?', '')
     """

@@ -34,7 +34,7 @@ def correct_flat_field(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]
     Examples
     --------
     >>> import numpy as np
-    >>> from panchroma.device.preview.flat_field import correct_flat_field
+    >>> from panchroma.device.preview.codes import correct_flat_field
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
     >>> calibration = SensorCalibration.of_bits(12, shading=Shading(np.ones((4, 4, 4)).tolist(),
     ...     (12, 18)))
