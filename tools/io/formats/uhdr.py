@@ -8,9 +8,9 @@ the metadata of ISO 21496-1; both are written.
 A picture ends at display white: the brightest that every channel can measure. The render knows
 more: a colour sample saturates later than the panchromatic ones, later still in a channel in which
 white reads less, and `offline/stages/highlights.py` rebuilds light up to the channel that clips
-last. An HDR display shows it up to there, `headroom` times display white. Where nothing is clipped the gain
-is 1, and the picture is the same on every display. So it is where a picture is darkened and what is
-burnt out is white.
+last. An HDR display shows it up to there, `headroom` times display white. Where nothing is clipped
+the gain is 1, and the picture is the same on every display. So it is where a picture is darkened
+and what is burnt out is white.
 
 The gain is that of luminance, the same for all channels. Beyond display white some channel may be
 clipped, in the sensor or in the picture that was simulated, and the colour is unknown
