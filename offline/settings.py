@@ -87,16 +87,14 @@ BEST = RenderSettings(
     # The first threshold is a sixth of the brightest sample, the last one 0.0015: before and after,
     # no iteration gains anything.
     luminance=LuminanceSettings(threshold=1 / 6, relative=True, iterations=28, learned=True),
-    # Of 14 pictures to learn from, blocks of 8 pixels besides gain 0.04 dB at sigma 0.03, and 0.01
-    # at 0.01.
     denoising=DenoisingSettings(strength=1.0, sizes=(4, 8, 12)),
     chromaticity=ChromaticitySettings(learned=True),
     pooling=PoolingSettings(
         passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))
     ),
-    # without likeness print loses 1.2 dB, photographs 0.05, one 0.3
+    # likeness is for print
     propagation=PropagationSettings(softness=0.45, likeness=7.0),
-    affinity=AffinitySettings(tolerance=3e-3),  # with 1e-3 no photograph gains 0.02 dB
+    affinity=AffinitySettings(tolerance=3e-3),  # a smaller one shows in no photograph
     # from chromaticities without noise it would only remove detail
     refinement=RefinementSettings(repetitions=0),
 ).switched(True)

@@ -31,31 +31,22 @@ from .motion import Motion, displaced, in_frame, in_reference
 CLIPPED = 0.98
 """Fraction of the sensor's limit from which on a sample counts as clipped. Chosen."""
 NEIGHBOURHOOD = 1.5
-"""Pixels: standard deviation of the Gaussian neighbourhood in which contrast is measured.
-
-Chosen: half of it costs 0.4 dB, twice gains 0.07.
-"""
+"""Pixels: standard deviation of the Gaussian within which contrast is measured. Chosen."""
 FILL_ERROR = 0.3
-"""Error of filled luminance as a share of that contrast. Chosen: half and twice change moving
-things by 0.6 dB, in both ways.
-"""
+"""Error of filled luminance as a share of that contrast. Chosen on moving things."""
 
-# Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by
-# 0.02 dB at most, or as said, and photographs by 0.05. What each finds:
-# tests/offline/burst/test_agree.py. pixels: standard deviations of larger neighbourhoods
-# (photographs: 0.1, 0.0 dB)
-_SHIFTED, _WIDE = 2.0, 5.0
-# difference that is tolerated, a share of the contrast (photographs: 0.0, 0.3, 0.0 dB)
-_MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1
+# Chosen on drawn scenes with noise, parallax or a moving thing, and on photographs. What each
+# finds: tests/offline/burst/test_agree.py.
+_SHIFTED, _WIDE = 2.0, 5.0  # pixels: standard deviations of larger neighbourhoods
+_MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, a share of the contrast
 _EXPOSURE = 0.01  # of the luminance: what a changed exposure or a cloud may do
-_SHIFT = 0.2  # pixels: what motion may be wrong by (parallax: 0.2 dB)
+_SHIFT = 0.2  # pixels: what motion may be wrong by (parallax)
 _POWER = 0.3  # of the variance of noise: how much the power of differences may vary
 _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of a mean
-# raw agreement that counts as none, and as all: half-true ghosts of many frames would add up (0.2,
-# 1.5 dB)
+# raw agreement that counts as none, and as all: half-true ghosts of many frames would add up
 _LOW, _HIGH = 0.3, 0.8
 _FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
-_BRIGHT = 0.92  # of the limit: brighter samples count less (bracket: 0.3 dB if none does)
+_BRIGHT = 0.92  # of the limit: brighter samples count less, in a bracket
 _STRIP = 256  # rows that are compared at a time
 # rows around them that they depend on
 _HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2
@@ -229,18 +220,16 @@ def _noise_left(sigma: float) -> float:
     return _GAPS * float(np.square(gaussian(sigma)).sum()) ** 2
 
 
-# Chosen on a thing that only its colour shows: half and twice of each change its picture by the
-# decibels in brackets. fraction of luminance by which a channel may differ: of one block, over a
-# neighbourhood (0.02, 0.2)
+# Chosen on a thing that only its colour shows. Fraction of luminance by which a channel may differ:
+# of one block, over a neighbourhood
 _BLOCK, _NEARBY = 0.03, 0.02
-_WIDTH = 1.5  # blocks: standard deviation of that neighbourhood (0.4)
+_WIDTH = 1.5  # blocks: standard deviation of that neighbourhood
 # standard deviations by which noise makes nine figures exceed their middle: 1.49 is expected of the
-# largest (0.3)
+# largest
 _RANGE = 1.5
-# variance of the middle of that range, relative to one figure's; neighbours share it (0.1)
+# variance of the middle of that range, relative to one figure's; neighbours share it
 _SHARED = 0.15
-# blocks: a deviation counts for its neighbours too, as the thing ends somewhere between (1.1)
-_RIM = 3
+_RIM = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between
 
 
 class _BlockColours(NamedTuple):

@@ -24,9 +24,7 @@ from ..numerics.gaussian import smoothed
 from .motion import Motion, displaced
 
 DEVIATIONS = 3.0
-"""Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them. Half of it
-costs 0.2 dB.
-"""
+"""Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them."""
 TINY = 1e-12
 """Keeps divisions finite."""
 

@@ -29,29 +29,23 @@ from .align import TINY
 from .motion import in_reference
 from .select import Kept
 
-# Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets,
-# some scenes up and others down. change of chromaticity per pixel: uncertainty of a sample for a
-# block that it does not lie in (0.1)
+# Chosen on drawn scenes. Change of chromaticity per pixel: uncertainty of a sample for a block that
+# it does not lie in
 _GRADIENT = 0.04
 # squared distance from the middle of a 2 x 2 block, pixels, of its own sites: half a pixel both
 # ways
 _INSIDE = 0.5
 # times what others take off the variance: from there on the reference's own samples count in full
-# (0.0)
 _ENOUGH = 4.0
-# standard deviation of what a picture misses of a sample besides noise, a share of the mean
-# luminance (1.0)
+# standard deviation of a sample's residual besides noise, a share of the mean luminance
 _ERROR = 2e-3
 # Of the solution; fading relative to the weight of a usual sample, and the least of it, with which
-# the solver takes hundreds of iterations. Chosen on five photographs, in noise of 0 to 0.03: half
-# and twice of smoothness change 0.15 dB, of fading 0.1.
+# the solver takes hundreds of iterations. Chosen on five photographs, in noise of 0 to 0.03.
 _SMOOTHNESS, _FADING, _LEAST_FADING = 0.08, 2e-3, 1e-5
-_EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance (0.7)
+_EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance
 SHARED = 0.3
 """Variance of merged luminance relative to the reference's, from which on the reference counts as
-alone, up to 1, where it is.
-
-Chosen: half of it costs 0.5 dB, twice gains 0.02.
+alone, up to 1, where it is. Chosen.
 """
 HALO = 24
 """Pixels around a chunk that are solved with it. Chosen."""

@@ -97,7 +97,7 @@ class Measurements:
     skipped : list[str]
         A line for each frame, or set of frames, that could not be used.
     remarks : list[str]
-        Why flat frames do not show shading or noise, and why a measurement of before is kept.
+        Why flat frames do not show shading or noise, and why an earlier measurement is kept.
     """
 
     chart_colours: DoubleArray
