@@ -82,8 +82,8 @@ def channels_of(
     """Return which channels `count` samples per pixel without names are: `requested`, or "" for a
     grey or RGB picture.
 
-    Raises InputError when there are more samples than a picture has, and another number than
-    `requested`.
+    Raises InputError when there are more samples than a picture has, or one that is neither a
+    colour nor declared to be transparency, and another number than `requested`.
 
     Parameters
     ----------
@@ -103,10 +103,14 @@ def channels_of(
         notes.append(f"its {stacked} have no names: they are taken as linear light of {order}")
         return requested
     of_pages = pages > 1 and not (count == len(RGB) and of_rgb)
-    if count > 1 and (count > _MOST_SAMPLES or of_pages or not (of_rgb or colour or alpha)):
+    known = alpha or (count == len(RGB) and (of_rgb or colour))
+    if count > 1 and (count > _MOST_SAMPLES or of_pages or not known):
         pattern = f"the pattern the {len(requested)} channels {requested}"
-        remedy = "a scene has as many channels as the pattern (`pattern`), or red, green and blue"
-        raise InputError(f"has {stacked}, and {pattern}; {remedy}")
+        raise InputError(
+            f"has {stacked}, and {pattern}; a scene has as many channels as the pattern "
+            "(`pattern`), or red, green and blue: leave others out (array[..., :3]), declare "
+            "transparency (ExtraSamples of a TIFF), or in Python name those of an array with bands"
+        )
     return ""
 
 

@@ -71,12 +71,6 @@ def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
         )
     notes: list[str] = []
     letters = channels_of(count, channels, notes)
-    if not letters and count not in (1, len(RGB)):
-        raise InputError(
-            f"the array has {count} channels, and the pattern the {len(channels)} channels "
-            f"{channels}; take a pattern of as many channels (`pattern`), leave its transparency "
-            "out (array[..., :-1]), or in Python name its channels with bands"
-        )
     pixels = np.atleast_3d(np.array(array))
     peak = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None
     return Decoded(pixels, peak, notes=notes, channels=letters or RGB)

@@ -351,7 +351,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
         (lambda: panchroma.simulate("there.tif", bands="BGR"), "`bands` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0': is not"),  # type: ignore[call-overload]
-        (lambda: panchroma.simulate(GREY[..., [0, 1, 2, 2]]), "(array[..., :-1])"),
+        (lambda: panchroma.simulate(GREY[..., [0, 1, 2, 2]]), "(array[..., :3])"),
         (lambda: panchroma.simulate(GREY, rng=-1), "`rng` is -1"),
         (lambda: panchroma.simulate(GREY, motion=3), "`motion` needs `burst`"),
         (lambda: panchroma.simulate(GREY, reduce=0), "`reduce` is 0"),
