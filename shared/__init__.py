@@ -1,11 +1,13 @@
 """The camera itself: filter pattern, calibration, mosaic and file format. README.md in this folder
-explains them.
+explains them. With them come the types of arrays and the errors that all floors share.
 """
 
+from .arrays import BoolArray, ByteArray, CodeArray, DoubleArray, FloatArray, IndexArray
 from .block_grid import BlockGrid
 from .calibration import NoiseModel, SensorCalibration
 from .camera import Camera, read_camera
 from .dng import read_dng, write_dng
+from .errors import InputError, OutputError, PanchromaError
 from .metadata import CaptureMetadata
 from .mosaic import Mosaic
 from .pattern import CfaPattern
@@ -13,11 +15,20 @@ from .shading import Shading
 
 __all__ = [
     "BlockGrid",
+    "BoolArray",
+    "ByteArray",
     "Camera",
     "CaptureMetadata",
     "CfaPattern",
+    "CodeArray",
+    "DoubleArray",
+    "FloatArray",
+    "IndexArray",
+    "InputError",
     "Mosaic",
     "NoiseModel",
+    "OutputError",
+    "PanchromaError",
     "SensorCalibration",
     "Shading",
     "read_camera",

@@ -4,8 +4,7 @@ scene is.
 
 import numpy as np
 
-from panchroma.shared import Shading
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import FloatArray, Shading
 
 
 def leaves(height: int, width: int, seed: int = 1) -> FloatArray:

@@ -6,8 +6,7 @@ import pywt
 from scipy import ndimage, optimize
 from scipy.sparse import csr_array, diags_array
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern, DoubleArray
 from tests.reference import (
     affinity,
     chromaticity,

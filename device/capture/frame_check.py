@@ -18,9 +18,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ...shared import CfaPattern, SensorCalibration
-from ...shared.arrays import ByteArray, CodeArray, DoubleArray
-from ...shared.errors import InputError
+from ...shared import ByteArray, CfaPattern, CodeArray, DoubleArray, InputError, SensorCalibration
 from .frames import RawFrame, Sensor
 from .windows import Windows
 

@@ -11,9 +11,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ...shared import Mosaic
-from ...shared.arrays import ByteArray, DoubleArray
-from ...shared.errors import InputError
+from ...shared import ByteArray, DoubleArray, InputError, Mosaic
 from ...shared.white_balance import balanced, estimate_neutral
 from .frames import RawFrame, Sensor
 from .shots import ShotFolder

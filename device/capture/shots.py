@@ -11,10 +11,8 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
-from ...shared import Mosaic
-from ...shared.arrays import ByteArray
+from ...shared import ByteArray, InputError, Mosaic, OutputError
 from ...shared.dng import encode_dng
-from ...shared.errors import InputError, OutputError
 from ...shared.series import frame_name
 from ...shared.writing import durable_file, partial_path, sweep
 

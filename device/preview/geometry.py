@@ -24,8 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import DoubleArray, FloatArray, IndexArray
-from ...shared.errors import InputError
+from ...shared import DoubleArray, FloatArray, IndexArray, InputError
 from ...shared.pattern import CfaPattern
 from ...shared.site_errors import error_correlation
 from .neighbourhood import UNIT, Neighbourhood, Place, exact

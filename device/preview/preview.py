@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...shared import processors
-from ...shared.arrays import ByteArray, FloatArray
+from ...shared import ByteArray, FloatArray, InputError, processors
 from ...shared.calibration import SensorCalibration
 from ...shared.display import display_white
-from ...shared.errors import InputError
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.runtime import session

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...shared.arrays import ByteArray, FloatArray
-from ...shared.errors import InputError
+from ...shared import ByteArray, FloatArray, InputError
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..bands import RowStage

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import DoubleArray, FloatArray
-from ...shared.errors import InputError
+from ...shared import DoubleArray, FloatArray, InputError
 from ..numerics.arrays import Doubles2, Doubles3, Floats2, Floats4
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.interpolation import interpolated

@@ -23,8 +23,7 @@ from panchroma.offline import BEST
 from panchroma.offline.burst import Motion, in_frame, in_reference
 from panchroma.offline.burst.align import Alignment, View, align
 from panchroma.offline.stages.luminance import recover_luminance
-from panchroma.shared import Mosaic, SensorCalibration
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import FloatArray, Mosaic, SensorCalibration
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from panchroma.tools.simulation.simulated_camera import SimulatedBurst, SimulatedFrame, burst_frames

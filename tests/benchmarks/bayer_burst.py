@@ -18,9 +18,8 @@ import numpy as np
 
 from panchroma.offline.burst import Motion, in_frame, in_reference
 from panchroma.offline.burst.align import View, align
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared import DoubleArray, FloatArray, InputError
 from panchroma.shared.calibration import NoiseModel
-from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from panchroma.tools.simulation.bayer import channel_map
 

@@ -27,8 +27,7 @@ import numpy as np
 
 from panchroma.offline import BEST, render
 from panchroma.offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
-from panchroma.shared import Mosaic, SensorCalibration
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared import DoubleArray, FloatArray, Mosaic, SensorCalibration
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.metrics import BORDER, quality, whole_psnr

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, InputError, Mosaic, SensorCalibration
 from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.measure import Measurements, measure_chart
 from panchroma.tools.simulation.load import load_scene

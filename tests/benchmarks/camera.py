@@ -31,8 +31,7 @@ from panchroma.device import Preview
 from panchroma.device.capture import Sensor
 from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
 from panchroma.device.capture.loop import SteadyWhite
-from panchroma.shared import CfaPattern, SensorCalibration
-from panchroma.shared.arrays import ByteArray
+from panchroma.shared import ByteArray, CfaPattern, SensorCalibration
 from panchroma.shared.dng import encode_dng
 from panchroma.tools.capture.viewfinder import encode_view
 from tests.benchmarks.harness import Frame, Work, alternate

@@ -20,8 +20,7 @@ import numpy as np
 
 from panchroma.device import Preview
 from panchroma.offline import render
-from panchroma.shared import CfaPattern, Mosaic
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, Mosaic
 from panchroma.tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr, wrong_hue
 from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from panchroma.tools.io.scene import Scene

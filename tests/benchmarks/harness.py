@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration
 from panchroma.tools.evaluation.rivals.libraw import encode_codes
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive

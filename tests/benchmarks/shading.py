@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from panchroma.offline import render
-from panchroma.shared import Mosaic, SensorCalibration, Shading
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared import DoubleArray, FloatArray, Mosaic, SensorCalibration, Shading
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from panchroma.tools.evaluation.metrics import patch_psnr
 from panchroma.tools.io.colour import delta_e_2000, xyz_to_lab

@@ -14,8 +14,7 @@ from functools import partial
 import numpy as np
 
 from panchroma.offline import BEST, PAPER, PRESETS, render, use_threads
-from panchroma.shared import Mosaic
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import FloatArray, Mosaic
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import render_preset
 from panchroma.tools.evaluation.metrics import quality

@@ -22,9 +22,8 @@ import imagecodecs
 import numpy as np
 import OpenEXR
 
-from panchroma.shared import read_camera, read_dng
+from panchroma.shared import InputError, read_camera, read_dng
 from panchroma.shared.dng import encode_dng, verify_dng
-from panchroma.shared.errors import InputError
 from panchroma.tools.batch.journal import NAME as JOURNAL
 from panchroma.tools.batch.journal import Journal
 from panchroma.tools.calibration.reference import read_reference

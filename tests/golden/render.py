@@ -17,8 +17,7 @@ import numpy as np
 
 from panchroma.offline import BEST, PAPER, render
 from panchroma.offline.version import ALGORITHM
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.scenes import leaves

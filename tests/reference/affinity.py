@@ -6,8 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import DoubleArray, IndexArray
+from panchroma.shared import CfaPattern, DoubleArray, IndexArray
 from tests.reference.gaussian import derivative
 from tests.reference.geometry import block_sites, first_patch, mirrored, patch_counts
 

@@ -4,8 +4,7 @@
 
 import numpy as np
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern, DoubleArray
 from tests.reference.geometry import block_sites, is_whole, mirrored, patch_counts
 
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))

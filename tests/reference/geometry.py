@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern, DoubleArray
 
 
 class Block(NamedTuple):

@@ -4,8 +4,7 @@ of its patch.
 
 import numpy as np
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern, DoubleArray
 from tests.reference.affinity import padded
 from tests.reference.geometry import first_patch
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panchroma.offline.settings import RenderSettings
-from panchroma.shared import Mosaic
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import DoubleArray, Mosaic
 from tests.reference import affinity, chromaticity, propagation, refinement
 from tests.reference import luminance as wavelets
 from tests.reference.geometry import block_sites, is_whole, letter, patch_counts

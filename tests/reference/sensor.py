@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern, DoubleArray, Mosaic, NoiseModel, SensorCalibration
 from tests.reference.geometry import letter
 
 

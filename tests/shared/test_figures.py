@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import NoiseModel, SensorCalibration, Shading, read_camera
-from panchroma.shared.errors import InputError
+from panchroma.shared import InputError, NoiseModel, SensorCalibration, Shading, read_camera
 from panchroma.shared.figures import parsed_json
 
 HUGE = 10**400

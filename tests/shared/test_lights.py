@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from panchroma.device.capture.loop import SteadyWhite
-from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import Camera, CfaPattern, DoubleArray, InputError, Mosaic, SensorCalibration
 from panchroma.shared.colorimetry import D50, adaptation, as_rows, xyz
-from panchroma.shared.errors import InputError
 from panchroma.shared.lights import (
     CalibratedLight,
     Lights,

@@ -3,8 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from panchroma.shared import read_camera
-from panchroma.shared.errors import InputError
+from panchroma.shared import InputError, read_camera
 from panchroma.tools.calibration.reference import read_reference
 from panchroma.tools.simulation.drawn.charts import color_checker_xyz
 from panchroma.tools.simulation.pattern_text import read_pattern

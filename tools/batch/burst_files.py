@@ -8,9 +8,8 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ...shared import Mosaic
-from ...shared.arrays import FloatArray
-from ...shared.errors import ForeignFileError, InputError, PanchromaError
+from ...shared import FloatArray, InputError, Mosaic, PanchromaError
+from ...shared.errors import ForeignFileError
 from ...shared.progress import Progress
 from ...shared.series import frame_number
 from .checks import check_memory

@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ...shared import Mosaic
-from ...shared.arrays import CodeArray, strips
-from ...shared.errors import InputError
+from ...shared import CodeArray, InputError, Mosaic
+from ...shared.arrays import strips
 from ..io.kind import PictureKind
 from .memory import format_bytes
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...shared import Mosaic
-from ...shared.errors import InputError
+from ...shared import InputError, Mosaic
 from ...shared.white_balance import GREY_BOX, balanced, estimate_neutral, neutral_at
 from ..io.display import upright
 from ..io.kind import AS_MEASURED, PictureKind

@@ -7,9 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...shared import Mosaic
-from ...shared.arrays import ByteArray, FloatArray
-from ...shared.errors import InputError
+from ...shared import ByteArray, FloatArray, InputError, Mosaic
 from ...shared.processors import processors
 from ..io.display import joined
 from ..io.kind import PictureKind

@@ -2,9 +2,7 @@
 
 from typing import TYPE_CHECKING, cast
 
-from ...shared import CfaPattern, Mosaic
-from ...shared.arrays import ByteArray, FloatArray
-from ...shared.errors import InputError
+from ...shared import ByteArray, CfaPattern, FloatArray, InputError, Mosaic
 
 if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
     from ...device import Preview

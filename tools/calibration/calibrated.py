@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 
-from ...shared import Camera, Mosaic, read_dng
+from ...shared import Camera, InputError, Mosaic, read_dng
 from ...shared.colorimetry import Matrix
-from ...shared.errors import InputError
 from ...shared.lights import check_apart, illuminant_xy
 from ...shared.reading import File
 from ..batch.console import Console

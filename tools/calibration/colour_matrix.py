@@ -8,10 +8,8 @@ from itertools import permutations
 
 import numpy as np
 
-from ...shared import CfaPattern
-from ...shared.arrays import BoolArray, DoubleArray
+from ...shared import BoolArray, CfaPattern, DoubleArray, InputError
 from ...shared.colorimetry import D50, SRGB_TO_XYZ, xyz
-from ...shared.errors import InputError
 from ...shared.lights import illuminant_xy
 from ..io.colour import delta_e_2000, lab_slopes, xyz_to_lab
 from .chart.place import COLUMNS, PATCHES, ROWS

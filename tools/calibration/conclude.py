@@ -13,10 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...shared import Camera
-from ...shared.arrays import DoubleArray
+from ...shared import Camera, DoubleArray, InputError
 from ...shared.colorimetry import as_rows
-from ...shared.errors import InputError
 from ...shared.lights import CalibratedLight, without_gamma
 from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...shared import Mosaic
-from ...shared.arrays import DoubleArray, IndexArray
-from ...shared.errors import InputError
+from ...shared import DoubleArray, IndexArray, InputError, Mosaic
 from .places import CLIP, LEAST_SAMPLES, clipped_moments, figures, levels_of, planes_of, windows
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)

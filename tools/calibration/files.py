@@ -9,8 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ...shared import Camera, Mosaic, read_camera
-from ...shared.errors import InputError, OutputError
+from ...shared import Camera, InputError, Mosaic, OutputError, read_camera
 from ...shared.figures import numbers
 from ...shared.reading import File, file_name
 from ...shared.writing import write_durably

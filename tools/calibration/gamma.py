@@ -33,10 +33,8 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 from scipy.special import chdtrc, huber, ndtri, stdtrit  # scipy.stats takes two seconds to load
 
-from ...shared import SensorCalibration
-from ...shared.arrays import BoolArray, DoubleArray
+from ...shared import BoolArray, DoubleArray, InputError, SensorCalibration
 from ...shared.calibration import derived_channel
-from ...shared.errors import InputError
 from .dark_frames import DarkResult
 from .photon_transfer import fit_photon_transfer
 from .places import PlaceSamples, robust_deviation

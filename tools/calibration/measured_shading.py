@@ -17,9 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...shared import Mosaic, Shading
-from ...shared.arrays import DoubleArray
-from ...shared.errors import InputError
+from ...shared import DoubleArray, InputError, Mosaic, Shading
 from ...shared.shading import ZOOMED, basis
 from .places import CLIP, CLIPPED, cut_windows, inliers, levels_of, planes_of
 

@@ -12,9 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from ...shared import Mosaic, NoiseModel, SensorCalibration
-from ...shared.arrays import BoolArray, DoubleArray
-from ...shared.errors import InputError
+from ...shared import BoolArray, DoubleArray, InputError, Mosaic, NoiseModel, SensorCalibration
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
 from .places import (
     CLIP,

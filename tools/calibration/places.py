@@ -12,8 +12,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from ...shared import Mosaic
-from ...shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
+from ...shared import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, Mosaic
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
 CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured

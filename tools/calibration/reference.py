@@ -6,8 +6,7 @@ import re
 
 import numpy as np
 
-from ...shared.arrays import DoubleArray
-from ...shared.errors import InputError
+from ...shared import DoubleArray, InputError
 from ...shared.reading import MAX_DOCUMENT, File, file_name, read_text
 from ..io.colour import lab_to_xyz, xyz_to_lab
 from .chart.place import COLUMNS, PATCHES

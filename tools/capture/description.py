@@ -6,8 +6,7 @@ from ...device.capture import Sensor
 from ...device.capture.frame_check import FEWEST_WINDOWS
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame
 from ...device.capture.windows import Windows
-from ...shared import CfaPattern, SensorCalibration
-from ...shared.arrays import CodeArray
+from ...shared import CfaPattern, CodeArray, SensorCalibration
 
 # Samples that vary by so much of the range of codes, but are less correlated with all their
 # neighbours, are misread. Of 120 random scenes of two levels, dots of 2 to 9 pixels, all are above;

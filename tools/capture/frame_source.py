@@ -19,9 +19,7 @@ from ...device.capture import PreviewMaker, Sensor
 from ...device.capture.frame_check import SlippedError, checked
 from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
-from ...shared import Camera, CfaPattern, SensorCalibration
-from ...shared.arrays import ByteArray
-from ...shared.errors import InputError
+from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
 from .description import examine
 from .genicam import GENICAM, SETTINGS, GenicamCamera

@@ -15,8 +15,7 @@ from time import monotonic
 from typing import Any
 
 from ...device.capture.frames import FrameLayout, RawFrame, format_named
-from ...shared import CaptureMetadata, CfaPattern
-from ...shared.errors import InputError
+from ...shared import CaptureMetadata, CfaPattern, InputError
 from ..simulation.pattern_text import read_pattern
 
 GENICAM = "genicam:"

@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...device.capture.windows import Windows
-from ...shared.arrays import BoolArray, CodeArray, DoubleArray
-from ...shared.errors import InputError
+from ...shared import BoolArray, CodeArray, DoubleArray, InputError
 from ...shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
 from ...shared.tiles import CLEAR, TILES, name_of, place_of
 

@@ -13,8 +13,7 @@ from itertools import product
 import numpy as np
 
 from ...device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
-from ...shared.arrays import CodeArray
-from ...shared.errors import InputError
+from ...shared import CodeArray, InputError
 from ...shared.reading import opened_file
 from .frame_source import STREAM, SourceOptions, layout_of, recording, standard_input
 from .identity import identify

@@ -20,9 +20,7 @@ from ...device.capture.frames import RawFrame
 from ...device.capture.loop import SteadyWhite
 from ...device.capture.shots import ShotFolder
 from ...device.preview.geometry import Geometry
-from ...shared import CfaPattern, Mosaic
-from ...shared.arrays import ByteArray
-from ...shared.errors import InputError
+from ...shared import ByteArray, CfaPattern, InputError, Mosaic
 from .frame_source import Refused
 
 _QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture

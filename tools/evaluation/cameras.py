@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...shared import CfaPattern, Mosaic
-from ...shared.arrays import FloatArray
+from ...shared import CfaPattern, FloatArray, Mosaic
 from ..io.scene import RGB, Scene, scene_channels
 from ..io.versions import package_version
 from ..simulation.bayer import ORDER, channel_map, sample_bayer

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...shared import SensorCalibration
-from ...shared.arrays import ByteArray, DoubleArray, FloatArray
+from ...shared import ByteArray, DoubleArray, FloatArray, SensorCalibration
 from ..io.display import ColourTransform, quantise
 from ..io.page import draw_svg, embed_picture, embed_plot, render_page
 from ..io.scene import RGB as COLOURS

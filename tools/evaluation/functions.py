@@ -22,9 +22,8 @@ from types import ModuleType
 
 import numpy as np
 
-from ...shared import Mosaic
-from ...shared.arrays import FloatArray
-from ...shared.errors import InputError, meant
+from ...shared import FloatArray, InputError, Mosaic
+from ...shared.errors import meant
 from ..io.display import checked_picture
 from .cameras import Method
 from .rivals.network import content, printable, read

@@ -5,9 +5,8 @@ name in _RIVALS; a function of anybody's own needs no change here.
 from functools import cache, partial
 
 from ...offline import PRESETS, RenderSettings, render
-from ...shared import Mosaic
-from ...shared.arrays import FloatArray
-from ...shared.errors import InputError, meant
+from ...shared import FloatArray, InputError, Mosaic
+from ...shared.errors import meant
 from ..batch.previews import linear_preview
 from .cameras import Method
 from .functions import function

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
+from ...shared import FloatArray, InputError
 from ...shared.white_balance import shades_of_grey
 from ..batch.folders import search
 from ..io.scene import RGB, Scene

@@ -18,13 +18,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ...shared import CaptureMetadata
-from ...shared.arrays import CodeArray, DoubleArray, FloatArray
+from ...shared import CaptureMetadata, CodeArray, DoubleArray, FloatArray, InputError
 from ...shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
 from ...shared.dng import metadata_from
 from ...shared.dng.exif import WANTED, printable
 from ...shared.dng.tags import TAG, tags_of
-from ...shared.errors import InputError
 from ...shared.lights import between, illuminant_xy, mixed, share_of
 from ...shared.pattern import BAYER_ORDERS
 from ...shared.reading import MAX_PIXELS

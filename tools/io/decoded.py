@@ -8,8 +8,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...shared import CaptureMetadata
-from ...shared.errors import InputError
+from ...shared import CaptureMetadata, InputError
 from ...shared.tiff_reading import StoredField, read_directories
 from .encoding import ADOBE_RGB, SRGB, Encoding
 from .icc import read_profile

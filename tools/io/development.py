@@ -4,8 +4,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from ...shared import CaptureMetadata, SensorCalibration
-from ...shared.arrays import ByteArray, FloatArray
+from ...shared import ByteArray, CaptureMetadata, FloatArray, SensorCalibration
 from ...shared.tiff import Directory
 from .display import ColourTransform
 from .embedded import picture_directory

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...shared import Mosaic
-from ...shared.arrays import ByteArray, DoubleArray, FloatArray
+from ...shared import ByteArray, DoubleArray, FloatArray, Mosaic
 from ...shared.pattern import PANCHROMATIC
 from .display import ColourTransform, quantise
 

@@ -13,8 +13,7 @@ from os import PathLike
 from pathlib import Path
 from tempfile import gettempdir
 
-from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
+from ...shared import FloatArray, InputError
 from ...shared.reading import File
 from ...shared.writing import OnComplete, durable_file
 from .development import CAMERA, Development, FileKind

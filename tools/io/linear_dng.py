@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tifffile import TiffFile, TiffPage
 
-from ...shared.arrays import DoubleArray, FloatArray
+from ...shared import DoubleArray, FloatArray, InputError
 from ...shared.dng.reader import DngReader
 from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric, tags_of
-from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_check import check_page
 from ...shared.white_balance import clipped_share

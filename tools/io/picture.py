@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
+from ...shared import FloatArray, InputError
 from ...shared.colorimetry import among, as_rows
-from ...shared.errors import InputError
 from ...shared.white_balance import shades_of_grey
 from .clipped import with_white_highlights
 from .decoded import Decoded

@@ -4,9 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...shared import CaptureMetadata
-from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
+from ...shared import CaptureMetadata, FloatArray, InputError
 from ...shared.reading import MAX_PIXELS
 
 RGB = "RGB"

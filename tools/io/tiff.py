@@ -9,11 +9,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...shared.arrays import DoubleArray
+from ...shared import DoubleArray, InputError
 from ...shared.colorimetry import D65_XY
 from ...shared.dng import read_metadata
 from ...shared.dng.tags import TAG, tags_of
-from ...shared.errors import InputError
 from ...shared.tiff_check import PLAIN, check_directories, check_page
 from .damage import check_strips, data_bytes, guarded
 from .decoded import (

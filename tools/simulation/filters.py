@@ -11,10 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared import CfaPattern
-from ...shared.arrays import DoubleArray, FloatArray
+from ...shared import CfaPattern, DoubleArray, FloatArray, InputError
 from ...shared.colorimetry import Matrix, as_rows, nominal_to_xyz
-from ...shared.errors import InputError
 from ..io.scene import BROADBAND, RGB, Scene
 
 _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor

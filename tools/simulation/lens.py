@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...shared import SensorCalibration, Shading
-from ...shared.arrays import DoubleArray
-from ...shared.errors import InputError
+from ...shared import DoubleArray, InputError, SensorCalibration, Shading
 from ...shared.shading import basis
 
 _POINTS = 9, 11  # control points: the maps are then within 0.03 % of a lens of 2 stops and 15 %

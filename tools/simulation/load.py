@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ...shared import read_dng
-from ...shared.arrays import CodeArray
+from ...shared import CodeArray, InputError, read_dng
 from ...shared.dng.tags import MAKER, TAG, Photometric
-from ...shared.errors import ForeignFileError, InputError
+from ...shared.errors import ForeignFileError
 from ...shared.reading import MAX_PIXELS, File, file_name, opened_file
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.damage import guarded, readable

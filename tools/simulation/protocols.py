@@ -8,8 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
+from ...shared import FloatArray, InputError
 from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _BITS = 12

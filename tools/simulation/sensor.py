@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
+from ...shared import FloatArray, InputError
 from ...shared.calibration import NoiseModel, SensorCalibration
-from ...shared.errors import InputError
 from ...shared.metadata import CaptureMetadata
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern

@@ -11,9 +11,7 @@ import pytest
 from panchroma.device.capture import Sensor
 from panchroma.device.capture.frame_check import checked
 from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
-from panchroma.shared import CfaPattern, SensorCalibration
-from panchroma.shared.arrays import CodeArray, FloatArray
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, CodeArray, FloatArray, InputError, SensorCalibration
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.device.packer import pack, random_codes
 from tests.scenes import leaves

@@ -13,9 +13,7 @@ from unittest.mock import Mock
 import pytest
 
 from panchroma.device.capture.shots import ShotFolder
-from panchroma.shared import Mosaic, read_dng, writing
-from panchroma.shared.arrays import ByteArray
-from panchroma.shared.errors import InputError, OutputError
+from panchroma.shared import ByteArray, InputError, Mosaic, OutputError, read_dng, writing
 from tests.shared.dng.examples import mosaic, preview, same
 
 TAKEN = datetime(2026, 3, 9, 7, 5, 1, 20900, tzinfo=UTC)

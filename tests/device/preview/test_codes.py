@@ -9,8 +9,7 @@ import pytest
 
 from panchroma.device import Preview
 from panchroma.device.preview.codes import copy_extended, correct_flat_field, without_defects
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, Mosaic, NoiseModel, SensorCalibration, Shading
 from panchroma.tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 from tests.scenes import darker_corners, leaves
 

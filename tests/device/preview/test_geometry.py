@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from panchroma.device.preview.geometry import Geometry
-from panchroma.shared import CfaPattern
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, InputError
 
 PATTERNS = [
     *(CfaPattern.bayer(period, origin=(1, 2)) for period in (3, 4, 5, 6, 8, 16)),

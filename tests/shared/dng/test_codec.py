@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from tifffile import TiffFile, TiffPage
 
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared import CfaPattern, InputError, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.calibration import BITS
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.dng import decode_dng, encode_dng, record
 from panchroma.shared.dng.container import raw_digest
 from panchroma.shared.dng.lossless_jpeg import encode_lossless
 from panchroma.shared.dng.record import RECORD_ID, decode_record, encode_record
-from panchroma.shared.errors import InputError
 from panchroma.shared.pattern import BAYER_ORDERS, PERIODS
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 

@@ -10,12 +10,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared import CfaPattern, InputError, Mosaic
 from panchroma.shared.dng import codec, decode_dng, decode_preview, encode_dng
 from panchroma.shared.dng.container import main_directory, raw_digest, raw_directory
 from panchroma.shared.dng.record import encode_record, record_id
 from panchroma.shared.dng.tags import TAG, Photometric
-from panchroma.shared.errors import InputError
 from panchroma.shared.tiff import Directory, Fields, FieldType, encode_tiff
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 

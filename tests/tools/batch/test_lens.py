@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import BEST, PAPER, RenderSettings, render
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, Shading
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration, Shading
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.lens import lens_shading
 from panchroma.tools.simulation.sensor import simulate_sensor

@@ -15,8 +15,7 @@ from unittest.mock import Mock
 import pytest
 
 from panchroma.offline import PAPER
-from panchroma.shared import read_dng
-from panchroma.shared.errors import InputError, PanchromaError
+from panchroma.shared import InputError, PanchromaError, read_dng
 from panchroma.tools.batch.checks import needed_memory
 from panchroma.tools.batch.compilation import compile_all
 from panchroma.tools.batch.console import Console, WorkerFault, fault

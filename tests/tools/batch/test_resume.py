@@ -18,9 +18,8 @@ from unittest.mock import Mock
 import pytest
 
 from panchroma import offline
-from panchroma.shared import Camera, CfaPattern, SensorCalibration, Shading, read_dng
+from panchroma.shared import Camera, CfaPattern, OutputError, SensorCalibration, Shading, read_dng
 from panchroma.shared.calibration import NoiseModel
-from panchroma.shared.errors import OutputError
 from panchroma.tools.batch import order as attempt
 from panchroma.tools.batch.burst_files import BurstOrder
 from panchroma.tools.batch.chosen_white import WhiteBalance

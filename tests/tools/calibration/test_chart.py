@@ -5,10 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from panchroma.shared import Mosaic
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import FloatArray, InputError, Mosaic
 from panchroma.shared.colorimetry import D50, Matrix, as_rows
-from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.chart.find import chart_at, find_chart
 from panchroma.tools.calibration.chart.place import ChartPlace, least_pitch
 from panchroma.tools.calibration.colour_matrix import UNEVEN, fit_colour, grey_row_fault

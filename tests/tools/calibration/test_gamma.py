@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, InputError, Mosaic, SensorCalibration
 from panchroma.tools.calibration.gamma import (
     GammaFit,
     combined,

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import Camera, CfaPattern, Mosaic
-from panchroma.shared.errors import InputError
+from panchroma.shared import Camera, CfaPattern, InputError, Mosaic
 from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.dark_frames import DarkResult
 from panchroma.tools.calibration.measure import Measurements, ShotMeasurement, measure_chart

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, InputError, Mosaic, NoiseModel
 from panchroma.tools.calibration.conclude import Result, conclude
 from panchroma.tools.calibration.dark_frames import measure_dark
 from panchroma.tools.calibration.measure import Measurements

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 from tifffile import TiffFile
 
-from panchroma.shared import CfaPattern, SensorCalibration, read_camera, read_dng
-from panchroma.shared.arrays import DoubleArray
+from panchroma.shared import CfaPattern, DoubleArray, SensorCalibration, read_camera, read_dng
 from panchroma.shared.white_balance import balanced
 from panchroma.tools.calibration.colour_matrix import GREYS, fit_colour, light_change
 from panchroma.tools.io.colour import delta_e_2000, encode_srgb, xyz_to_lab

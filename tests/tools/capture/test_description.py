@@ -8,8 +8,7 @@ import pytest
 
 from panchroma.device.capture import Sensor
 from panchroma.device.capture.frames import FORMATS
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import CodeArray
+from panchroma.shared import CfaPattern, CodeArray
 from panchroma.tools.capture.description import examine
 from tests.device.capture import test_frame_check
 from tests.device.capture.test_frame_check import (

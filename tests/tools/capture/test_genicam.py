@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern, read_dng
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, InputError, read_dng
 from panchroma.tools.capture.genicam import load_aravis
 from tests.device.capture.test_frame_check import PATTERN, SIZE, codes
 from tests.device.packer import pack

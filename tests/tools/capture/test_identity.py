@@ -7,8 +7,7 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import CodeArray, FloatArray
+from panchroma.shared import CfaPattern, CodeArray, FloatArray
 from panchroma.shared.tiles import CLEAR, TILES, letters_of
 from panchroma.tools.capture.identity import COMPARED, DENSE, UNKNOWN, describe, facts_of, identify
 from panchroma.tools.simulation.load import load_scene

@@ -12,9 +12,8 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from panchroma.shared import Camera, CfaPattern, NoiseModel, read_camera, read_dng
+from panchroma.shared import Camera, CfaPattern, InputError, NoiseModel, read_camera, read_dng
 from panchroma.shared.colorimetry import D50
-from panchroma.shared.errors import InputError
 from panchroma.tools.batch import jobs
 from panchroma.tools.calibration.files import sort_files, write_camera
 from panchroma.tools.calibration.reference import read_reference

@@ -13,8 +13,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from panchroma.shared import CfaPattern, SensorCalibration, read_camera, read_dng
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, SensorCalibration, read_camera, read_dng
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from tests.data import photograph

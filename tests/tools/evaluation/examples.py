@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray
 from panchroma.tools.batch.console import Console
 from panchroma.tools.evaluation.cameras import Tile
 from panchroma.tools.evaluation.figures import Figures

@@ -21,8 +21,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import ByteArray, FloatArray
+from panchroma.shared import ByteArray, CfaPattern, FloatArray
 from panchroma.tools.evaluation.cameras import Tile
 from panchroma.tools.evaluation.evaluation_page import (
     AHEAD,

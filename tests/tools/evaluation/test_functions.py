@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import PAPER, render
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import FloatArray
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, FloatArray, InputError
 from panchroma.tools.evaluation import cameras as module
 from panchroma.tools.evaluation import methods as registry
 from panchroma.tools.evaluation.cameras import CameraPair, Tile, with_balance

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared import DoubleArray, FloatArray, InputError
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
-from panchroma.shared.errors import InputError
 from panchroma.shared.white_balance import shades_of_grey
 from panchroma.tools.evaluation.metrics import (
     BORDER,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.device import Preview
-from panchroma.shared import CfaPattern, SensorCalibration
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, SensorCalibration
 from panchroma.tools.batch.previews import linear_preview
 from panchroma.tools.evaluation.metrics import quality
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear

@@ -8,8 +8,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, InputError
 from panchroma.tools.evaluation.cameras import CameraPair, Tile, filters_of
 from panchroma.tools.evaluation.methods import methods
 from panchroma.tools.evaluation.scene_sets import BUILTIN, DEVELOPED, MEASURED, Reading, distinct

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import rawpy
 
-from panchroma.shared import SensorCalibration
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared import DoubleArray, FloatArray, SensorCalibration
 from panchroma.tools.io.development import Development
 from panchroma.tools.io.display import ColourTransform, upright
 from panchroma.tools.io.formats import FORMATS

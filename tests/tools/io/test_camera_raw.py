@@ -17,9 +17,8 @@ import tifffile
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from panchroma.shared.arrays import CodeArray, FloatArray
+from panchroma.shared import CodeArray, FloatArray, InputError
 from panchroma.shared.colorimetry import D50, adaptation, xyz
-from panchroma.shared.errors import InputError
 from panchroma.shared.lights import ILLUMINANTS, illuminant_xy, temperature, to_one
 from panchroma.shared.pattern import BAYER_ORDERS
 from panchroma.tools.io.camera_raw import bayer_pattern, camera_to_xyz, raw_directories

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import read_dng
+from panchroma.shared import InputError, read_dng
 from panchroma.shared.dng import verify_dng
-from panchroma.shared.errors import InputError
 from panchroma.tools.io import camera_raw, decoders, limited
 from panchroma.tools.simulation.load import load_scene, sensor_samples
 from tests.fuzz.corpus import Sample, corpus

@@ -15,8 +15,7 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 
-from panchroma.shared import CaptureMetadata, SensorCalibration
-from panchroma.shared.errors import InputError, OutputError
+from panchroma.shared import CaptureMetadata, InputError, OutputError, SensorCalibration
 from panchroma.tools.io.development import CAMERA
 from panchroma.tools.io.display import SPACES, quantise
 from panchroma.tools.io.formats import FORMATS

@@ -3,8 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from panchroma.shared import CfaPattern, SensorCalibration
-from panchroma.shared.arrays import ByteArray, FloatArray
+from panchroma.shared import ByteArray, CfaPattern, FloatArray, SensorCalibration
 from panchroma.tools.io import illustrations
 from panchroma.tools.io.illustrations import comparison, overview
 from panchroma.tools.simulation.sensor import simulate_additive

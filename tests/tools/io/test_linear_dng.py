@@ -20,12 +20,10 @@ import pytest
 import rawpy
 import tifffile
 
-from panchroma.shared import SensorCalibration, read_dng
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import FloatArray, InputError, SensorCalibration, read_dng
 from panchroma.shared.colorimetry import SRGB_TO_XYZ, as_rows
 from panchroma.shared.dng import codec
 from panchroma.shared.dng.tags import TAG
-from panchroma.shared.errors import InputError
 from panchroma.shared.tiff import FieldType
 from tests.data import photograph
 from tests.tools.command import run

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import burst as merged
-from panchroma.shared import CaptureMetadata
-from panchroma.shared.arrays import DoubleArray, FloatArray
-from panchroma.shared.errors import InputError
+from panchroma.shared import CaptureMetadata, DoubleArray, FloatArray, InputError
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.simulated_camera import (
     CameraMotion,

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.errors import InputError
+from panchroma.shared import CfaPattern, InputError
 from panchroma.tools.simulation.pattern_text import read_pattern
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"

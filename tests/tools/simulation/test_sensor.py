@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared import CfaPattern, DoubleArray, FloatArray, NoiseModel, SensorCalibration
 from panchroma.tools.simulation.sensor import (
     TYPICAL_READ,
     TYPICAL_SHOT,

@@ -7,10 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern, SensorCalibration
-from panchroma.shared.arrays import FloatArray
+from panchroma.shared import CfaPattern, FloatArray, InputError, SensorCalibration
 from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
-from panchroma.shared.errors import InputError
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.bayer import sample_bayer

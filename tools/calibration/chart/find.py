@@ -11,10 +11,8 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
-from ....shared import Mosaic
-from ....shared.arrays import ByteArray, DoubleArray, FloatArray
+from ....shared import ByteArray, DoubleArray, FloatArray, InputError, Mosaic
 from ....shared.colorimetry import Matrix, as_rows
-from ....shared.errors import InputError
 from ...simulation.perspective import apply_homography, homography, rectangle
 from ..colour_matrix import fit_colour, grey_row_fault
 from .outlined import linear_picture, shown_picture

@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.ndimage import convolve, map_coordinates
 
-from ....shared import Mosaic
-from ....shared.arrays import ByteArray, FloatArray
+from ....shared import ByteArray, FloatArray, Mosaic
 from ..places import levels_of, listed_defects
 from .place import INNER, PATCH, ChartPlace
 

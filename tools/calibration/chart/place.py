@@ -5,9 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ....shared.arrays import DoubleArray
+from ....shared import DoubleArray, InputError
 from ....shared.colorimetry import Matrix
-from ....shared.errors import InputError
 from ...simulation.perspective import apply_homography, homography, rectangle
 from ..places import Pixels
 

@@ -10,7 +10,7 @@ from typing import BinaryIO, ClassVar, NamedTuple
 
 import numpy as np
 
-from ....shared.arrays import ByteArray, CodeArray, FloatArray
+from ....shared import ByteArray, CodeArray, FloatArray, InputError
 from ....shared.dng.colour_tags import colour_fields
 from ....shared.dng.container import (
     DIGEST_TILE,
@@ -22,7 +22,6 @@ from ....shared.dng.container import (
 )
 from ....shared.dng.lossless_jpeg import encode_lossless
 from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
-from ....shared.errors import InputError
 from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development

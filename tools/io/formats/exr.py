@@ -7,9 +7,8 @@ from typing import Any, BinaryIO, ClassVar
 
 import numpy as np
 
-from ....shared import CaptureMetadata
+from ....shared import CaptureMetadata, OutputError
 from ....shared.colorimetry import D65_XY
-from ....shared.errors import OutputError
 from ..development import CAMERA, Development
 from ..display import SPACES
 from ..embedded import software

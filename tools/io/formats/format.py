@@ -8,8 +8,7 @@ from typing import Any, BinaryIO, ClassVar
 
 from numpy.typing import NDArray
 
-from ....shared.arrays import FloatArray
-from ....shared.errors import InputError
+from ....shared import FloatArray, InputError
 from ..ahead import ahead
 from ..development import CAMERA, Development
 from ..display import checked_picture, display_codes, joined, turned, upright

@@ -7,9 +7,8 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from ....shared import CaptureMetadata
+from ....shared import CaptureMetadata, InputError
 from ....shared.dng.tags import LONGEST_SIDE
-from ....shared.errors import InputError
 from ....shared.tiff import encode_tiff
 from ..development import Development
 from ..display import joined
