@@ -65,6 +65,15 @@ class Shot:
     >>> shot.save("shot.dng")
     >>> panchroma.open("shot.dng")
     <Shot shot: 120 x 90, R, G, B in 4 of 6 x 6 pixels>
+
+    Samples of your own sensor, 12 bits behind the paper's pattern:
+
+    >>> import numpy as np
+    >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+    >>> codes = np.full((60, 80), 1000, np.uint16)
+    >>> mosaic = Mosaic(codes, CfaPattern.bayer(period=6), SensorCalibration.of_bits(12))
+    >>> panchroma.render(panchroma.Shot(mosaic))
+    <Picture 80 x 60, linear R, G, B>
     """
 
     mosaic: Mosaic
@@ -195,7 +204,7 @@ def render(
     Parameters
     ----------
     shot : Shot | File
-        A `Shot`, or its file.
+        A `Shot` (which may hold an array of your own), or its file.
     preset : str | RenderSettings, optional
         "best"; "unlearned": best without the networks that correct luminance and colour; "paper":
         the method as published; or settings of your own, such as
