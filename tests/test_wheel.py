@@ -193,9 +193,7 @@ def test_the_wheel_renders_in_an_environment_of_its_own(wheel: Path, tmp_path: P
 
 
 @pytest.mark.parametrize("found", ["a file", "nothing"])
-def test_links_that_are_missing_are_made_and_files_in_their_place_refused(
-    tmp_path: Path, found: str
-) -> None:
+def test_missing_links_are_made_and_files_in_their_way_refused(tmp_path: Path, found: str) -> None:
     facade = tmp_path / _FACADE
     facade.mkdir(parents=True)
     shutil.copy(ROOT / "tools/notebook/build_with_links.py", facade.parent)

@@ -71,9 +71,7 @@ def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
         ({"measured": {"gamma": 1}}, "measured.gamma"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(
-    change: dict[str, Any], words: str, tmp_path: Path
-) -> None:
+def test_what_a_file_has_wrong_is_named(change: dict[str, Any], words: str, tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps({**CAMERA.to_json(), **change}))
     with pytest.raises(InputError, match=words) as caught:

@@ -215,9 +215,7 @@ def test_a_temporary_file_swept_before_it_was_locked_is_made_again(
 
 @pytest.mark.parametrize("mode", ["rb", "ab", "ab+"])
 @pytest.mark.parametrize("kind", ["link", "dangling link", "pipe", "device", "folder"])
-def test_no_file_of_ours_is_opened_through_what_is_none(
-    tmp_path: Path, kind: str, mode: str
-) -> None:
+def test_no_file_of_ours_opens_through_what_is_none(tmp_path: Path, kind: str, mode: str) -> None:
     original, path = tmp_path / "original", tmp_path / "journal"
     with own_file(original, "ab") as file:
         file.write(b"a photograph")
@@ -233,9 +231,7 @@ def test_no_file_of_ours_is_opened_through_what_is_none(
 
 
 @pytest.mark.parametrize("target", ["original", "nowhere"])
-def test_a_link_in_the_place_of_a_result_is_replaced_itself_or_stays(
-    tmp_path: Path, target: str
-) -> None:
+def test_a_link_in_place_of_a_result_is_replaced_or_stays(tmp_path: Path, target: str) -> None:
     (tmp_path / "original").write_bytes(b"a photograph")
     (tmp_path / "original").chmod(0o600)
     path = tmp_path / "shot.dng"

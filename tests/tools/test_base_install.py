@@ -24,9 +24,7 @@ def test_the_walk_finds_the_base_and_nothing_else() -> None:
     assert not modules & {"onnx", "scipy", "rich", "PIL", "rawpy", "pytest", "numba", "offline"}
 
 
-def test_capture_and_preview_need_the_base_alone_and_a_hidden_package_is_missed(
-    tmp_path: Path,
-) -> None:
+def test_capture_and_preview_need_the_base_alone_and_miss_a_hidden_package(tmp_path: Path) -> None:
     options = f"-o {tmp_path} --frames 1 --size 32x26 --pixel-format raw10"
     done = camera(f"capture - {options}", pack(random_codes((26, 32), 10), "raw10"))
     assert done.returncode == 0, done.stderr

@@ -286,9 +286,7 @@ def test_a_reader_that_has_left_is_no_traceback(line: str, shots: Path) -> None:
 @pytest.mark.parametrize(
     "line", [f"inspect {SHOT}", "--version", "-q --version", "--help", "capture --help"]
 )
-def test_a_full_disk_behind_standard_output_is_one_line(
-    line: str, unbuffered: str, shots: Path
-) -> None:
+def test_a_full_disk_behind_stdout_is_one_line(line: str, unbuffered: str, shots: Path) -> None:
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with Path("/dev/full").open("wb") as full:
         outcome = spawn(line, stdout=full, cwd=shots, env=environment, code=1)
@@ -297,9 +295,7 @@ def test_a_full_disk_behind_standard_output_is_one_line(
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
-def test_closed_streams_are_no_trouble_and_not_taken_for_files(
-    closed: str, shots: Path, out: Path
-) -> None:
+def test_closed_streams_are_no_trouble_and_no_files(closed: str, shots: Path, out: Path) -> None:
     shell = ("sh", "-c", f'exec "$@" {closed}', "sh")
     outcome = spawn("render -v --preset paper", shots / SHOT, "-o", out, before=shell, code=0)
     assert results(out) == {"builtin-24x18.tif"}

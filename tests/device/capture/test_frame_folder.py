@@ -168,9 +168,7 @@ def test_a_frame_is_taken_whole_and_once_whoever_copies_it_pauses(
     assert watch.refused == []
 
 
-def test_a_file_that_is_written_again_or_touched_is_no_other_frame(
-    tmp_path: Path, clock: Clock
-) -> None:
+def test_a_file_written_again_or_touched_is_no_other_frame(tmp_path: Path, clock: Clock) -> None:
     path = put(tmp_path, "frame.raw", WHOLE)
     watch = Watch(tmp_path, WIDE)
     watch.take(1)

@@ -55,9 +55,7 @@ def test_what_is_packed_bit_by_bit_is_unpacked(name: str, width: int, extra: int
         ("mono10p", (0xAB, 0b000001_10, 0b0100, 0, 0), (0x2AB, 0x101)),
     ],
 )
-def test_tables_written_out_by_hand(
-    name: str, data: tuple[int, ...], codes: tuple[int, ...]
-) -> None:
+def test_tables_written_by_hand(name: str, data: tuple[int, ...], codes: tuple[int, ...]) -> None:
     assert FrameLayout(len(codes), 1, name).unpack(bytes(data)).tolist() == [[*codes]]
 
 

@@ -27,9 +27,7 @@ def save(shots: ShotFolder, taken: datetime = TAKEN) -> Path:
     return shots.save(mosaic(), preview(), taken)
 
 
-def test_a_shot_is_named_by_its_time_and_a_counter_that_goes_on_after_a_restart(
-    tmp_path: Path,
-) -> None:
+def test_a_shot_is_named_by_its_time_and_a_counter_that_survives_a_restart(tmp_path: Path) -> None:
     first = save(ShotFolder(tmp_path))
     assert first == tmp_path / "20260309T070501.020Z-000001.dng"
     assert same(read_dng(first), mosaic())
@@ -192,9 +190,7 @@ def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(
         ("missing/link", "the link to the latest shot"),
     ],
 )
-def test_what_can_be_no_link_is_told_before_the_first_shot(
-    tmp_path: Path, name: str, words: str
-) -> None:
+def test_what_can_be_no_link_is_told_before_a_shot(tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
     with pytest.raises(InputError, match=words):

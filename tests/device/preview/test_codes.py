@@ -58,9 +58,7 @@ def test_noise_below_black_stays() -> None:
 
 @pytest.mark.parametrize("scale", [1, 3])
 @pytest.mark.parametrize("headroom", [True, False])
-def test_light_that_is_not_saturated_keeps_its_colour_where_the_gain_is_large(
-    scale: int, headroom: bool
-) -> None:
+def test_unsaturated_light_keeps_its_colour_at_a_large_gain(scale: int, headroom: bool) -> None:
     calibration = SensorCalibration.of_bits(12, headroom=headroom, shading=LENS)
     # 0.4 of full scale before the gain
     red = np.broadcast_to(np.array((1.1, 0.05, 0.02), np.float32), (*SHAPE, 3))

@@ -98,9 +98,7 @@ def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scal
 
 @pytest.mark.parametrize("scale", [1, 3])
 @pytest.mark.parametrize("light", [(4.8, 2.4, 0.96), (0.9, 0.3, 4.0), (3.5, 3.5, 0.2)])
-def test_a_coloured_light_is_white_where_it_is_saturated(
-    light: tuple[float, ...], scale: int
-) -> None:
+def test_coloured_light_is_white_where_it_saturates(light: tuple[float, ...], scale: int) -> None:
     """Its blocks do not add up to luminance that is cut off, so that a channel came out negative,
     and the light pure yellow.
     """

@@ -40,9 +40,7 @@ def test_strips_and_threads_do_not_show(
         assert np.array_equal(picture, whole)
 
 
-def test_threads_are_those_of_the_program_or_of_its_environment(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_threads_are_those_of_the_program_or_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     pools: list[int] = []
 
     def pool(count: int, name: str) -> ThreadPoolExecutor:

@@ -162,9 +162,7 @@ def test_what_does_not_fit_is_refused_with_what_would_be_enough(
 # --- compiling -----------------------------------------------------------------------------------
 
 
-def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_kernels_are_compiled_ahead_where_processes_share(monkeypatch: pytest.MonkeyPatch) -> None:
     missing, compiled, notes = ["one", "two", "three"], list[str](), list[str]()
     monkeypatch.setattr(offline, "kernels_to_compile", lambda: missing)
 

@@ -108,9 +108,7 @@ def test_processes_that_die_before_they_have_an_item_are_started_again() -> None
     assert {item: result[0] for item, result in results.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
-def test_a_fault_in_a_process_is_told_with_its_place_and_its_traceback(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_fault_in_a_process_is_told_with_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     for verbose in (False, True):
         console = Console(verbose=verbose)
         for _, error in pool(odd, [1, 2, 3]):

@@ -78,9 +78,7 @@ def test_a_limit_holds_in_every_process(
     assert (outcome.code, outcome.err.count("the limit is 220")) == (1, 3), outcome.err
 
 
-def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(
-    shots: Path, out: Path
-) -> None:
+def test_a_changed_shot_is_rendered_anew_and_a_touched_one_is_not(shots: Path, out: Path) -> None:
     render(shots, out)
     for seed in (8, 9):
         (shots / "a.dng").unlink()
@@ -92,9 +90,7 @@ def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(
 
 
 @pytest.mark.parametrize("damage", ["torn", "retouched", "empty"])
-def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(
-    shots: Path, out: Path, damage: str
-) -> None:
+def test_a_changed_one_is_made_anew_and_the_old_kept(shots: Path, out: Path, damage: str) -> None:
     render(shots, out)
     made = contents(out)
     old = {"torn": made["a.tif"][:99], "retouched": made["a.tif"] + b"!", "empty": b""}[damage]
@@ -244,9 +240,7 @@ def test_a_shot_that_was_edited_with_its_size_and_time_is_rendered_anew(
     assert (out / "a.tif").read_bytes() != old
 
 
-def test_a_picture_that_was_edited_with_its_size_and_time_is_kept_as_a_copy(
-    shots: Path, out: Path
-) -> None:
+def test_a_picture_edited_with_its_size_and_time_is_kept_as_a_copy(shots: Path, out: Path) -> None:
     render(shots, out)
     made = (out / "a.tif").read_bytes()
     edited_in_place(out / "a.tif", len(made) // 2)
@@ -258,9 +252,7 @@ def test_a_picture_that_was_edited_with_its_size_and_time_is_kept_as_a_copy(
     assert (out / "a.tif.bak").read_bytes() == edited
 
 
-def test_a_frame_of_a_burst_that_was_edited_with_its_size_and_time_counts(
-    shots: Path, out: Path
-) -> None:
+def test_a_frame_of_a_burst_edited_with_its_size_and_time_counts(shots: Path, out: Path) -> None:
     burst = (str(shots / "a.dng"), str(shots / "b.dng"), "-o", str(out), "--json", "--resume")
     run("burst", *burst, code=0)
     assert current(run("burst", *burst, code=0)) == {"a.tif"}

@@ -127,9 +127,7 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
         (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
     ],
 )
-def test_channels_that_are_exchanged_show_on_the_chart(
-    right: CfaPattern, wrong: CfaPattern, names: str
-) -> None:
+def test_swapped_channels_show_on_a_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
     taken = simulate_sensor(light, right, true, 1.0, np.random.default_rng(0))

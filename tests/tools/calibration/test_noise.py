@@ -236,9 +236,7 @@ def with_row_noise(frames: list[Mosaic]) -> list[Mosaic]:
 
 @pytest.mark.parametrize("period", [12, 90])
 @pytest.mark.parametrize("amplitude", [0.003, 0.01, 0.03, 0.1])
-def test_light_that_flickers_is_told_and_does_not_pass_for_noise(
-    amplitude: float, period: int
-) -> None:
+def test_light_that_flickers_is_told_and_passes_for_no_noise(amplitude: float, period: int) -> None:
     """With it photon noise would be up to 13 times as large."""
     dark, names = measure_dark(with_row_noise(darks(6))), list("abcdef")
     frames = with_row_noise(flickering(amplitude, period, 0.1, 0.4, 0.8))

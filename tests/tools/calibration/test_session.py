@@ -155,9 +155,7 @@ def clean_gamma(*kinds: str) -> GammaFit:
 
 @pytest.mark.parametrize("kinds", [(), ("dark",), ("flat",), ("dark", "flat")])
 @pytest.mark.parametrize("number", [1, 100])
-def test_bad_pixels_cost_neither_a_patch_nor_the_colour(
-    kinds: tuple[str, ...], number: int
-) -> None:
+def test_bad_pixels_cost_no_patch_and_no_colour(kinds: tuple[str, ...], number: int) -> None:
     """Stuck at any level: one in the white patch, or in every patch and elsewhere."""
     random = np.random.default_rng(number)
     middles = [(int(rows.mean()), int(columns.mean())) for rows, columns in true_place().measured()]
@@ -290,9 +288,7 @@ def test_a_black_level_that_is_stated_wrongly_gives_way_to_dark_frames(stated: f
 
 @pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])
 @pytest.mark.parametrize("kinds", [("dark", "chart"), ("chart",), ("dark",)])
-def test_flat_frames_of_another_gain_do_not_state_the_noise(
-    gain: float, kinds: tuple[str, ...]
-) -> None:
+def test_flat_frames_of_another_gain_tell_no_noise(gain: float, kinds: tuple[str, ...]) -> None:
     shot, read = (tuple(gain * x for x in values) for values in (NOISE.shot, NOISE.read))
     other = replace(TRUTH, noise=NoiseModel(shot, read))
     flats = {

@@ -103,9 +103,7 @@ right order; only at one origin.
 
 @pytest.mark.parametrize("origin", [(0, 0), (2, 1)])
 @pytest.mark.parametrize("right", FORMATS)
-def test_every_format_taken_for_another_is_refused_or_told(
-    right: str, origin: tuple[int, int]
-) -> None:
+def test_a_format_taken_for_another_is_told_or_refused(right: str, origin: tuple[int, int]) -> None:
     frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
     for wrong in FORMATS:
         described = of(wrong, CfaPattern.bayer(6, origin=origin), stride=544)

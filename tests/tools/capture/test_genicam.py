@@ -101,9 +101,7 @@ def test_shots_have_the_cameras_samples_and_settings(
 
 
 @needs_camera
-def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_is_taken(
-    plug: Plug, out: Path
-) -> None:
+def test_a_sparse_filter_is_known_with_its_phase_and_a_burst_taken(plug: Plug, out: Path) -> None:
     pattern = CfaPattern.of_letters("WGWR/GWRW/WBWG/BWGW")
     camera = plug(SCF1WGWR12P, pattern)
     capture(camera, "-o", out, "--burst", "3", source="genicam:Aravis-Fake-GV01", code=0)

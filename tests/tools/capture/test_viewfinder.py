@@ -168,9 +168,7 @@ def test_a_camera_is_silent_by_its_own_interval(
     assert finder.status()["fps"] == 0.0
 
 
-def test_the_button_saves_the_frame_that_is_shown_and_its_picture(
-    served: Served, tmp_path: Path
-) -> None:
+def test_the_button_saves_the_frame_shown_and_its_picture(served: Served, tmp_path: Path) -> None:
     def even(mosaic: Mosaic) -> ByteArray:
         return np.full((5, 7, 3), int(mosaic.codes[0, 0]) >> 2, np.uint8)
 
@@ -321,15 +319,11 @@ def test_an_address_that_is_taken_or_not_ours(served: Served, host: str) -> None
 @pytest.mark.parametrize(
     ("width", "period", "scale"), [(1440, 6, 1), (1441, 6, 2), (4056, 4, 4), (9000, 4, 4)]
 )
-def test_the_picture_fits_the_page_where_the_pattern_allows(
-    width: int, period: int, scale: int
-) -> None:
+def test_a_picture_fits_the_page_if_the_pattern_allows(width: int, period: int, scale: int) -> None:
     assert fitting_scale(width, CfaPattern.bayer(period)) == scale
 
 
-def test_what_goes_wrong_in_a_handler_is_reported(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_fails_in_a_handler_is_told(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Viewfinder, "status", lambda _: 1 / 0)
     with pytest.raises((RemoteDisconnected, ConnectionError)):
         served.ask("/status")

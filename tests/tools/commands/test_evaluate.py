@@ -236,9 +236,7 @@ def test_the_json_says_what_made_it(out: Path, tmp_path: Path) -> None:
     assert str(tmp_path) not in page  # it is made to be shared
 
 
-def test_without_a_scene_or_a_result_it_fails_and_says_which_file(
-    out: Path, tmp_path: Path
-) -> None:
+def test_without_a_scene_or_result_it_fails_and_says_which_file(out: Path, tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("no picture")
     np.save(tmp_path / "tiny.npy", small_scene(20, 20, 0))
     outcome = run(

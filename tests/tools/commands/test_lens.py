@@ -104,9 +104,7 @@ def test_one_flat_frame_tells_shading_and_no_noise(folder: Path, tmp_path: Path)
     assert list(read_camera(path).measured) == ["shading"]
 
 
-def test_a_lens_is_simulated_once_and_not_beside_that_of_a_camera_file(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_a_lens_is_simulated_once_and_not_beside_a_camera_s(folder: Path, tmp_path: Path) -> None:
     run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "0,0", code=0)
     assert read_dng(tmp_path / "flat-60x40.dng").calibration.shading is None
     camera = "--camera", folder / "camera.json", "--overwrite"

@@ -22,9 +22,7 @@ LINES = {
 }
 
 
-def test_a_dry_run_and_a_check_write_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_dry_runs_and_checks_write_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for number, name in enumerate(("1.dng", "2.dng", "below/3.dng")):
         save_shot(tmp_path / "shots" / name, number)
     run("render", tmp_path / "shots", "--preset paper -o", tmp_path / "pictures", code=0)

@@ -346,9 +346,7 @@ def test_records_and_exit_code_agree(
 
 
 @pytest.mark.parametrize("verb", ["render", "preview"])
-def test_a_folder_without_anything_to_do_is_an_error(
-    bench: Path, tmp_path: Path, verb: str
-) -> None:
+def test_a_folder_with_nothing_to_do_is_an_error(bench: Path, tmp_path: Path, verb: str) -> None:
     outcome = run(verb, bench / "foreign", "-o", tmp_path / "out", code=1)
     (error,) = outcome.errors
     assert error.startswith(f"panchroma: {bench / 'foreign'}: nothing was done: ")

@@ -81,9 +81,7 @@ def test_every_option_of_the_camera_counts(
     assert reads(simulate(out, option))
 
 
-def test_shots_of_one_command_have_noise_of_their_own_in_any_order(
-    out: Path, tmp_path: Path
-) -> None:
+def test_shots_of_a_command_have_noise_of_their_own_in_any_order(out: Path, tmp_path: Path) -> None:
     """Two flat frames with the same noise would measure no noise at all."""
     sources = [tmp_path / "flat1.npy", tmp_path / "flat2.npy"]
     for source in sources:

@@ -45,9 +45,7 @@ def written(tmp_path: Path) -> Path:
     return tmp_path / "mine.py"
 
 
-def test_a_function_gets_the_shot_and_its_picture_is_measured(
-    tmp_path: Path, written: Path
-) -> None:
+def test_a_function_gets_a_shot_and_its_picture_is_measured(tmp_path: Path, written: Path) -> None:
     (method,) = registry.choose([f"{written}:mine"])
     truth, pattern = small_scene(60, 66, 0), Tile.of_period(4).pattern
     for level in (PaperProtocol(0.02), SensorProtocol(0.25)):
@@ -162,9 +160,7 @@ def test_results_depend_on_all_that_a_file_is_made_of(tmp_path: Path, written: P
     assert len(set(names)) == len(names) == 6
 
 
-def test_an_edited_file_of_the_same_size_and_time_runs_as_it_is_now(
-    tmp_path: Path, written: Path
-) -> None:
+def test_a_file_edited_with_its_size_and_time_runs_as_it_is(tmp_path: Path, written: Path) -> None:
     """Python's own cache knows sources by second and size."""
     import os
 
@@ -256,9 +252,7 @@ def test_methods_are_chosen_by_name_and_checked() -> None:
         choose(["menon"])
 
 
-def test_a_method_without_its_package_is_left_out_and_refused_by_name(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_method_without_package_is_left_out_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     known = package_version("rawpy")
     monkeypatch.setattr(module, "package_version", lambda name: None if name == "bm3d" else known)
     assert default_names() == NAMES.split()[:-1]

@@ -128,9 +128,7 @@ def test_everything_that_changes_a_result_changes_its_name(
     assert len({name_of(), *other.values()}) == len(other) + 1
 
 
-def test_a_picture_that_changes_after_it_was_listed_is_one_line_and_nothing_is_kept(
-    tmp_path: Path,
-) -> None:
+def test_a_picture_that_changes_once_listed_is_one_line_and_nothing_is_kept(tmp_path: Path) -> None:
     study = study_of(tmp_path)
     todo = missing_cases(study, tmp_path)[0]
     assert works(study, tmp_path, todo[:1]) == []

@@ -63,9 +63,7 @@ def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str) -> None:
 
 
 @pytest.mark.parametrize("order", BAYER_ORDERS)
-def test_red_and_blue_are_interpolated_at_the_middle_of_each_quad(
-    tmp_path: Path, order: str
-) -> None:
+def test_red_and_blue_are_interpolated_to_the_middle_of_a_quad(tmp_path: Path, order: str) -> None:
     y, x = np.indices((80, 96)).astype(np.float64)
     light = 2000 + 900 * np.sin(2 * np.pi * y / 23) * np.cos(2 * np.pi * x / 31)  # of all filters
     samples, fields = np.rint(light).astype(np.uint16), {50717: (SHORT, [4000])}
@@ -183,9 +181,7 @@ def test_a_camera_differs_from_its_model_as_its_dng_says(
 
 
 @pytest.mark.parametrize("own", [np.eye(3), *OWN.values()])
-def test_colours_of_a_camera_that_differs_from_its_model_under_one_light(
-    tmp_path: Path, own: Any
-) -> None:
+def test_colours_of_a_camera_unlike_its_model_under_one_light(tmp_path: Path, own: Any) -> None:
     to_camera = np.diag(BALANCE) @ own @ MATRIX
     neutral = to_camera @ xyz(*ILLUMINANTS["D65"])
     neutral /= neutral.max()

@@ -57,9 +57,7 @@ def fails() -> Iterator[FloatArray]:
 
 @pytest.mark.parametrize("name", ["tif", "png"])
 @pytest.mark.parametrize("orientation", [1, 6])
-def test_nothing_is_left_of_a_rendering_that_fails(
-    tmp_path: Path, name: str, orientation: int
-) -> None:
+def test_nothing_is_left_of_a_failed_rendering(tmp_path: Path, name: str, orientation: int) -> None:
     how, path = development(PictureKind.of(name), (30, 20), orientation), tmp_path / "picture"
     path.write_bytes(b"old")
     for written in (path, tmp_path / "new"):

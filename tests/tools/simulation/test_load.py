@@ -117,9 +117,7 @@ def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("beside", ["preview", "samples"])
 @pytest.mark.parametrize("suffix", [".dng", ".tif"])
-def test_our_own_shots_are_refused_with_the_right_command(
-    tmp_path: Path, beside: str, suffix: str
-) -> None:
+def test_our_shots_are_refused_with_their_command(tmp_path: Path, beside: str, suffix: str) -> None:
     tags: dict[str, list[Any]] = {
         "preview": [(50706, "B", 4, bytes((1, 4, 0, 0)), True)],
         "samples": [

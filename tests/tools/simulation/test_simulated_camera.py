@@ -65,9 +65,7 @@ def test_filters_add_up_to_all_light(block: str) -> None:
 @pytest.mark.parametrize("block", ["CM/YC", "YC/GM", "CYM/GRB"])
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("neutral", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.7)])
-def test_colours_come_back_through_the_filters(
-    block: str, known: bool, neutral: tuple[float, ...]
-) -> None:
+def test_colours_survive_the_filters(block: str, known: bool, neutral: tuple[float, ...]) -> None:
     to_xyz = np.array(SRGB_TO_XYZ) / neutral
     scene = scene_of(camera_to_xyz=as_rows(to_xyz) if known else None, neutral=neutral)
     filters = filters_for(pattern_of(block), scene)
