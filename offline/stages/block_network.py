@@ -74,6 +74,7 @@ STEP = 8
 """Blocks of one place on the network's coarsest grid, down and across: it takes multiples."""
 _SIDE = 256  # blocks down and across that are computed at once
 _HALO = 24  # blocks around them that the network sees too, a multiple of STEP
+_ERROR = 0.2  # of filled luminance, as a multiple of its curvature, of the c and c' it learned from
 _LEAST = np.float32(1e-3)
 _EVEN = np.float32(0.02)  # of a: deviations of luminance that tell nothing of a slope
 _TINY = np.float32(1e-7)  # keeps quotients finite
@@ -165,7 +166,7 @@ def alike_blocks(
     for `learned_chromaticities`.
     """
     single = estimate_chromaticities(frame, luminance, medians, progress, others)
-    passes = pooled_in_passes(single, frame, luminance, pooling, progress, others)
+    passes = pooled_in_passes(single, frame, luminance, pooling, _ERROR, progress, others)
     return passes[0], passes[-1]
 
 

@@ -90,13 +90,15 @@ class PoolingSettings(StageSettings):
         How much the luminance of blocks may differ: standard deviation of the Gaussian weight of
         its logarithm, less in the dark, > 0.
     curvature_error : NotNegative
-        Error of filled luminance, as a multiple of its curvature there, 0 or more.
+        Error of filled luminance, as a multiple of its curvature there and of the number of sites
+        in a block, 0 or more: the more sites are filled in together, the less is known of each.
+        Scattered sites count as three.
     """
 
     asked_by = ("passes",)
     passes: Annotated[tuple[PoolingPass, ...], _PASSES] = ()
     light: Positive = 0.25
-    curvature_error: NotNegative = 0.2
+    curvature_error: NotNegative = 0.1
 
 
 # These keep quotients and logarithms finite in the dark; no photograph changes.
@@ -118,6 +120,7 @@ _EXPECTED = 2.5
 # Power of a channel's number of sites by which its differences count. Noise asks for 0.5: a
 # photograph's median then loses 0.12 dB.
 _SURER = 0.25
+_SCATTERED = 3  # sites of a block as which scattered ones count
 # Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours
 # fade; with 0.6, noise grows.
 _APART = 0.42
@@ -143,9 +146,10 @@ def pool_blocks(
     others : BlockSums | None, optional
         What other frames add to the sums of each whole block.
     """
-    return frame.sites.grid.extend(
-        pooled_in_passes(blocks, frame, luminance, settings, progress, others)[-1]
-    )
+    together = _SCATTERED if frame.pattern.is_scattered else len(frame.sites.places)
+    error = settings.curvature_error * together
+    passes = pooled_in_passes(blocks, frame, luminance, settings, error, progress, others)
+    return frame.sites.grid.extend(passes[-1])
 
 
 def pooled_in_passes(
@@ -153,11 +157,13 @@ def pooled_in_passes(
     frame: Frame,
     luminance: FloatArray,
     settings: PoolingSettings,
+    error: float,
     progress: Progress = SILENT,
     others: BlockSums | None = None,
 ) -> list[FloatArray]:
     """c_j of the whole blocks after each pass, float32 (rows, columns, C); those of `blocks` where
-    there is no noise. Parameters as for `pool_blocks`.
+    there is no noise. Parameters as for `pool_blocks`; `error` of filled luminance as for
+    `precise_sums`.
     """
     noise = frame.noise
     if not settings.used or noise is None or not noise.of_colours:
@@ -165,7 +171,7 @@ def pooled_in_passes(
     progress.stage("pooling colour of blocks", len(settings.passes))
     sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey
     chromaticity = np.moveaxis(sites.whole(blocks), 2, 0)
-    sums, filled = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
+    sums, filled = precise_sums(frame, luminance, chromaticity, error)
     if others is not None:
         shown = np.float32(grey) * filled[..., None]
         variances = frame.variance(shown, slice(0, len(filled)), np.arange(len(gamma)))
