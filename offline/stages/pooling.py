@@ -90,15 +90,15 @@ class PoolingSettings(StageSettings):
         How much the luminance of blocks may differ: standard deviation of the Gaussian weight of
         its logarithm, less in the dark, > 0.
     curvature_error : NotNegative
-        Error of filled luminance, as a multiple of its curvature there and of the number of sites
-        in a block, 0 or more: the more sites are filled in together, the less is known of each.
-        Scattered sites count as three.
+        Error of filled luminance, as a multiple of its curvature there and of the square of the
+        number of channels, 0 or more: the more there are, the less of luminance each one shows, and
+        the fewer sites it has.
     """
 
     asked_by = ("passes",)
     passes: Annotated[tuple[PoolingPass, ...], _PASSES] = ()
     light: Positive = 0.25
-    curvature_error: NotNegative = 0.1
+    curvature_error: NotNegative = 0.05
 
 
 # These keep quotients and logarithms finite in the dark; no photograph changes.
@@ -120,7 +120,6 @@ _EXPECTED = 2.5
 # Power of a channel's number of sites by which its differences count. Noise asks for 0.5: a
 # photograph's median then loses 0.12 dB.
 _SURER = 0.25
-_SCATTERED = 3  # sites of a block as which scattered ones count
 # Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours
 # fade; with 0.6, noise grows.
 _APART = 0.42
@@ -146,8 +145,7 @@ def pool_blocks(
     others : BlockSums | None, optional
         What other frames add to the sums of each whole block.
     """
-    together = _SCATTERED if frame.pattern.is_scattered else len(frame.sites.places)
-    error = settings.curvature_error * together
+    error = settings.curvature_error * len(frame.gamma) ** 2
     passes = pooled_in_passes(blocks, frame, luminance, settings, error, progress, others)
     return frame.sites.grid.extend(passes[-1])
 

@@ -53,7 +53,7 @@ MOVED: dict[str, dict[str, Change]] = {
     "pooling": {
         "passes": ((PoolingPass(1.0, 0.5, 5),), 0.02),
         "light": (1.0, 0.02),
-        "curvature_error": (0.0, 0.02),
+        "curvature_error": (0.0, FOREIGN),
     },
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02), "likeness": (200.0, 0.02)},
