@@ -14,9 +14,9 @@ _FOUND, _BLOCK, _BLOCKS = 30.0, 2100.0, 185e3
 # per colour site, kept until the picture is finished: what is known of them
 _SITE = 10.0
 # Bytes per pixel of a band, for luminance and for each channel, while it goes through the stages in
-# rows, by what is used of them: the paper's, the corrections at the sites, pinning, and the network
+# rows, by what is used of them: the paper's, the corrections at the sites, and the network
 # for colour with the rows around that it sees.
-_PAPER, _SITES, _PINNING, _LEARNED = 34.0, 14.0, 36.0, 37.0
+_PAPER, _SITES, _LEARNED = 34.0, 14.0, 37.0
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the chunks that are at work
 
 
@@ -36,12 +36,7 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     (height, width), pattern = mosaic.shape, mosaic.pattern
     sites = len(pattern.sites) * height * width / pattern.period**2
     learned = settings.learned.used and network_for(pattern) is not None
-    held = (
-        _PAPER
-        + _SITES * settings.correction.used
-        + _PINNING * (pattern.is_scattered and settings.pinning.used)
-        + _LEARNED * learned
-    )
+    held = _PAPER + _SITES * settings.correction.used + _LEARNED * learned
     band = max(end - first for first, end in band_rows(pattern.grid(mosaic.shape)))
     stages = held * (1 + len(pattern.channels)) * min(band, height) * width + _NETWORK * learned
     blocks = min(height * width / pattern.period**2, _BLOCKS) * settings.chromaticity.learned

@@ -30,7 +30,6 @@ from .stages.denoising import denoise_luminance
 from .stages.highlights import clipping_level, restore_highlights
 from .stages.luminance import recover_luminance
 from .stages.noise import with_noise_model
-from .stages.pinning import Pinning
 from .stages.pooling import pool_blocks
 from .stages.propagation import Propagation, apply_luminance
 from .stages.refinement import Refinement
@@ -94,11 +93,9 @@ def row_stages(frame: Frame, settings: RenderSettings) -> list[RowStage]:
         Refinement(frame, settings.refinement) if settings.refinement.used else None,
     ]
     if frame.fill_error.size:
-        pinned = frame.pattern.is_scattered and settings.pinning.used
         stages += [
             SiteResidual(frame),
-            Pinning(frame) if pinned else None,
-            Correction(frame) if settings.correction.used and not pinned else None,
+            Correction(frame) if settings.correction.used else None,
             ColourNetwork(network, frame)
             if settings.learned.used and (network := network_for(frame.pattern))
             else None,

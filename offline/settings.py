@@ -23,9 +23,9 @@ class RenderSettings:
     `PAPER` and `BEST`.
 
     Stages with a `Switch` are not in the paper: `BEST` has all of them, `PAPER` none. correction
-    distributes the residual of the picture at the colour sites (`stages.correction`), pinning where
-    sites are scattered (`stages.pinning`); learned corrects chromaticity by a network, where there
-    is one for the pattern (`stages.colour_network`).
+    distributes the residual of the picture at the colour sites (`stages.correction`); learned
+    corrects chromaticity by a network, where there is one for the pattern
+    (`stages.colour_network`).
 
     Examples
     --------
@@ -48,7 +48,6 @@ class RenderSettings:
     propagation: PropagationSettings = PropagationSettings()
     refinement: RefinementSettings = RefinementSettings()
     correction: Switch = Switch()
-    pinning: Switch = Switch()
     learned: Switch = Switch()
 
     def __post_init__(self) -> None:

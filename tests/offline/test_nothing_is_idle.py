@@ -25,9 +25,8 @@ SWITCHES = [stage.name for stage in fields(PAPER) if isinstance(getattr(PAPER, s
 # Every field of every stage of the settings -> another value, and the noise of the shot: what its
 # calibration admits (None: that it has none and knows nothing of it), or with BLIND, what it does
 # not know.
-# the second without noise, and with colour sites that are scattered; the third in noise, and with
-# channels that no network knows
-BLIND, SCATTERED, FOREIGN = -0.05, 0.0, 0.03
+# the second in noise, and with channels that no network knows
+BLIND, FOREIGN = -0.05, 0.03
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
     "defects": {
@@ -64,7 +63,6 @@ MOVED: dict[str, dict[str, Change]] = {
         "repetitions": (1, 0.02),
     },
     **{name: {"used": (False, None)} for name in SWITCHES},
-    "pinning": {"used": (False, SCATTERED)},
 }
 # Stages that a damaged shot has need of.
 BEYOND = ("defects", "highlights")
@@ -76,9 +74,8 @@ def busy_shot(sigma: float | None) -> Mosaic:
     sigma is kept secret.
     """
     pattern = CfaPattern.bayer(4, origin=(1, 2))
-    if sigma in (SCATTERED, FOREIGN):
-        letters = "WBWG/BWGW/WGWR/GWRW" if sigma == SCATTERED else "RXWW/GBWW/WWWW/WWWW"
-        pattern = CfaPattern.of_letters(letters)
+    if sigma == FOREIGN:
+        pattern = CfaPattern.of_letters("RXWW/GBWW/WWWW/WWWW")
     if sigma is None or sigma >= 0:
         return shot(pattern, (45, 50), sigma)
     secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame

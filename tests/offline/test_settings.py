@@ -50,7 +50,7 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
         "blur": [0.0, 1e9],
         "repetitions": [-1, 10**9],
     },
-    **{name: {"used": [1, None, "yes"]} for name in ("correction", "pinning")},
+    "correction": {"used": [1, None, "yes"]},
 }
 
 

@@ -204,10 +204,6 @@ class TestCorrection(RowStageTests):
     name = "correction"
 
 
-class TestPinning(RowStageTests):
-    name, pattern = "pinning", SCATTERED
-
-
 class TestLearned(RowStageTests):
     name = "learned"
 

@@ -167,16 +167,6 @@ show(
 show(**{name: first(count + 1) for count, name in enumerate(names) if name != "residual"})
 
 # %%
-# Pinning
-# -------
-# Not in the paper. Scattered sites, as those of Kodak's tile, are boundary values of their own
-# channel (``pinning``).
-scattered = panchroma.simulate("builtin:480x320", pattern="kodak", light=1).mosaic
-names = [stage.name for stage in row_stages(measure(scattered), BEST)]
-place = names.index("pinning")
-show(without=first(place, scattered), pinned=first(place + 1, scattered))
-
-# %%
 # Shading
 # -------
 # A lens darkens the corners, and colours them. Eq. 7, noise and saturation hold for the samples as
