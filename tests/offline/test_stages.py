@@ -31,8 +31,6 @@ from tests.data import ROOT
 from tests.offline.stage_tests import RowStageTests
 from tests.scenes import leaves
 
-SCATTERED = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
-
 
 def shot(rows: int = 50, columns: int = 40, pattern: CfaPattern | None = None) -> Mosaic:
     pattern = pattern or CfaPattern.bayer(6, origin=(2, 3))
