@@ -429,6 +429,7 @@ def main() -> int:
     output = f"for {PATH.name}, the examples and the checkpoint"
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help=output)
     parser.add_argument("--start", type=Path, help="checkpoint of another training to go on from")
+    parser.add_argument("--seed", type=int, default=0, help="first variant (default: 0)")
     arguments, console = parser.parse_args(), Console()
     try:
         files = photographs(arguments.folders)
@@ -436,10 +437,11 @@ def main() -> int:
         folder = output_folder(arguments.output)
         work = folder / PATH.stem
         work.mkdir(exist_ok=True)
-        _check_plan(work, sources, arguments.steps)
+        _check_plan(work, sources, arguments.steps, arguments.seed)
         torch.set_num_threads(arguments.jobs)
         with console.progress("blocks") as progress:
-            paths = _make_examples(sources, arguments.variants, work, arguments.jobs, progress)
+            variants = range(arguments.seed, arguments.seed + arguments.variants)
+            paths = _make_examples(sources, variants, work, arguments.jobs, progress)
             network = learn(paths, arguments.steps, work, progress, arguments.start)
         save(network, folder / PATH.name)
         console.say(str(folder / PATH.name))
@@ -448,25 +450,26 @@ def main() -> int:
     return 0
 
 
-def _check_plan(work: Path, sources: Sequence[str], steps: int) -> None:
+def _check_plan(work: Path, sources: Sequence[str], steps: int, seed: int) -> None:
     """Note what is learned from. Raises InputError where another training has begun."""
     names = [Path(source).name for source in sources]
-    document = json.dumps({"sources": names, "steps": steps, "algorithm": ALGORITHM}, indent=1)
+    plan = {"sources": names, "steps": steps, "seed": seed, "algorithm": ALGORITHM}
+    document = json.dumps(plan, indent=1)
     begun = work / "plan.json"
     if begun.exists() and begun.read_text(encoding="utf-8") != document:
-        fault = "holds another training (other sources, steps or version)"
+        fault = "holds another training (other sources, steps, seed or version)"
         raise InputError(f"{work}: {fault}; give another folder, or remove it")
     begun.write_text(document, encoding="utf-8")
 
 
 def _make_examples(
-    sources: Sequence[str], variants: int, work: Path, jobs: int, progress: StageProgress
+    sources: Sequence[str], variants: Sequence[int], work: Path, jobs: int, progress: StageProgress
 ) -> tuple[list[Path], list[Path]]:
     """Make the examples that are not there yet."""
     sides: tuple[list[Path], list[Path]] = [], []
     tasks = list[tuple[str, tuple[int, ...], Path]]()
     for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
-        for variant in range(variants):
+        for variant in variants:
             path = work / f"{variant}-{number:05d}.npz"
             sides[is_kept].append(path)
             tasks.append((source, (variant, number), path))
