@@ -14,7 +14,7 @@ from ...shared.errors import ForeignFileError, InputError, OutputError, Panchrom
 from ...shared.writing import reason as why_not_written
 from ...shared.writing import sweep, write_durably
 from .console import Console, fault
-from .parallel import Function, Results, one_by_one
+from .parallel import Function, Results, in_threads, one_by_one
 from .progress import StageProgress
 from .signals import raise_lost_signal
 
@@ -101,6 +101,12 @@ class Outcome:
     state: State = "made"
 
 
+def planned(job: Job, errors: tuple[str, ...] = ()) -> Outcome:
+    """What a dry run says of a job that could be done."""
+    facts = {"output": str(job.output), "dry_run": True}
+    return Outcome(facts, (f"{job.source} -> {job.output}",), errors, "planned")
+
+
 Work = Function[Job, Outcome]
 """Does one job; its notes and stages go to the listener."""
 
@@ -148,16 +154,22 @@ def run_jobs(
     *,
     overwrite: bool = False,
     listen: Callable[[Job], StageProgress] | None = None,
+    threads: int = 1,
 ) -> int:
     """Do each job that would replace nothing that must stay. A job that fails costs one line, and
     the others go on.
 
     Returns the exit code, 0 or 1. overwrite: results that exist may be replaced. listen: makes the
-    listener of a job; None = one that shows only notes.
+    listener of a job; None = one that shows only notes. threads: in which jobs are done at a time;
+    with several there are only notes.
     """
     possible = possible_jobs(jobs, console, overwrite=overwrite)
     listen = listen or (lambda _: StageProgress(note=console.note))
-    states = do_jobs(one_by_one(work, possible, listen), console)
+    if threads > 1:
+        results = in_threads(work, possible, threads, console.note)
+    else:
+        results = one_by_one(work, possible, listen)
+    states = do_jobs(results, console)
     return FAILED if len(possible) < len(jobs) else exit_code(states)
 
 

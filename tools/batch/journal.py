@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from ...shared.errors import InputError, OutputError
@@ -71,13 +72,15 @@ class Journal:
         self._path = folder / NAME
         self._entries: dict[str, list[Entry]] = {}
         self._read = 0
+        self._lock = Lock()
 
     def of(self, output: str) -> list[Entry]:
         """Entries of this output from all runs, the latest last.
 
         Raises OSError when the journal cannot be read.
         """
-        self._catch_up()
+        with self._lock:
+            self._catch_up()
         return self._entries.get(output, [])
 
     def append(self, entry: Entry, *, wait: bool = True) -> None:

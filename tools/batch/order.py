@@ -4,7 +4,7 @@ whichever process on whichever machine gets it.
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -24,12 +24,15 @@ from ..io.kind import PictureKind, write_picture
 from .checks import check_light, check_memory
 from .chosen_white import AS_SHOT, WhiteBalance
 from .compilation import announced_compilation, compile_ahead
-from .jobs import Job, Outcome, State, file_status, identity, refuse_existing
+from .jobs import Job, Outcome, State, Work, file_status, identity, planned, refuse_existing
 from .journal import Entry, Journal, digest, key, output_lock
 from .progress import Note, StageProgress
 
 if TYPE_CHECKING:
     from ...offline import RenderSettings
+
+Keep = Callable[[Path], dict[str, Any]]
+"""Returns the arguments `overwrite` and `on_complete` of `durable_file` for one output."""
 
 
 class Subject:
@@ -94,14 +97,55 @@ def settings_named(preset: object) -> "RenderSettings":
     return PRESETS[str(preset)]
 
 
-@dataclass(frozen=True)
-class Order:
-    """Settings that all pictures of a run share.
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What decides of the results of a run which are made.
 
     Attributes
     ----------
     folder : Path
         The output folder, home of the journal.
+    run : str
+        Name of this run in the journal.
+    resume : bool
+        Keep results that are up to date, replace those of an earlier run that are not.
+    overwrite : bool
+        Replace any existing file.
+    dry_run : bool
+        Write nothing, only report what would be done.
+    """
+
+    folder: Path
+    run: str
+    resume: bool = False
+    overwrite: bool = False
+    dry_run: bool = False
+
+    def name(self, output: Path) -> str:
+        """The output's path below the folder, as it stands in the journal."""
+        return Path(os.path.relpath(output, self.folder)).as_posix()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileRun(Run):
+    """A run whose files are written one by one, see `kept`.
+
+    made_by: digest of all settings that change them.
+    """
+
+    made_by: str
+
+    def key(self, output: Path, source_digest: str) -> str:
+        """Digest of everything that a file depends on."""
+        return key(input=source_digest, output=self.name(output), order=self.made_by)
+
+
+@dataclass(frozen=True)
+class Order(Run):
+    """Settings that all pictures of a run share.
+
+    Attributes
+    ----------
     kind : PictureKind
         Format, bits and colour space of the pictures.
     preset : str | RenderSettings
@@ -110,18 +154,10 @@ class Order:
         Gain of a display picture, stops.
     camera : Camera | None
         Replaces the calibration in the shots.
-    run : str
-        Name of this run in the journal.
     white : WhiteBalance
         White balance of the pictures.
     max_pixels : int
         Largest shot that is read.
-    resume : bool
-        Keep pictures that are up to date, replace those of an earlier render that are not.
-    overwrite : bool
-        Replace any existing file.
-    dry_run : bool
-        Write nothing, only report what would be done.
     no_matter : ClassVar[frozenset[str]]
         The fields that change no picture, but only whether, where and when it is made.
     """
@@ -130,17 +166,12 @@ class Order:
         {"folder", "run", "max_pixels", "resume", "overwrite", "dry_run"}
     )
 
-    folder: Path
     kind: PictureKind
     preset: "str | RenderSettings"
     exposure: float
     camera: Camera | None
-    run: str
     white: WhiteBalance = AS_SHOT
     max_pixels: int = MAX_PIXELS
-    resume: bool = False
-    overwrite: bool = False
-    dry_run: bool = False
 
     @property
     def settings(self) -> Any:
@@ -186,10 +217,6 @@ class Order:
         return Development(
             self.kind, mosaic.shape, mosaic.calibration, mosaic.metadata, self.exposure, restored
         )
-
-    def name(self, output: Path) -> str:
-        """The picture's path below the folder, as it stands in the journal."""
-        return Path(os.path.relpath(output, self.folder)).as_posix()
 
     def key(self, output: Path, source_digest: str) -> str:
         """Digest of everything that a picture depends on. Orders with equal keys make equal
@@ -243,10 +270,9 @@ def attempt(
             job.make_folders()
             with output_lock(output):
                 return _make(order, memory, processes, job, listener)
-        if _is_unchanged(order, job) or _existing(order, job, _digest(job)).current:
+        if _is_unchanged(order, job) or _existing(order, job, output, _digest(job)).current:
             return _up_to_date(output, "current", dry_run=True)
-        facts = {"output": str(output), "dry_run": True}
-        return Outcome(facts, (f"{job.source} -> {output}",), read().errors, "planned")
+        return planned(job, read().errors)
     except PanchromaError:
         raise
     except OSError as error:
@@ -260,7 +286,7 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
         return _up_to_date(output, "current")
     stamp, output_stamp = _stamp(job.files), _stamp([output])
     source_digest = _digest(job)
-    existing = _existing(order, job, source_digest)
+    existing = _existing(order, job, output, source_digest)
     if existing.current:
         _note_stamp(order, output, f"{stamp} {output_stamp}")
         return _up_to_date(output, existing.current)
@@ -284,7 +310,7 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
         # the time, and a large one is digested meanwhile. The pool is this picture's own: one that
         # stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(1) as pool:
-            made = order, job, source_digest
+            made = order, job, output, source_digest
             bands = _whitened(subject.bands(listener), subject.lost, development, listener)
             write_picture(
                 output,
@@ -343,11 +369,38 @@ def _whitened(
     listener.stage("writing", 1)
 
 
-def _note_in_journal(order: Order, job: Job, source_digest: str, partial: Path) -> None:
+def kept(run: FileRun, work: Callable[[Job, StageProgress, Keep], Outcome]) -> Work:
+    """The work, of jobs whose files are not all up to date; what it writes is noted in the journal.
+
+    work: writes each output as `durable_file` does, with the arguments that `Keep` returns for it.
+    """
+
+    def done(job: Job, listener: StageProgress) -> Outcome:
+        source = _digest(job) or key(drawn=job.source)
+        found = {output: _existing(run, job, output, source) for output in job.outputs}
+        if all(each.current for each in found.values()):
+            return _up_to_date(job.output, "current")
+
+        def keep(output: Path) -> dict[str, Any]:
+            if found[output].changed:
+                changed = f"has changed since it was made; it is kept as {keep_old(output).name}"
+                listener.note(f"{output}: {changed}")
+            note = partial(_note_in_journal, run, job, output, source)
+            replaced = found[output].replace
+            return {"overwrite": replaced, "on_complete": lambda whole: partial(note, whole)}
+
+        return work(job, listener, keep)
+
+    return done
+
+
+def _note_in_journal(
+    order: Order | FileRun, job: Job, output: Path, source_digest: str, partial: Path
+) -> None:
     entry = Entry(
-        order.name(job.output),
+        order.name(output),
         digest(partial) or "",
-        order.key(job.output, source_digest),
+        order.key(output, source_digest),
         order.run,
         os.path.abspath(job.source),  # noqa: PTH100 (without following links)
         source_digest,
@@ -385,11 +438,12 @@ class _Existing(NamedTuple):
     changed: bool = False
 
 
-def _existing(order: Order, job: Job, source_digest: str | None) -> _Existing:
+def _existing(
+    order: Order | FileRun, job: Job, output: Path, source_digest: str | None
+) -> _Existing:
     """Look up what exists under the name of the output. Raises OutputError for a file that must
     stay.
     """
-    output = job.output
     if not output.exists():
         return _Existing(replace=order.overwrite)
     entries = _journal(order.folder).of(order.name(output))
@@ -407,12 +461,12 @@ def _existing(order: Order, job: Job, source_digest: str | None) -> _Existing:
     if order.overwrite:
         return _Existing(replace=True)
     if not last:
-        reason = "exists already, and no render noted that it made it; `overwrite=True` replaces it"
+        reason = "exists already, and no run noted that it made it; `overwrite=True` replaces it"
         raise OutputError(f"{output}: {reason}")
     first, second = identity(last.source), identity(job.source)
     if first and second and first != second:  # two files, rather than one that was moved
         remedy = "use another output folder, or `overwrite=True`"
-        raise OutputError(f"{output}: is the picture of {last.source}; {remedy}")
+        raise OutputError(f"{output}: is the result of {last.source}; {remedy}")
     return _Existing(replace=True, changed=current not in {entry.digest for entry in entries})
 
 

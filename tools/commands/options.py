@@ -4,6 +4,7 @@ import argparse
 import os
 from collections.abc import Callable
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, TypeVar
 
 from ...shared import Camera, CfaPattern
@@ -11,7 +12,10 @@ from ...shared.calibration import BITS
 from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiles import TILES
+from ..batch.journal import key
 from ..batch.memory import parse_bytes
+from ..batch.order import FileRun
+from ..io.versions import program_version
 from ..simulation.pattern_text import camera_and_pattern
 
 T = TypeVar("T")
@@ -83,6 +87,8 @@ def text(argument: str) -> str:
     return os.fsencode(argument).decode("utf-8", "replace")
 
 
+_OF_A_RUN = {"output", "resume", "overwrite", "dry_run", "jobs", "json", "quiet", "verbose"}
+_OF_A_RUN |= {"scenes", "shots", "export"}
 Option = tuple[list[str], dict[str, Any]]
 """Names of an option, and the settings of `add_argument`."""
 
@@ -156,6 +162,20 @@ def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
     """Add SHOT, one or more."""
     shots = f"a DNG written by Panchroma, {also}or a folder with DNGs in it or below"
     parser.add_argument("shots", metavar="SHOT", nargs="+", help=shots)
+
+
+def add_file_run(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the options of `file_run`, and --jobs. what: is done several at a time."""
+    add(parser, "resume", "overwrite", "dry-run")
+    add(parser, "jobs", default=1, help=f"{what} at a time (default: 1)")
+
+
+def file_run(arguments: argparse.Namespace, folder: Path, **read: object) -> FileRun:
+    """The run that the options describe. read: what is in the files that they name."""
+    of_files = {name: value for name, value in vars(arguments).items() if name not in _OF_A_RUN}
+    made_by = key(program=program_version(), **of_files | read)
+    chosen = {name: getattr(arguments, name) for name in ("resume", "overwrite", "dry_run")}
+    return FileRun(folder=folder, run=token_hex(8), made_by=made_by, **chosen)
 
 
 def pixel_limit() -> int:

@@ -14,11 +14,13 @@ from ...shared.errors import InputError
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
-from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, run_jobs
+from ..batch.journal import digest
+from ..batch.order import Keep, kept
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.formats.jpg import check_quality, encode_jpeg
-from .options import SCALE, add, add_shots, file_name, pixel_limit
+from .options import SCALE, add, add_file_run, add_shots, file_name, file_run, pixel_limit
 
 USAGE = "SHOT ... -o DIR"
 EXAMPLE = "panchroma preview shots -o previews --scale 2"
@@ -32,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export = "write the graph for the pattern of one SHOT; without -o nothing else"
     parser.add_argument("--export", metavar="FILE.onnx", type=file_name, help=export)
     add(parser, "scale", default=1, help=f"{SCALE} (default: 1)")
-    add(parser, "quality", "recalibrate", "overwrite", "json")
+    add(parser, "quality", "recalibrate")
+    add_file_run(parser, "shots")
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -46,26 +50,34 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return 0
     previews = Previews(arguments.scale)
     camera = read_camera(arguments.camera) if arguments.camera else None
-    folder = output_folder(arguments.output)
+    folder = output_folder(arguments.output, dry_run=arguments.dry_run)
+    run = file_run(arguments, folder, camera=arguments.camera and digest(arguments.camera))
 
-    def work(job: Job, listener: StageProgress) -> Outcome:
+    def work(job: Job, listener: StageProgress, keep: Keep) -> Outcome:
         mosaic = read_dng(job.source, max_pixels=pixel_limit())
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
         for remark in mosaic.calibration.remarks(mosaic.metadata.focal_length):
             listener.note(f"{job.source}: {remark}")
+        if run.dry_run:
+            return planned(job)
         picture = previews(mosaic)
         job.make_folders()
         jpeg = encode_jpeg(picture, mosaic.metadata, quality=arguments.quality)
-        write_durably(job.output, jpeg, overwrite=arguments.overwrite)
+        write_durably(job.output, jpeg, **keep(job.output))
         rows, columns = picture.shape[:2]
         facts = {"output": str(job.output), "width": columns, "height": rows}
         return Outcome(facts, (f"{job.output}: {columns} x {rows}",))
 
     files = search(arguments.shots, DNGS, output=folder)
     searched = files.report(console)
-    jobs = plan(files.sources, lambda source: [f"{Path(source).stem}.jpg"], folder)
-    code = run_jobs(jobs, work, console, overwrite=arguments.overwrite)
+
+    def names(source: str) -> list[str]:
+        return [f"{Path(source).stem}.jpg"]
+
+    jobs = plan(files.sources, names, folder, dry_run=run.dry_run)
+    may_replace = run.overwrite or run.resume
+    code = run_jobs(jobs, kept(run, work), console, overwrite=may_replace, threads=arguments.jobs)
     return code if searched else FAILED
 
 

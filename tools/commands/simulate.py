@@ -18,20 +18,22 @@ reference, which has not moved.
 import argparse
 import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from ...shared import write_dng
+from ...shared.dng import encode_dng
 from ...shared.errors import InputError
 from ...shared.series import frame_name
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import plan, search
-from ..batch.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, run_jobs
+from ..batch.journal import digest
+from ..batch.order import Keep, kept
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.development import Development
@@ -47,7 +49,17 @@ from ..simulation.simulated_camera import (
     burst_frames,
     motion_text,
 )
-from .options import SENSOR_BITS, add, amount, camera_of, count, numbers, pixel_limit
+from .options import (
+    SENSOR_BITS,
+    add,
+    add_file_run,
+    amount,
+    camera_of,
+    count,
+    file_run,
+    numbers,
+    pixel_limit,
+)
 
 RAW = "raw"
 """A frame of samples alone."""
@@ -102,7 +114,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the others"
     )
     parser.add_argument("--truth", action="store_true", help=truth)
-    add(parser, "overwrite", "json")
+    add_file_run(parser, "scenes")
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -116,10 +129,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if measured:
         lens.check(measured.calibration, arguments.camera)
     camera = SimulatedCamera.of(pattern, measured, noise, bits=arguments.sensor_bits, lens=lens)
-    folder = output_folder(arguments.output)
+    folder = output_folder(arguments.output, dry_run=arguments.dry_run)
+    stated = arguments.camera and digest(arguments.camera)
+    run = file_run(arguments, folder, camera=stated, pattern=asdict(pattern))
     previews = Previews()
     load = partial(load_scene, max_pixels=pixel_limit(), channels=pattern.channels)
-    write = partial(write_durably, overwrite=arguments.overwrite)
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
@@ -131,12 +145,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     def random(path: Path) -> np.random.Generator:
         return noise_of(arguments.seed, path.relative_to(folder))
 
-    def work(job: Job, progress: StageProgress) -> Outcome:
+    def work(job: Job, progress: StageProgress, keep: Keep) -> Outcome:
         shots, beside = job.outputs[: burst.frames], job.outputs[burst.frames :]
         motions: dict[str, SimulatedFrame] = {}
         missing: tuple[str, ...] = ()
         progress.stage("reading", 1)
         scene = load(job.source, linear=arguments.linear)
+        if run.dry_run:
+            return planned(job)
         hand = random(shots[0].with_suffix(".motion"))
         frames = burst_frames(scene.rgb, burst, hand, arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
@@ -145,15 +161,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             mosaic = exposed.mosaic
             job.make_folders()
             if arguments.format == RAW:
-                write(shot, mosaic.codes.astype("<u2").tobytes())
+                samples = mosaic.codes.astype("<u2").tobytes()
             else:
-                write_dng(shot, mosaic, previews(mosaic), overwrite=arguments.overwrite)
+                samples = encode_dng(mosaic, previews(mosaic))
+            write_durably(shot, samples, **keep(shot))
             if not motions and beside:
-                missing = _write_truth(exposed, beside[:2], overwrite=arguments.overwrite)
+                missing = _write_truth(exposed, beside[:2], keep)
             motions[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
             progress.advance()
         for path in beside[2:]:
-            write(path, motion_text(motions, mosaic.shape).encode())
+            write_durably(path, motion_text(motions, mosaic.shape).encode(), **keep(path))
         notes.append((job.source, (*exposed.notes, *missing)))
         rows, columns = mosaic.shape
         size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
@@ -169,13 +186,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
     searched = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
-    jobs = plan(scenes.sources, names, folder)
-    code = run_jobs(jobs, work, console, overwrite=arguments.overwrite, listen=listen)
+    jobs = plan(scenes.sources, names, folder, dry_run=run.dry_run)
+    settings = {"overwrite": run.overwrite or run.resume, "threads": arguments.jobs}
+    code = run_jobs(jobs, kept(run, work), console, listen=listen, **settings)
     console.notes(notes)
     return code if searched else FAILED
 
 
-def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) -> tuple[str, ...]:
+def _write_truth(exposed: Exposed, paths: Sequence[Path], keep: Keep) -> tuple[str, ...]:
     """Write the truth of a shot as a measurement and as a picture; returns a remark if its channels
     have no colours to show.
     """
@@ -188,7 +206,7 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], *, overwrite: bool) ->
             channels = mosaic.calibration.channels
             unknown = f"the colours of the channels {channels} are unknown, or those of no light"
             return (f"no {TRUTH_PICTURE}: {unknown}",)
-        write_picture(path, [exposed.truth], development, overwrite=overwrite)
+        write_picture(path, [exposed.truth], development, **keep(path))
     return ()
 
 

@@ -106,7 +106,7 @@ def test_a_changed_one_is_made_anew_and_the_old_kept(shots: Path, out: Path, dam
 
 def test_a_file_that_no_render_made_stays(shots: Path, out: Path) -> None:
     (out / "a.tif").write_text("mine")
-    words = "exists already, and no render noted that it made it"
+    words = "exists already, and no run noted that it made it"
     assert_refused(render(shots, out, "--resume"), words, name=str(out / "a.tif"))
     assert (out / "a.tif").read_text() == "mine"
     assert results(out) == {"a.tif", "b.tif", "sub"}
@@ -143,7 +143,7 @@ def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(
     made = contents(out)
     save_shot(tmp_path / "more" / "a.dng", 7)
     outcome = run("render", tmp_path / "more", "-o", out, "--resume")
-    assert_refused(outcome, f"is the picture of {shots / 'a.dng'}", name=str(out / "a.tif"))
+    assert_refused(outcome, f"is the result of {shots / 'a.dng'}", name=str(out / "a.tif"))
     assert contents(out) == made
     shots.rename(tmp_path / "moved")  # but a folder of shots may move, and that of the pictures
     out = out.rename(tmp_path / "pictures")

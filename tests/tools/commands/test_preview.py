@@ -14,8 +14,9 @@ from panchroma.device.preview.graph import build_preview
 from panchroma.shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import ByteArray
 from panchroma.shared.dng import read_dng
+from panchroma.tools.batch.journal import NAME as JOURNAL
 from tests.tools.batch.examples import save_mosaic
-from tests.tools.command import assert_refused, run
+from tests.tools.command import assert_refused, contents, run
 
 JPEG_LOSS = 2.0
 """Codes of mean difference that JPEG at quality 95 may make on these pictures."""
@@ -98,3 +99,22 @@ def test_the_graph_is_that_of_the_shot_s_pattern(tmp_path: Path, scale: int) -> 
     assert path.read_bytes() == build_preview(CfaPattern.bayer(6, "GBRG"), scale)
     assert outcome.out == f"{path}: {path.stat().st_size} bytes\n"
     assert not (tmp_path / "shot.jpg").exists()
+
+
+def test_previews_are_resumed_tried_and_made_several_at_a_time(tmp_path: Path, out: Path) -> None:
+    shots = [shot(tmp_path / f"{number}.dng", iso=number) for number in (1, 2, 3)]
+    assert run("preview", *shots, "-n -o", tmp_path / "none", code=0).out.count(" -> ") == 3
+    assert not (tmp_path / "none").exists()
+    run("preview", *shots, "-j 2 -o", out, code=0)
+    made = contents(out)
+    assert run("preview", *shots, "--resume -o", out, code=0).out.count("is up to date") == 3
+    assert contents(out) == made
+    shot(shots[0], iso=4)
+    outcome = run("preview", *shots, "--resume -o", out, code=0)
+    assert outcome.out.count("is up to date") == 2
+    assert {name for name, data in contents(out).items() if data != made[name]} == {
+        "1.jpg",
+        JOURNAL,
+    }
+    for options in ("--quality 50", "--scale 2"):
+        assert "is up to date" not in run("preview", *shots, options, "--resume -o", out).out

@@ -13,13 +13,21 @@ import pytest
 import tifffile
 from PIL import Image
 
-from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration, read_camera, read_dng
+from panchroma.shared import (
+    Camera,
+    CfaPattern,
+    NoiseModel,
+    SensorCalibration,
+    read_camera,
+    read_dng,
+)
+from panchroma.tools.batch.journal import NAME as JOURNAL
 from panchroma.tools.commands.simulate import noise_of
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor, typical_noise
 from panchroma.tools.simulation.simulated_camera import SimulatedBurst, burst_frames
-from tests.tools.command import assert_refused, names, run
+from tests.tools.command import assert_refused, contents, results, run
 
 SOURCE = "builtin:24x18"
 SHOT, TRUTH, SHOWN = (f"builtin-24x18.{ending}" for ending in ("dng", "truth.tif", "truth.png"))
@@ -48,7 +56,7 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
     truth = tifffile.imread(out / TRUTH)
     assert np.array_equal(shot.codes, expected.codes)
     assert (shot.pattern, shot.calibration) == (expected.pattern, expected.calibration)
-    assert names(out) == {SHOT, TRUTH, SHOWN}
+    assert results(out) == {SHOT, TRUTH, SHOWN}
     assert truth.dtype == np.float32
     assert np.array_equal(truth, scene)
 
@@ -137,7 +145,7 @@ def test_without_known_colours_there_is_no_picture_of_the_truth_and_that_is_said
     outcome = run("simulate", tmp_path / "two.npy", options, out, code=0)
     assert "no .truth.png: the colours of the channels AB are unknown" in outcome.err
     outputs = {Path(name).name for name in outcome.records[0]["outputs"]}
-    assert outputs == names(out) == {"two.dng", "two.truth.tif"}
+    assert outputs == results(out) == {"two.dng", "two.truth.tif"}
 
 
 def test_what_is_no_scene_costs_one_line_and_the_rest_is_recorded(
@@ -155,7 +163,7 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_is_recorded(
     outputs = [str(out / name) for name in made]
     size = {"width": 15, "height": 13}
     assert good == {"source": str(sources[2]), "ok": True, "outputs": outputs, **size}
-    assert names(out) == {SHOT, TRUTH, SHOWN, *made}
+    assert results(out) == {SHOT, TRUTH, SHOWN, *made}
     np.testing.assert_allclose(tifffile.imread(out / "picture.truth.tif"), picture / 255, atol=1e-6)
 
 
@@ -169,7 +177,7 @@ def test_the_truth_is_also_a_picture_to_look_at_and_nothing_of_a_user_is_replace
     (out / SHOT).unlink()
     (out / TRUTH).unlink()
     assert "truth.png: exists already" in run("simulate", SOURCE, "-o", out, "--truth", code=1).err
-    assert names(out) == {SHOWN}
+    assert results(out) == {SHOWN}
     assert (out / SHOWN).read_bytes() == before
 
 
@@ -182,7 +190,7 @@ BESIDE = {f"builtin-150x120.{ending}" for ending in ("truth.tif", "truth.png", "
 def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     options = "--burst 3 --motion 2 --sigma 0.02 --seed 3 --truth --json"
     outcome = run("simulate builtin:150x120 -o", out, options, code=0)
-    assert names(out) == {*FRAMES, *BESIDE}
+    assert results(out) == {*FRAMES, *BESIDE}
     told = json.loads((out / "builtin-150x120.motion.json").read_text())
     hand = noise_of(3, "builtin-150x120-1.motion")
     frames = list(burst_frames(builtin_scene(150, 120).rgb, SimulatedBurst(3, 2), hand))
@@ -199,3 +207,47 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     assert len(record["outputs"]) == 6
     assert record["reference"] == str(out / FRAMES[0])
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
+
+
+def test_scenes_are_resumed_tried_and_simulated_several_at_a_time(
+    tmp_path: Path, out: Path
+) -> None:
+    other = tmp_path / "other"
+    scenes = [f"builtin:{size}x60" for size in (72, 78, 84)]
+    options = "--burst 2 --motion 2 --light 1 --truth"
+    line = ("simulate", *scenes, options)
+    assert len(run(*line, "-n -o", out, code=0).out.splitlines()) == 3
+    assert contents(out) == {}
+    run(*line, "-j 3 -o", out, code=0)
+    run(*line, "-o", other, code=0)
+    made = contents(out)
+    assert {name: data for name, data in made.items() if name != JOURNAL} == {
+        name: data for name, data in contents(other).items() if name != JOURNAL
+    }
+    assert run(*line, "--resume -o", out, code=0).out.count("is up to date") == 3
+    assert contents(out) == made
+    (out / "builtin-72x60-2.dng").unlink()
+    (out / "builtin-78x60-1.dng").write_bytes(b"edited")
+    (out / "builtin-84x60.motion.json").write_bytes(made["builtin-84x60.motion.json"][:9])
+    assert run(*line, "--resume -n -o", out, code=0).out.count(" -> ") == 3
+    outcome = run(*line, "--resume -o", out, code=0)
+    assert "up to date" not in outcome.out
+    assert outcome.err.count("has changed since it was made; it is kept as") == 2
+    again = contents(out)
+    assert {name: again[name] for name in made if name != JOURNAL} == {
+        name: data for name, data in made.items() if name != JOURNAL
+    }
+    run(*line, "--seed 1 --resume -o", out, code=0)
+    assert contents(out)["builtin-72x60-1.dng"] != made["builtin-72x60-1.dng"]
+    camera = tmp_path / "camera.json"
+    for gamma in (0.9, 0.8):
+        known = Camera(SensorCalibration.of_bits(12, gamma=(1.0, gamma, 1.0)))
+        camera.write_text(json.dumps(known.to_json()))
+        measured = ("simulate", scenes[0], "--camera", camera, "--resume -o", tmp_path / "measured")
+        assert "up to date" not in run(*measured, code=0).out
+        assert "up to date" in run(*measured, code=0).out
+    stranger = tmp_path / "measured" / "builtin-78x60.dng"
+    stranger.write_bytes(b"mine")
+    outcome = run("simulate", scenes[1], "--resume -o", stranger.parent, code=1)
+    assert "no run noted that it made it" in outcome.err
+    assert stranger.read_bytes() == b"mine"
