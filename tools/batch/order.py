@@ -444,7 +444,7 @@ def _existing(
     """Look up what exists under the name of the output. Raises OutputError for a file that must
     stay.
     """
-    if not output.exists():
+    if file_status(output) is None:
         return _Existing(replace=order.overwrite)
     entries = _journal(order.folder).of(order.name(output))
     last = entries[-1] if entries else None
