@@ -22,11 +22,31 @@ from difflib import get_close_matches
 
 
 class PanchromaError(Exception):
-    """Base class of every error that Panchroma raises on purpose."""
+    """Base class of every error that Panchroma raises on purpose.
+
+    Examples
+    --------
+    >>> from panchroma.shared import PanchromaError, read_dng
+    >>> try:
+    ...     read_dng("missing.dng")
+    ... except PanchromaError as error:
+    ...     print(error)
+    missing.dng: there is no such file; check the name
+    """
 
 
 class InputError(PanchromaError, ValueError):
-    """An input cannot be used; the message says what was expected."""
+    """An input cannot be used; the message says what was expected.
+
+    Examples
+    --------
+    >>> from panchroma.shared import CfaPattern, InputError
+    >>> try:
+    ...     CfaPattern.bayer(period=1)
+    ... except InputError as error:
+    ...     print(error)
+    pattern: the period is 1, expected 3 to 16
+    """
 
 
 class MissingFileError(FileNotFoundError, InputError):
@@ -40,7 +60,14 @@ class ForeignFileError(InputError):
 
 
 class OutputError(PanchromaError, OSError):
-    """A result cannot be written; no partial file was left behind."""
+    """A result cannot be written; no partial file was left behind.
+
+    Examples
+    --------
+    >>> from panchroma.shared import OutputError
+    >>> issubclass(OutputError, OSError)
+    True
+    """
 
 
 class ConvergenceError(PanchromaError, ArithmeticError):

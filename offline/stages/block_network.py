@@ -248,10 +248,10 @@ def block_planes(
     clipped = ((samples >= frame.clipping).mean(axis=2) + (around.highest >= frame.clipping)) / 2
     b = smoothed(x, 1.0)
     a = b + 2 * w + _LEAST
-    square = (s**2).mean(axis=0, keepdims=True)
+    square = (s**2).mean(axis=0, keepdims=True, dtype=np.float32)
     proposals = list[FloatArray]()
     for width, factor in WIDTHS:
-        prior = np.float32(factor) * square + _TINY
+        prior: FloatArray = np.float32(factor) * square + _TINY
         pooled = smoothed(np.concatenate([x * y, x**2]), width)
         proposals.append(_unit((pooled[:3] + prior / 3) / (pooled[3:] + prior)))
     prior = 100 * square + _TINY
@@ -261,14 +261,14 @@ def block_planes(
 
     def seen() -> Iterator[FloatArray]:
         yield (3 * y - x) / a
-        yield (y.sum(axis=0, keepdims=True) - x) / a
+        yield (y.sum(axis=0, keepdims=True, dtype=np.float32) - x) / a
         yield (own - x) / a
         yield (own - f) / a
         yield x / a
         yield low / a
         yield high / a
         yield np.log2(s / a + _LEAST) / 4
-        yield np.log2(b + _LEAST) / 8
+        yield np.asarray(np.log2(b + _LEAST) / 8, np.float32)
         yield _planes(clipped)
         yield np.full_like(x, np.log2(sites.grid.period / 6))
         for spread, missed, _, _ in fits:

