@@ -121,8 +121,7 @@ def sigma_z(frame: Frame) -> float:
     """sigma_z of Eqs. 8-9, scene units: the noise of all channels at the mean sample of the whole
     blocks.
 
-    An estimate counts as no noise here: texture raises it, and single scenes then lose 0.2 dB,
-    while the mean gains 0.01 dB.
+    An estimate counts as no noise here: texture raises it, and single scenes would fade.
     """
     if frame.estimated or (noise := frame.noise) is None:
         return _LEAST_SIGMA

@@ -51,13 +51,12 @@ class PosteriorSettings(Switch):
     """
 
 
-# Chosen on photographs; in brackets, by how many decibels half or twice changes the case that it
-# changes most. Error of filled luminance as a multiple of its curvature (0.4); pooling has
-# a setting of its own
+# Chosen on photographs. Error of filled luminance as a multiple of its curvature; pooling has a
+# setting of its own
 _CURVED = 0.7
-_TINT = 0.5  # fraction of the power of residuals that is colour at least (0.3)
-_DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of residuals (0.4)
-# blocks: standard deviation of the neighbourhood over which their power is averaged (0.3)
+_TINT = 0.5  # fraction of the power of residuals that is colour at least
+_DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of residuals
+# blocks: standard deviation of the neighbourhood over which their power is averaged
 _WIDTH = 0.7
 _LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
 _RIDGE = 1e-6  # of D + T, added to v: equations can be solved where one error explains all sites

@@ -13,9 +13,9 @@ squared gains)^1.5 / v: those that need few coefficients are more certain.
 
 Shrinkage of overlapping DCT blocks goes back to Yaroslavsky's sliding window (1996); weights and a
 second pass with Wiener gains are standard since. Small blocks suit edges, large ones gradients.
-Neighbouring blocks give nearly the same estimate: a quarter of them, one in every second column of
-every second row of the frame, alternate rows shifted by one, loses 0.01 to 0.02 dB. The power 1.5
-gains 0.05 dB over 1, which the variance of a block asks for.
+Neighbouring blocks give nearly the same estimate: a quarter of them is used, one in every second
+column of every second row of the frame, alternate rows shifted by one. The power 1.5 is chosen on
+photographs; the variance of a block asks for 1.
 
 The kernel works in windows that stay in the cache. The transform is separable. Its vertical half is
 computed for a row of blocks, once per column; what the blocks of a row add to the picture is summed

@@ -95,8 +95,8 @@ _TAPS: FloatArray = np.stack([_LOW, _LOW[::-1] * [1, -1, 1, -1]]).astype(np.floa
 # The taps down and across of the three high-pass subbands, (3, 4, 4).
 _FILTERS: FloatArray = np.stack([np.outer(_TAPS[i], _TAPS[j]) for i, j in ((0, 1), (1, 0), (1, 1))])
 
-# Pixels: standard deviation of the start's means (0.0 dB); every scattered site has a panchromatic
-# pixel in reach.
+# Pixels: standard deviation of the start's means; every scattered site has a panchromatic pixel in
+# reach.
 _AROUND = 1.0
 # White, scene units, if gamma is 1 for three channels: the paper's threshold of 1 fills flat scenes
 # up to there. At 3.3 its iterations end 4 % short (measured), so that brighter frames start with a

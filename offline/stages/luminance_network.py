@@ -29,8 +29,7 @@ SIDE = 2 + 2 * REACH
 """Pixels along the side of what it sees."""
 _LEAST_PERIOD = 4  # with less, most of what it sees is filled in
 # Contrast, a share of the light, and in standard deviations of the noise, from which on the network
-# is asked: with less there is next to nothing to correct. With 3 of the latter a photograph loses
-# 0.04 dB of its median at sigma 0.03.
+# is asked: with less there is next to nothing to correct.
 _PLAIN, _CLEAR = 0.02, 1.2
 # rows of blocks computed together, whatever the number of threads: larger chunks leave the cache
 _CHUNK = 8

@@ -37,15 +37,14 @@ class NoiseSettings(StageSettings):
 
 # blind to cubic shading; keeps the variance of noise
 _FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)
-# Chosen; in brackets, by how many decibels half or twice changes crops at sigma 0.02 whose noise is
-# unknown.
-_LINES, _LENGTH = 8, 16  # rows and columns of a window (0.1, 0.2)
+# Chosen on crops of photographs in noise that was kept secret.
+_LINES, _LENGTH = 8, 16  # rows and columns of a window
 _MOST_LINES = 2048  # lines of each direction that are looked at, for time
-_CLIPPED = 0.95  # fraction of full scale above which clipping cuts noise off (0.2)
-_BINS, _LEAST_WINDOWS = 16, 20  # bins of brightness, least number of windows in each (0.1, 0.2)
-_SHARE = 0.1  # quantile of the variances in a bin that stands for its smooth windows (0.2)
+_CLIPPED = 0.95  # fraction of full scale above which clipping cuts noise off
+_BINS, _LEAST_WINDOWS = 16, 20  # bins of brightness, least number of windows in each
+_SHARE = 0.1  # quantile of the variances in a bin that stands for its smooth windows
 _NORMAL_QUANTILE = -1.2816  # that quantile of the standard normal distribution
-_TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth windows (0.3)
+_TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth windows
 _ROUNDS = 4  # of leaving out such bins; two do as well
 
 

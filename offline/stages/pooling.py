@@ -107,18 +107,18 @@ _LEAST_VARIANCE = 1e-12  # of a sample, share of the squared mean panchromatic o
 _LEAST_LUMINANCE = 2e-3
 # grey = 1: range of the chromaticity through which errors are seen; the latter a pure colour
 _FAINTEST, _STRONGEST = 0.06, 3.0
-# Chosen; in brackets, by how many decibels half or twice changes the case that it changes most.
-_WINDOW_WIDTH = 1.5  # the window's radius, in standard deviations of the weight by distance (0.4)
+# Chosen on photographs.
+_WINDOW_WIDTH = 1.5  # the window's radius, in standard deviations of the weight by distance
 # standard deviations of noise added to luminance that is compared: without, shadows have a tenth
 # more wrong hues
 _UNSURE = 3.0
-# share of its own noise that a pooled block keeps, which chose its neighbours; without, even places
-# lose 0.1 dB. Of training pictures at sigma 0.01 and 0.03, none of the means loses 0.05 dB.
+# share of its own noise that a pooled block keeps, which chose its neighbours: without, flat places
+# are uneven
 _FOLLOWED = 0.024
-# blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected (0.1)
+# blocks: standard deviation of the Gaussian over the blocks whose chromaticity is expected
 _EXPECTED = 2.5
-# Power of a channel's number of sites by which its differences count. Noise asks for 0.5: a
-# photograph's median then loses 0.12 dB.
+# Power of a channel's number of sites by which its differences count. Noise asks for 0.5, which
+# blurs colours in fine detail.
 _SURER = 0.25
 # Units of grey: how far from the expected one a chromaticity may well be. With 0.3, dark colours
 # fade; with 0.6, noise grows.

@@ -127,7 +127,7 @@ def save_graph(
     padded = graph.add("Pad", ["features", "spare"], "padded")
     source: Values = "features", [1, inputs, "rows", "columns"]
     shape: list[int | str] = [1, outputs, "inner_rows", "inner_columns"]
-    if turn is None:  # alone, the first convolution would lose up to 0.07 dB by rounding
+    if turn is None:  # alone, the first convolution would lose by rounding
         output = graph.add("Conv", [padded, "enter.weight", "enter.bias"], "found")
         graph.add("Identity", [_add_blocks(graph, "", output, kept, units)], "correction")
     else:
