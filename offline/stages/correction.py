@@ -63,17 +63,6 @@ _RIDGE = 1e-6  # of D + T, added to v: equations can be solved where one error e
 _ZERO = np.float32(0)
 
 
-def site_reach(period: int) -> int:
-    """Return the number of rows above and below a site that its correction depends on.
-
-    Parameters
-    ----------
-    period : int
-        K, pixels.
-    """
-    return (len(gaussian(_WIDTH)) // 2 + 1) * period
-
-
 def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
     """Return f, the error of filled luminance in each whole block, scene units, float32 (rows,
     columns).
@@ -126,21 +115,6 @@ def _block_residuals(frame: Frame, rows: slice) -> tuple[FloatArray, FloatArray]
     return error.astype(np.float32, copy=False), weight
 
 
-def signal_power(error: FloatArray, variance: FloatArray | None) -> FloatArray:
-    """Return M, the mean square of residuals, (rows, columns, S), around each block beyond the
-    noise: float32 (rows, columns).
-
-    Parameters
-    ----------
-    variance : FloatArray | None
-        Of the noise, (rows, columns); None = no noise.
-    """
-    power = smoothed(mean_of_sites(error, error), _WIDTH)
-    if variance is not None:
-        power = np.maximum(power - np.float32(_DEVIATIONS) * variance, 0)
-    return power.astype(np.float32, copy=False)
-
-
 def estimate_errors(
     error: FloatArray, weight: FloatArray, frame: Frame, rows: slice
 ) -> tuple[FloatArray, FloatArray]:
@@ -153,7 +127,10 @@ def estimate_errors(
         e and w, (rows, columns, S).
     """
     sites, variance, count = frame.sites, frame.scaled_variance(rows), len(frame.gamma)
-    mean = signal_power(error, None if variance is None else mean_of_sites(variance))  # M
+    mean = smoothed(mean_of_sites(error, error), _WIDTH)  # M
+    if variance is not None:
+        mean = np.maximum(mean - np.float32(_DEVIATIONS) * mean_of_sites(variance), 0)
+    mean = mean.astype(np.float32, copy=False)
     share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
     bent = np.square(frame.fill_error[rows])
@@ -289,7 +266,7 @@ class Correction(RowStage):
     @property
     def halo(self) -> Halo:
         """The blocks around a site."""
-        return Halo(site_reach(self.frame.grid.period))
+        return Halo((len(gaussian(_WIDTH)) // 2 + 1) * self.frame.grid.period)
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, corrected."""

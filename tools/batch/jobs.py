@@ -102,7 +102,7 @@ class Outcome:
 
 
 def planned(job: Job, errors: tuple[str, ...] = ()) -> Outcome:
-    """What a dry run says of a job that could be done."""
+    """The outcome in a dry run of a job that could be done."""
     facts = {"output": str(job.output), "dry_run": True}
     return Outcome(facts, (f"{job.source} -> {job.output}",), errors, "planned")
 

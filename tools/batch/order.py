@@ -99,7 +99,7 @@ def settings_named(preset: object) -> "RenderSettings":
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """What decides of the results of a run which are made.
+    """Settings of a run that decide which of its results are made.
 
     Attributes
     ----------
@@ -120,6 +120,11 @@ class Run:
     resume: bool = False
     overwrite: bool = False
     dry_run: bool = False
+
+    @property
+    def may_replace(self) -> bool:
+        """True if an existing file need not stay."""
+        return self.overwrite or self.resume
 
     def name(self, output: Path) -> str:
         """The output's path below the folder, as it stands in the journal."""

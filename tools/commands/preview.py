@@ -76,8 +76,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return [f"{Path(source).stem}.jpg"]
 
     jobs = plan(files.sources, names, folder, dry_run=run.dry_run)
-    may_replace = run.overwrite or run.resume
-    code = run_jobs(jobs, kept(run, work), console, overwrite=may_replace, threads=arguments.jobs)
+    settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
+    code = run_jobs(jobs, kept(run, work), console, **settings)
     return code if searched else FAILED
 
 

@@ -187,7 +187,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     searched = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
     jobs = plan(scenes.sources, names, folder, dry_run=run.dry_run)
-    settings = {"overwrite": run.overwrite or run.resume, "threads": arguments.jobs}
+    settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
     code = run_jobs(jobs, kept(run, work), console, listen=listen, **settings)
     console.notes(notes)
     return code if searched else FAILED

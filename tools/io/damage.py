@@ -1,4 +1,4 @@
-"""What is wrong with a file that is decoded: errors of libraries and of the system as an InputError
+"""Faults of a file that is decoded: errors of libraries and of the system as an InputError
 that says what to do, and what it declares against the bytes that it has.
 """
 

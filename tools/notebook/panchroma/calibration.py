@@ -60,8 +60,8 @@ class Calibration:
 
     @property
     def facts(self) -> Mapping[str, Mapping[str, Any]]:
-        """How each part that these frames show was measured: "gamma", "noise" ...; those of an
-        updated camera that stayed are in `camera.measured` alone.
+        """Facts of each part that these frames show, "gamma", "noise" ...: how it was measured.
+        Those of an updated camera that stayed are in `camera.measured` alone.
         """
         return self._result.facts
 
