@@ -185,6 +185,13 @@ def align(reference: View, frame: View) -> Alignment | str:
     return Alignment(best.motion.times(scale), gain * best.gain, best.error * scale, best.agreement)
 
 
+def with_exposure(reference: View, frame: View, motion: Motion) -> Alignment:
+    """A motion that is known, and how many times as bright the frame is."""
+    gain = _gain(reference, frame)
+    copy = next(_copies(reference, frame, gain))
+    return Alignment(motion, gain * _aligned(copy, motion.times(1 / copy.scale)).gain)
+
+
 class _Copy(NamedTuple):
     """Smaller, smooth copies of both frames, at the exposure of the reference.
 

@@ -200,12 +200,15 @@ def relit_sites(frame: Frame, luminance: FloatArray, sums: BlockSums) -> Frame:
     sums : BlockSums
         Of the other frames (`ColourSamples.block_sums`).
     """
-    if frame.signal.max() < frame.clipping:
+    sites = frame.sites
+    limits = frame.clipping * frame.colour_gains(slice(0, sites.shape[0]), sites.channels)
+    if frame.signal.max() < limits.min():
         return frame
     signal = frame.signal.copy()
-    for channel, place in zip(frame.sites.channels, frame.sites.places, strict=True):
+    limits = np.broadcast_to(limits, (*sites.shape, len(sites.channels)))
+    for site, (channel, place) in enumerate(zip(sites.channels, sites.places, strict=True)):
         power, product = sums.weight[..., channel], sums.product[..., channel]
-        known = (power > TINY) & (signal[place] >= frame.clipping)
+        known = (power > TINY) & (signal[place] >= limits[..., site])
         share = product / np.where(known, power, 1)
         signal[place] = np.where(known, share * luminance[place], signal[place])
     return frame.with_samples(signal)

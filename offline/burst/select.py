@@ -21,7 +21,7 @@ from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
 from .agree import CLIPPED, Reference, agreement, lit_evenly, shaded_alike, unclipped
-from .align import TINY, Alignment, View, align
+from .align import TINY, View, align, with_exposure
 from .motion import Motion, displaced
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py
@@ -229,14 +229,15 @@ def judge(
     """
     if reason := misfit(shot, reference.shot) or emptiness(frame):
         return Judged(reason, motion), None
-    aligned = Alignment(motion) if motion else align(reference.lit_evenly, lit_evenly(frame, shot))
+    both = reference.lit_evenly, lit_evenly(frame, shot)
+    aligned = with_exposure(*both, motion) if motion else align(*both)
     if isinstance(aligned, str):
         return Judged(aligned), None
     frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
     moved, own = displaced(frame.luminance, aligned.motion), reference.frame
     visible = np.isfinite(moved) & (moved < frame.limit) & (own.luminance < own.limit)
-    both = View(np.where(visible, moved, own.luminance), frame.noise, frame.limit)
-    sharpness, uneven = _sharpness(own, both, visible), _unevenness(own, both, visible)
+    seen = View(np.where(visible, moved, own.luminance), frame.noise, frame.limit)
+    sharpness, uneven = _sharpness(own, seen, visible), _unevenness(own, seen, visible)
     agrees = agreement(reference, frame, moved, aligned.motion)
     share = float(agrees.mean()) / 255
     reason = ""
