@@ -93,7 +93,7 @@ BEST = RenderSettings(
     ),
     # likeness is for print
     propagation=PropagationSettings(softness=0.45, likeness=7.0),
-    affinity=AffinitySettings(tolerance=3e-3),  # a smaller one shows in no photograph
+    affinity=AffinitySettings(tolerance=3e-2),  # a smaller one shows in no photograph
     # from chromaticities without noise it would only remove detail
     refinement=RefinementSettings(repetitions=0),
 ).switched(True)

@@ -35,8 +35,8 @@ pattern of R, G and B and every period. `tools/training/blocks.py` trains it, wi
 `block_planes` returns.
 """
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ from ...shared.networks import NETWORKS, load_network
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Frame, mean_of_sites
-from ..numerics.chunks import in_chunks
+from ..numerics.chunks import in_chunks, in_strips
 from ..numerics.gaussian import gaussian, smoothed
 from .chromaticity import ChromaticitySettings, estimate_chromaticities
 from .colour_network import BASIS
@@ -73,7 +73,7 @@ RANGE = 6.0
 STEP = 8
 """Blocks of one place on the network's coarsest grid, down and across: it takes multiples."""
 _SIDE = 256  # blocks down and across that are computed at once
-_HALO = 24  # blocks around them that the network sees too, a multiple of STEP
+_HALO = 64  # blocks around them, a multiple of STEP: it sees 63
 _ERROR = 0.2  # of filled luminance, as a multiple of its curvature, of the c and c' it learned from
 _LEAST = np.float32(1e-3)
 _EVEN = np.float32(0.02)  # of a: deviations of luminance that tell nothing of a slope
@@ -113,45 +113,87 @@ def learned_chromaticities(
     alike = alike_blocks(frame, luminance, medians, pooling, progress, others)
     height, width = frame.sites.shape
     lines = np.empty((height, width, 9), np.float32)
-    reach = gaussian(WIDTHS[-1][0]).size // 2
-    for top in range(0, height, _SIDE):
-        rows, down = slice(top, min(top + _SIDE, height)), _chunk(top, height)
-        first = max(int(down[0]) - reach, 0)
-        seen = slice(first, min(int(down[-1]) + 1 + reach, height))
-        planes, at_sites = block_planes(frame, luminance, alike, others, seen)
-        lines[rows, :, :6] = _answered(network, planes, down - first)[: rows.stop - top]
-        lines[rows, :, 6:] = (
-            lines[rows, :, 3:6] * at_sites[top - first : rows.stop - first, :, None]
-        )
+    # an even number in a row: two threads end together
+    columns = [*_chunks(width, 2 * -(-width // (2 * _SIDE)) if width > 2 * _HALO else 1)]
+    for rows in _chunks(height, -(-height // _SIDE)):
+        known = slice(int(rows.seen[0]), int(rows.seen[-1]) + 1)
+        planes, at_sites = _planes_in_strips(frame, luminance, alike, others, known)
+        seen = rows._replace(seen=rows.seen - known.start)
+        _answer(network, planes, seen, columns, lines[..., :6])
+        at_sites = at_sites[rows.place.start - known.start :][: rows.place.stop - rows.place.start]
+        lines[rows.place, :, 6:] = lines[rows.place, :, 3:6] * at_sites[..., None]
         del planes  # before those of the next rows
     lines /= np.tile(frame.gamma32, 3)
     lines = frame.sites.grid.extend(lines)
     return lines[..., :3], lines[..., 3:]
 
 
-def _answered(network: Any, planes: FloatArray, down: IndexArray) -> FloatArray:
-    """Lines of these rows of planes but the outer `_HALO`, (rows, columns, 6); see `mixed`."""
-    width = planes.shape[2]
-    lines = np.empty((len(down) - 2 * _HALO, width, 6), np.float32)
+class Chunk(NamedTuple):
+    """Blocks that are computed at once, along one axis.
+
+    Attributes
+    ----------
+    place : slice
+        Where they are in the frame.
+    seen : IndexArray
+        Numbers of the blocks that the network sees, as many as it takes; those at the border of the
+        frame are repeated.
+    around : slice
+        Where they, and one more on each side, are in those.
+    """
+
+    place: slice
+    seen: IndexArray
+    around: slice
+
+
+def _chunks(whole: int, count: int) -> Iterator[Chunk]:
+    """About as many chunks of one size."""
+    size = max(-(-whole // max(count * STEP, 1)), 1) * STEP
+    for start in range(0, whole, size):
+        end = min(start + size, whole)
+        first, last = max(start - _HALO, -STEP), min(end + _HALO, whole + STEP)
+        seen = first + np.arange(-(-(last - first) // STEP) * STEP)
+        around = slice(start - first - 1, end - first + 1)
+        yield Chunk(slice(start, end), seen.clip(0, whole - 1), around)
+
+
+def _planes_in_strips(
+    frame: Frame,
+    luminance: FloatArray,
+    alike: tuple[FloatArray, FloatArray],
+    others: BlockSums | None,
+    rows: slice,
+) -> tuple[FloatArray, FloatArray]:
+    """What `block_planes` returns for these rows if it sees all, by threads that share them."""
+    (height, width), count = frame.sites.shape, rows.stop - rows.start
+    planes = np.empty((PLANES, count, width), np.float32)
+    at_sites, reach = np.empty((count, width), np.float32), gaussian(WIDTHS[-1][0]).size // 2
+
+    def work(strip: slice) -> None:
+        first, end = rows.start + strip.start, rows.start + strip.stop
+        seen = slice(max(first - reach, 0), min(end + reach, height))
+        found, lit = block_planes(frame, luminance, alike, others, seen)
+        inner = slice(first - seen.start, first - seen.start + strip.stop - strip.start)
+        planes[:, strip], at_sites[strip] = found[:, inner], lit[inner]
+
+    in_strips(work, count, -(-count // 2))
+    return planes, at_sites
+
+
+def _answer(
+    network: Any, planes: FloatArray, rows: Chunk, columns: Sequence[Chunk], lines: FloatArray
+) -> None:
+    """Write the lines (see `mixed`) of some rows of a frame, (rows, columns, 6)."""
 
     def work(chunk: int) -> None:
-        across = _chunk(chunk * _SIDE, width)
-        here = planes[:, down[:, None], across]
+        place, seen, around = columns[chunk]
+        here = planes[:, rows.seen[:, None], seen]
         (answer,) = network.run(None, {"planes": here[None]})
-        found = mixed(here, answer[0])[:, _HALO:-_HALO, _HALO:-_HALO]
-        place = lines[:, chunk * _SIDE : (chunk + 1) * _SIDE]
-        place[:] = np.moveaxis(found, 0, 2)[:, : place.shape[1]]
+        answer, here = (values[:, rows.around, around] for values in (answer[0], here))
+        lines[rows.place, place] = np.moveaxis(mixed(here, answer)[:, 1:-1, 1:-1], 0, 2)
 
-    in_chunks(lambda first, _: work(first), -(-width // _SIDE))
-    return lines
-
-
-def _chunk(start: int, size: int) -> IndexArray:
-    """Number the blocks of a chunk and around it, along one axis: as many as the network takes;
-    those at the border are repeated.
-    """
-    end = min(start + _SIDE, -(-size // STEP) * STEP)
-    return np.arange(start - _HALO, end + _HALO).clip(0, size - 1)
+    in_chunks(lambda first, _: work(first), len(columns))
 
 
 def alike_blocks(
@@ -245,7 +287,8 @@ def block_planes(
     cap = 4 * np.maximum(x, 3 * w + np.float32(1e-4))
     y = (x * product / np.maximum(weight, _TINY**2)).clip(-cap, cap)
     f, low, high = (_planes(v) / level for v in (sites.means(around.filled), *around[1:]))
-    clipped = ((samples >= frame.clipping).mean(axis=2) + (around.highest >= frame.clipping)) / 2
+    limits = frame.clipping * frame.colour_gains(rows, channels)
+    clipped = ((samples >= limits).mean(axis=2) + (around.highest >= frame.clipping)) / 2
     b = smoothed(x, 1.0)
     a = b + 2 * w + _LEAST
     square = (s**2).mean(axis=0, keepdims=True, dtype=np.float32)

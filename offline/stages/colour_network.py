@@ -18,8 +18,8 @@ a. Its answer times b is added to p_k, but leads no chromaticity p_k / l out of 
 in 3 x 3 superpixels. Clipped blocks have an infinite v, so that b is 0 around them.
 `tools/training` learns from the same inputs; `models/README.md` names the pictures.
 
-Chunks with little noise are looked at twice, where a superpixel is the same in another orientation:
-the answer is the mean of both.
+Where a superpixel is the same in another orientation, the network looks at it twice: the answer is
+the mean of both.
 
 A file in `models/` serves a block and its mirror images: superpixels are mirrored on the way in and
 out. Chunks of superpixels have one size and fixed places, so that neither threads nor bands change
@@ -71,9 +71,6 @@ _DIM, _LEAST_DIM = 0.2, 1e-5
 # bound, a fraction of luminance, below which a correction is not worth its time, as below the
 # noise: loses nothing
 _FAINT = 0.01
-# Standard deviation of the noise in residuals, scene units, below which a chunk is looked at twice.
-# A second look takes a quarter of BEST's time, and noise hides what it gains. Chosen.
-_QUIET = 0.005
 # superpixels of a chunk down and, at most, across: wider ones leave the processor's cache
 _SIDE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
@@ -151,8 +148,7 @@ class ColourNetwork(RowStage):
             if box[0].size:
                 down, across = ((int(places[0]), int(places[-1]) + 1) for places in box)
                 inputs = contrast.around(down, across, REACH).inputs()[None]
-                twice = np.array(np.median(contrast.variance[worth]) < _QUIET**2)
-                (answer,) = network.run(None, {"features": inputs, "twice": twice})
+                (answer,) = network.run(None, {"features": inputs})
                 spans = [
                     grid.span(axis, window[axis], span) for axis, span in enumerate((down, across))
                 ]

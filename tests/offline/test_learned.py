@@ -235,7 +235,7 @@ def test_it_brings_colour_closer_to_the_scene() -> None:
         float(np.square(render(mosaic, each).rgb - rgb)[15:-15, 15:-15].mean())
         for each in (BEST, WITHOUT)
     )
-    assert with_it < 0.9 * without
+    assert with_it < 0.92 * without
 
 
 @pytest.mark.parametrize("pattern", TILES, ids=network_name)
@@ -305,11 +305,10 @@ def test_a_memory_estimate_reads_no_network(
 @pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
 def test_every_network_sees_as_far_as_the_stage_looks(path: Path) -> None:
     network = load_network(path)
-    side, (inputs, _) = 2 * REACH + 3, network.get_inputs()
+    side, (inputs,) = 2 * REACH + 3, network.get_inputs()
     features = np.zeros((1, inputs.shape[1], side, side), np.float32)
-    for twice in (False, True):
-        (answer,) = network.run(None, {"features": features, "twice": np.array(twice)})
-        assert answer.shape[2:] == (3, 3)
+    (answer,) = network.run(None, {"features": features})
+    assert answer.shape[2:] == (3, 3)
 
 
 @pytest.mark.parametrize("path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem)
@@ -326,27 +325,7 @@ def test_convolutions_compute_with_integers(path: Path, tmp_path: Path) -> None:
     options.optimized_model_filepath = str(tmp_path / path.name)
     options.log_severity_level = 3  # such a file is for this processor alone
     onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-    nodes = list(onnx.load(tmp_path / path.name).graph.node)
-    looks = [body.g.node for node in nodes for body in node.attribute if body.g.node]
-    kinds = [node.op_type for graph in (nodes, *looks) for node in graph]
+    kinds = [node.op_type for node in onnx.load(tmp_path / path.name).graph.node]
     assert (kinds.count("QLinearConv"), kinds.count("Conv")) == (
         (8, 2) if path.stem.startswith("rgbw") else (18, 2)
     )
-
-
-def test_chunks_with_little_noise_are_looked_at_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A photograph's colours with less noise than the limit, and with more."""
-    asked = set[bool]()
-    pattern, rgb = CfaPattern.bayer(6), scene(120, 120)
-    network = load_network(NETWORKS / "rggb-k6.onnx")
-
-    class Listening:
-        def run(self, names: None, inputs: dict[str, FloatArray]) -> list[FloatArray]:
-            asked.add(bool(inputs["twice"]))
-            return network.run(names, inputs)
-
-    monkeypatch.setattr(module, "load_network", lambda _: Listening())
-    for sigma, twice in ((0.0, True), (0.003, True), (0.02, False)):
-        asked.clear()
-        render(simulate_additive(rgb, pattern, GREY, sigma, np.random.default_rng(0)), BEST)
-        assert asked == {twice}

@@ -28,7 +28,7 @@ from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import ROOT
-from tests.offline.stage_tests import RowStageTests
+from tests.offline.stage_tests import FLAT_IN_STEPS, RowStageTests
 from tests.scenes import leaves
 
 
@@ -199,11 +199,11 @@ class TestRefinement(RowStageTests):
 
 
 class TestCorrection(RowStageTests):
-    name = "correction"
+    name, flat = "correction", FLAT_IN_STEPS
 
 
 class TestLearned(RowStageTests):
-    name = "learned"
+    name, flat = "learned", FLAT_IN_STEPS
 
 
 class Mean(RowStage):

@@ -3,9 +3,9 @@ superpixels.
 
 Convolutions compute with integers of 8 bits, which takes a third of the time. Their weights keep 16
 bits in the file, so that a training can begin with them: onnxruntime rounds them as it reads the
-file. Where a superpixel is the same in another orientation, the file can look twice: it then
-answers by the mean of what the network finds in a picture and in the turned one. There is one set
-of weights for both, for it is the turned weights that see a picture turned.
+file. Where a superpixel is the same in another orientation, the file looks twice: it answers by the
+mean of what the network finds in a picture and in the turned one. There is one set of weights for
+both, for it is the turned weights that see a picture turned.
 
 What goes in, and what becomes of the result, is computed by `offline.stages.colour_network`;
 `tests/tools/training` compares both.
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import onnx
-from onnx import GraphProto, NodeProto, TensorProto, ValueInfoProto, helper, numpy_helper
+from onnx import NodeProto, TensorProto, helper, numpy_helper
 
 from ...shared.arrays import FloatArray, IndexArray
 from ...shared.writing import write_durably
@@ -27,10 +27,8 @@ _GROUP = 16  # channels: onnxruntime is faster where there is a multiple of thes
 # steps of a rounded weight: with more, the sum of two products may not fit in the 16 bits that AVX2
 # has for it
 _LARGEST_STEP = 63
-SWITCH = "twice"
-"""Name of the input that asks for the second look."""
 _TURNED = "turned."  # begins the names of the weights that see the picture turned
-_MIDDLE = 128  # the step of 8 bits that stands for 0 where values may be negative
+_MIDDLE = np.uint8(128)  # the step of 8 bits that stands for 0 where values may be negative
 _LEAST_WEIGHT = 1e-12  # of a weight: only keeps quotients finite
 
 Weights = Mapping[str, FloatArray]
@@ -51,27 +49,27 @@ class Graph:
         self._stored.append(numpy_helper.from_array(values, name))
         return name
 
+    def store_weights(self, weights: "Weights") -> None:
+        """Keep weights with 16 bits, and biases."""
+        for name, values in weights.items():
+            if name.endswith(".weight"):
+                half = self.store(f"{name}_half", values.astype(np.float16))
+                self.add("Cast", [half], name, to=TensorProto.FLOAT)
+            else:
+                self.store(name, values.astype(np.float32))
+
     def add(self, kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
         """Compute an output from inputs, by an operator of ONNX; returns its name."""
-        self._nodes.append(helper.make_node(kind, inputs, [output], **attributes))
+        self._nodes.append(helper.make_node(kind, inputs, [output], output, **attributes))
         return output
 
-    def body(self, name: str, sources: list[ValueInfoProto], result: Values) -> GraphProto:
-        """Return the graph of ONNX."""
-        last = helper.make_tensor_value_info(result[0], TensorProto.FLOAT, result[1])
-        return helper.make_graph(self._nodes, name, sources, [last], self._stored)
-
-    def write(self, path: Path, source: Values, result: Values, *switches: str) -> None:
-        """Write a file that onnxruntime reads. Raises what the check of ONNX raises.
-
-        Parameters
-        ----------
-        switches : str
-            Names of inputs that are true or false.
-        """
-        sources = [helper.make_tensor_value_info(source[0], TensorProto.FLOAT, source[1])]
-        sources += [helper.make_tensor_value_info(name, TensorProto.BOOL, []) for name in switches]
-        graph = self.body(path.stem, sources, result)
+    def write(self, path: Path, source: Values, result: Values) -> None:
+        """Write a file that onnxruntime reads. Raises what the check of ONNX raises."""
+        first, last = (
+            helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
+            for name, shape in (source, result)
+        )
+        graph = helper.make_graph(self._nodes, path.stem, [first], [last], self._stored)
         opsets = [helper.make_opsetid("", _OPSET)]
         model = helper.make_model(graph, opset_imports=opsets, ir_version=_IR)
         onnx.checker.check_model(model, full_check=True)
@@ -109,47 +107,35 @@ def save_graph(
     units : Mapping[str, float]
         Of the values that are rounded to 8 bits, from `network.units`.
     turn : Turn | None, optional
-        The orientation of the second look; None = there is none, whatever is asked for.
+        The orientation of the second look; None = there is none.
     """
     (_, inputs, *_), outputs = weights["enter.weight"].shape, len(weights["leave.bias"])
     spare = -inputs % _GROUP
     enter = np.pad(weights["enter.weight"], ((0, 0), (0, spare), (0, 0), (0, 0)))
     kept, graph = {**weights, "enter.weight": enter}, Graph()
-    for name, values in kept.items():
-        if name.endswith(".weight"):
-            half = graph.store(f"{name}_half", values.astype(np.float16))
-            graph.add("Cast", [half], name, to=TensorProto.FLOAT)
-        else:
-            graph.store(name, values.astype(np.float32))
+    graph.store_weights(kept)
     constants = {"first": [1, 1], "last": [-1, -1], "axes": [2, 3]}
     for name, numbers in {"spare": [0] * 5 + [spare, 0, 0], **constants}.items():
         graph.store(name, np.array(numbers, np.int64))
     padded = graph.add("Pad", ["features", "spare"], "padded")
-    source: Values = "features", [1, inputs, "rows", "columns"]
-    shape: list[int | str] = [1, outputs, "inner_rows", "inner_columns"]
     if turn is None:  # alone, the first convolution would lose by rounding
         output = graph.add("Conv", [padded, "enter.weight", "enter.bias"], "found")
         graph.add("Identity", [_add_blocks(graph, "", output, kept, units)], "correction")
     else:
         turn = turn._replace(inputs=np.pad(turn.inputs, (0, spare)))
         turned = np.einsum("oihw,ij->ojhw", enter, turn.inputs)
-        once, twice, answers = Graph(), Graph(), []
-        _turn(twice, kept, turn)
-        for branch, side, weight in ((graph, "", enter), (twice, _TURNED, turned)):
-            # onnxruntime recognises a pair of roundings within one branch only
-            features = branch.add("Identity", [padded], f"{side}features_of")
-            rounded = _round(branch, features, np.float32(units["features"]), np.uint8(_MIDDLE))
-            entered = _convolve(branch, f"{side}enter", rounded, weight, units["features"])
-            output = _round(branch, entered, np.float32(units["found"]), np.uint8(_MIDDLE))
-            answers.append(_add_blocks(branch, side, output, kept, units))
-        once.add("Identity", answers[:1], "once")
-        twice.add("Mean", answers, "both")
-        branches = {
-            "then_branch": twice.body("second_look", [], ("both", shape)),
-            "else_branch": once.body("one_look", [], ("once", shape)),
-        }
-        graph.add("If", [SWITCH], "correction", **branches)
-    graph.write(path, source, ("correction", shape), SWITCH)
+        _turn(graph, kept, turn)
+        seen, answers = rounded(graph, padded, np.float32(units["features"]), _MIDDLE), []
+        for side, weight in (("", enter), (_TURNED, turned)):
+            entered = convolved(graph, f"{side}enter", seen, weight, units["features"])
+            output = rounded(graph, entered, np.float32(units["found"]), _MIDDLE)
+            answers.append(_add_blocks(graph, side, output, kept, units))
+        graph.add("Mean", answers, "correction")
+    graph.write(
+        path,
+        ("features", [1, inputs, "rows", "columns"]),
+        ("correction", [1, outputs, "inner_rows", "inner_columns"]),
+    )
 
 
 def _add_blocks(
@@ -163,10 +149,10 @@ def _add_blocks(
         values = entered
         for name in (f"wide.{block}", f"deep.{block}"):
             lit = graph.add("Relu", [values], f"{side}{name}.lit")
-            steps = _round(graph, lit, np.float32(units[name]), np.uint8(0))
+            steps = rounded(graph, lit, np.float32(units[name]), np.uint8(0))
             weight = f"{name}.weight"
-            values = _convolve(graph, f"{side}{name}", steps, weights[weight], units[name])
-        added = _round(graph, values, np.float32(units[f"added.{block}"]), np.uint8(_MIDDLE))
+            values = convolved(graph, f"{side}{name}", steps, weights[weight], units[name])
+        added = rounded(graph, values, np.float32(units[f"added.{block}"]), _MIDDLE)
         inner = graph.add("Slice", [entered, "first", "last", "axes"], f"{side}inner.{block}")
         entered = graph.add("Add", [added, inner], f"{side}found.{block}")
     lit = graph.add("Relu", [entered], f"{side}lit")
@@ -196,7 +182,7 @@ def _turn(graph: Graph, weights: Weights, turn: Turn) -> None:
             graph.add("Identity", [weight], _TURNED + name)
 
 
-def _round(
+def rounded(
     graph: Graph, values: str, unit: FloatArray | np.float32, zero: IndexArray | np.uint8
 ) -> str:
     """Values as whole steps of 8 bits. unit, zero: the length of a step, and the step that is 0; or
@@ -210,11 +196,14 @@ def _round(
     return graph.add("DequantizeLinear", [whole, *steps], f"{values}_rounded", axis=0)
 
 
-def _convolve(graph: Graph, name: str, values: str, weight: FloatArray, unit: float) -> str:
+def convolved(
+    graph: Graph, name: str, values: str, weight: FloatArray, unit: float, **attributes: Any
+) -> str:
     """A convolution by weights that are rounded for each channel of the result, and a bias in whole
     steps of its sums.
 
     name: of the weights and the bias. values, unit: rounded ones, and the length of their steps.
+    attributes: of the operator.
     """
     largest = np.abs(weight).max(axis=(1, 2, 3), initial=_LEAST_WEIGHT)
     lengths = (largest / _LARGEST_STEP).astype(np.float32)
@@ -222,9 +211,9 @@ def _convolve(graph: Graph, name: str, values: str, weight: FloatArray, unit: fl
     quotient = graph.add("Div", [f"{name}.bias", sums], f"{name}.quotient")
     whole = graph.add("Round", [quotient], f"{name}.whole")
     steps = graph.add("Cast", [whole], f"{name}.steps", to=TensorProto.INT32)
-    rounded = _round(graph, f"{name}.weight", lengths, np.zeros(len(lengths), np.int8))
+    steps_of = rounded(graph, f"{name}.weight", lengths, np.zeros(len(lengths), np.int8))
     bias = graph.add("DequantizeLinear", [steps, sums], f"{name}.bias_rounded", axis=0)
-    return graph.add("Conv", [values, rounded, bias], f"{name}.found")
+    return graph.add("Conv", [values, steps_of, bias], f"{name}.found", **attributes)
 
 
 def load_weights(path: Path) -> dict[str, FloatArray]:

@@ -222,11 +222,9 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     both = (alone + planes) / 2 if plan.transposed or plan.exchanged else alone
     steps = units(network, [batch(period, sites)])
     save_graph(weights, steps, path, run.turn_of(plan))
-    for twice, expected in ((False, alone.numpy()), (True, both.numpy())):
-        asked = {"features": inputs.numpy(), "twice": np.array(twice)}
-        (output,) = load_network(path).run(None, asked)
-        assert output.shape == expected.shape
-        assert np.linalg.norm(output - expected) < 0.03 * np.linalg.norm(expected)
+    (output,) = load_network(path).run(None, {"features": inputs.numpy()})
+    assert output.shape == both.shape
+    assert np.linalg.norm(output - both.numpy()) < 0.03 * np.linalg.norm(both.numpy())
     kept = load_weights(path)
     assert kept.keys() == weights.keys()
     for name in weights.keys() - {"enter.weight"}:
@@ -325,13 +323,16 @@ def test_the_network_of_blocks_learns_goes_on_and_is_written(
     assert len(reports.texts) == 1
     for mine, its in zip(network.parameters(), again.parameters(), strict=True):
         assert mine.detach().numpy() == pytest.approx(its.detach().numpy(), abs=1e-6)
-    inputs = np.random.default_rng(0).normal(size=(1, PLANES, 16, 24)).astype(np.float32)
+    with np.load(blocks_made[0]) as arrays:
+        inputs = next(iter(arrays.values()))[None, :, :24, :24].astype(np.float32)
+    inputs = np.pad(inputs, [(0, 0), (0, 0), (64, 64), (64, 64)], "edge")
     with torch.no_grad():
         for layer in network.parameters():
             layer.add_(0.02 * torch.randn(layer.shape))
-        found = network.half().float()(torch.from_numpy(inputs))
-    blocks.save(network, tmp_path / "blocks.onnx")
+        found = network(torch.from_numpy(inputs))
+    blocks.save(network, tmp_path / "blocks.onnx", blocks_made)
     (answer,) = session(tmp_path / "blocks.onnx").run(None, {"planes": inputs})
-    assert answer == pytest.approx(found.numpy(), abs=2e-3)
     lines = torch.cat(blocks.lines(torch.from_numpy(inputs), found), 1).numpy()
-    assert mixed(inputs[0], answer[0]) == pytest.approx(lines[0], abs=2e-3)
+    for mine, its in ((answer, found.numpy()), (mixed(inputs[0], answer[0]), lines[0])):
+        missed = (mine - its)[..., 64:-64, 64:-64]  # what lies beyond is zero in the file
+        assert np.linalg.norm(missed) < 0.1 * np.linalg.norm(its[..., 64:-64, 64:-64])
