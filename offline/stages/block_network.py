@@ -32,7 +32,8 @@ eight blocks around, and with what has to be added to chromaticity and slope in 
 constant luminance.
 No input depends on exposure, and none on where in a block its sites are: one network serves every
 pattern of R, G and B and every period. `tools/training/blocks.py` trains it, with the planes that
-`block_planes` returns.
+`block_planes` returns. Convolutions round to 8 bits. Chunks overlap by all that the network sees,
+so that they change no bit.
 """
 
 from collections.abc import Iterator, Sequence
@@ -149,7 +150,7 @@ class Chunk(NamedTuple):
 
 def _chunks(whole: int, count: int) -> Iterator[Chunk]:
     """About as many chunks of one size."""
-    size = max(-(-whole // max(count * STEP, 1)), 1) * STEP
+    size = -(-whole // (count * STEP)) * STEP
     for start in range(0, whole, size):
         end = min(start + size, whole)
         first, last = max(start - _HALO, -STEP), min(end + _HALO, whole + STEP)

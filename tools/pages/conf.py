@@ -33,6 +33,7 @@ include_patterns = [
     "*.md",
     "*/**.md",
     "tools/pages/*.rst",
+    "tools/pages/api/*.rst",
     "build/*/index.rst",
     "build/*/plot_*.rst",
 ]

@@ -4,7 +4,7 @@ Replace a stage
 
 Leave a stage out, change its settings, or put your own in its place. The stages and their order are
 in :doc:`the full-quality render </offline/README>`, their settings in the :doc:`API
-</tools/pages/api>`.
+</tools/pages/api/offline>`.
 """
 
 from dataclasses import replace
