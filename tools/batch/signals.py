@@ -1,19 +1,14 @@
 """Signals that end a program: commands clean up, services finish their current work."""
 
-import os
 import signal
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from types import FrameType
-from typing import Any
 
 INTERRUPTED = 130
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DEFAULT = (signal.SIG_DFL, signal.default_int_handler)
-_AGAIN = 0.05  # seconds until a signal that was dropped is sent again
 # raised since `orderly_end` began, even if something has caught it
 _received: list["Terminated"] = []
 
@@ -36,14 +31,11 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
     A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the
     main thread.
 
-    last: the program ends after the block: from then on they end it at once. All files are written,
-    and a traceback helps nobody.
+    last: the program ends after the block: from then on they end it at once, without a traceback.
     """
     numbers = _ENDING if threading.current_thread() is threading.main_thread() else ()
     free = [number for number in numbers if signal.getsignal(number) in _DEFAULT]
     _received.clear()
-    hook = sys.unraisablehook
-    sys.unraisablehook = partial(_send_again, hook)
     before = {number: signal.signal(number, _terminate) for number in free}
     try:
         yield
@@ -52,8 +44,7 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
         raise
     finally:
         for number, handler in before.items():
-            signal.signal(number, (lambda number, _: os._exit(128 + number)) if last else handler)
-        sys.unraisablehook = hook
+            signal.signal(number, signal.SIG_DFL if last else handler)
 
 
 def _terminate(number: int, _: FrameType | None) -> None:
@@ -61,20 +52,9 @@ def _terminate(number: int, _: FrameType | None) -> None:
     raise _received[-1]
 
 
-def _send_again(usual: Callable[[Any], object], lost: Any) -> None:
-    """Send a signal again that is lost: inside a callback from C (Numba loading a kernel) Python
-    drops what it raises, with a traceback.
-    """
-    if issubclass(lost.exc_type, Terminated):
-        again = threading.main_thread().ident, _received[-1].code - 128
-        threading.Timer(_AGAIN, signal.pthread_kill, again).start()
-    else:
-        usual(lost)
-
-
 def raise_lost_signal() -> None:
     """Raise Terminated again if a signal was received: a C extension that is being imported turns
-    it into an ImportError.
+    it into an ImportError, and a callback from C drops it.
     """
     if _received:
         raise _received[-1]
