@@ -336,7 +336,7 @@ class Frame:
         estimated. With `shading`, light still falls off as of the panchromatic plane, equally for
         all filters.
     clipping : float
-        From which on a sample was saturated.
+        From which on a panchromatic sample was saturated; those of colours: `limits`.
     lost : ByteArray | None
         Where a clipped shot does not tell how bright it was, nor of which colour: a picture to look
         at is white there. uint8 (H, W), 255 = nothing is known; None = all is known.
@@ -513,6 +513,20 @@ class Frame:
             self.shading.of_plane(self.mosaic.shape, plane, *place) for plane in (*channels, -1)
         )
         return np.stack(gains, axis=2, dtype=np.float64) / panchromatic[..., None]
+
+    def limits(self, rows: slice) -> NDArray[Any]:
+        """Levels from which on the samples at the sites of these rows of whole blocks were
+        saturated, (rows, columns, S): `clipping`, scaled with them when their shading was made
+        even; (1,) where there is no shading.
+        """
+        if self.shading is None:
+            return np.full(1, self.clipping)
+        gain, shape = self.shading.of_plane, self.mosaic.shape
+        ratios = [
+            gain(shape, channel, *place) / gain(shape, -1, *place)
+            for channel, place in zip(self.sites.channels, self.sites.at(rows), strict=True)
+        ]
+        return self.clipping * np.stack(ratios, axis=2)
 
     def with_samples(self, signal: FloatArray) -> "Frame":
         """The frame with other samples, which become read-only."""

@@ -80,6 +80,6 @@ def load_network(path: Path) -> Any:
     from .runtime import session
 
     try:
-        return session(path)
+        return session(path, keeps_memory=False)
     except InputError as error:
         raise InputError(f"{path}: {error}; install Panchroma again") from error

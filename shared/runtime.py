@@ -20,7 +20,7 @@ onnxruntime.disable_telemetry_events()
 __all__ = ["onnxruntime", "session"]
 
 
-def session(model: Path | bytes, *, as_written: bool = False) -> Any:
+def session(model: Path | bytes, *, as_written: bool = False, keeps_memory: bool = True) -> Any:
     """An onnxruntime session, which computes in the calling thread; any number of threads may call
     it.
 
@@ -33,11 +33,14 @@ def session(model: Path | bytes, *, as_written: bool = False) -> Any:
     as_written : bool, optional
         Run the nodes in the order of the file as far as possible, not in the one that onnxruntime
         chooses.
+    keeps_memory : bool, optional
+        Keep what a run took for the next one.
     """
     options = onnxruntime.SessionOptions()
     # our chunks run in parallel instead
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.enable_cpu_mem_arena = keeps_memory
     if as_written:
         options.execution_order = onnxruntime.ExecutionOrder.PRIORITY_BASED
     options.log_severity_level = 4  # errors are raised anyway

@@ -185,8 +185,13 @@ def align(reference: View, frame: View) -> Alignment | str:
     return Alignment(best.motion.times(scale), gain * best.gain, best.error * scale, best.agreement)
 
 
+@_opencv_threads()
 def with_exposure(reference: View, frame: View, motion: Motion) -> Alignment:
-    """A motion that is known, and how many times as bright the frame is."""
+    """A motion that is known, and how many times as bright the frame is; frames of few pixels are
+    alike.
+    """
+    if min(reference.luminance.shape) < _SMALLEST:
+        return Alignment(motion)
     gain = _gain(reference, frame)
     copy = next(_copies(reference, frame, gain))
     return Alignment(motion, gain * _aligned(copy, motion.times(1 / copy.scale)).gain)
@@ -233,11 +238,12 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
     variance = float(reference.variance(level) + frame.variance(level * gain) / gain**2)
     scale = 1
     while True:
-        if planes[0].size <= _LARGEST:
+        height, width = planes[0].shape
+        is_last = max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST
+        if is_last or planes[0].size <= _LARGEST:
             own, other = (smoothed(plane, _BLUR) for plane in planes)
             yield _Copy(scale, own, other, variance / (_SPREAD * scale**2))
-        height, width = planes[0].shape
-        if max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST:
+        if is_last:
             return
         half = width // 2, height // 2
         even = (plane[: 2 * half[1], : 2 * half[0]] for plane in planes)

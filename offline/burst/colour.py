@@ -201,7 +201,7 @@ def relit_sites(frame: Frame, luminance: FloatArray, sums: BlockSums) -> Frame:
         Of the other frames (`ColourSamples.block_sums`).
     """
     sites = frame.sites
-    limits = frame.clipping * frame.colour_gains(slice(0, sites.shape[0]), sites.channels)
+    limits = frame.limits(slice(0, sites.shape[0]))
     if frame.signal.max() < limits.min():
         return frame
     signal = frame.signal.copy()

@@ -74,6 +74,7 @@ RANGE = 6.0
 STEP = 8
 """Blocks of one place on the network's coarsest grid, down and across: it takes multiples."""
 _SIDE = 256  # blocks down and across that are computed at once
+_TOGETHER = 100_000  # blocks whose planes a thread computes at once: it takes 1 kB for each
 _HALO = 64  # blocks around them, a multiple of STEP: it sees 63
 _ERROR = 0.2  # of filled luminance, as a multiple of its curvature, of the c and c' it learned from
 _LEAST = np.float32(1e-3)
@@ -114,7 +115,7 @@ def learned_chromaticities(
     alike = alike_blocks(frame, luminance, medians, pooling, progress, others)
     height, width = frame.sites.shape
     lines = np.empty((height, width, 9), np.float32)
-    # an even number in a row: two threads end together
+    # an even number in a row, so that two threads end together; one where each would see the frame
     columns = [*_chunks(width, 2 * -(-width // (2 * _SIDE)) if width > 2 * _HALO else 1)]
     for rows in _chunks(height, -(-height // _SIDE)):
         known = slice(int(rows.seen[0]), int(rows.seen[-1]) + 1)
@@ -149,10 +150,11 @@ class Chunk(NamedTuple):
 
 
 def _chunks(whole: int, count: int) -> Iterator[Chunk]:
-    """About as many chunks of one size."""
+    """`count` chunks or fewer, of one size but for the last."""
     size = -(-whole // (count * STEP)) * STEP
     for start in range(0, whole, size):
         end = min(start + size, whole)
+        # beyond the border of the frame the network sees zeros: blocks are repeated before that
         first, last = max(start - _HALO, -STEP), min(end + _HALO, whole + STEP)
         seen = first + np.arange(-(-(last - first) // STEP) * STEP)
         around = slice(start - first - 1, end - first + 1)
@@ -178,7 +180,7 @@ def _planes_in_strips(
         inner = slice(first - seen.start, first - seen.start + strip.stop - strip.start)
         planes[:, strip], at_sites[strip] = found[:, inner], lit[inner]
 
-    in_strips(work, count, -(-count // 2))
+    in_strips(work, count, min(-(-count // 2), -(-_TOGETHER // width)))
     return planes, at_sites
 
 
@@ -288,8 +290,7 @@ def block_planes(
     cap = 4 * np.maximum(x, 3 * w + np.float32(1e-4))
     y = (x * product / np.maximum(weight, _TINY**2)).clip(-cap, cap)
     f, low, high = (_planes(v) / level for v in (sites.means(around.filled), *around[1:]))
-    limits = frame.clipping * frame.colour_gains(rows, channels)
-    clipped = ((samples >= limits).mean(axis=2) + (around.highest >= frame.clipping)) / 2
+    clipped = (samples >= frame.limits(rows)).mean(axis=2) + (around.highest >= frame.clipping)
     b = smoothed(x, 1.0)
     a = b + 2 * w + _LEAST
     square = (s**2).mean(axis=0, keepdims=True, dtype=np.float32)
@@ -313,7 +314,7 @@ def block_planes(
         yield high / a
         yield np.log2(s / a + _LEAST) / 4
         yield np.asarray(np.log2(b + _LEAST) / 8, np.float32)
-        yield _planes(clipped)
+        yield _planes(clipped / 2)
         yield np.full_like(x, np.log2(sites.grid.period / 6))
         for spread, missed, _, _ in fits:
             yield from (spread, missed)

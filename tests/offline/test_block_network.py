@@ -176,8 +176,14 @@ def test_lines_go_through_all_inks() -> None:
         assert np.median(np.abs(colour[4:-4, 4:-4] - ink).max(axis=2)) < 0.03
 
 
-def test_chunks_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    frame, luminance = measured("K=4", 0.02, GAMMA)
+@pytest.mark.parametrize("shape", [(500, 30), (30, 500)])
+def test_chunks_change_no_bit(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the network sees only a part of the frame's 167 blocks."""
+    mosaic = simulate_additive(
+        leaves(*shape), CfaPattern.bayer(3), SensorCalibration(), 0.02, np.random.default_rng(0)
+    )
+    frame = clean_frame(mosaic)
+    luminance = recover_luminance(frame.mosaic, BEST.luminance)
     whole = learned(frame, luminance)
     monkeypatch.setattr(block_network, "_SIDE", 16)
     assert all(map(np.array_equal, learned(frame, luminance), whole))

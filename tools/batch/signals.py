@@ -54,7 +54,7 @@ def _terminate(number: int, _: FrameType | None) -> None:
 
 def raise_lost_signal() -> None:
     """Raise Terminated again if a signal was received: a C extension that is being imported turns
-    it into an ImportError, and a callback from C drops it.
+    it into an ImportError, and a callback from C drops it: then the next file is not begun.
     """
     if _received:
         raise _received[-1]

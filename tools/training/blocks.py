@@ -385,8 +385,8 @@ def learn(
 
 def save(network: BlockNetwork, path: Path, examples: Sequence[Path]) -> None:
     """Write the network to an ONNX file, which computes all but the first and the last convolution
-    with integers of 8 bits, in half the time. What it does not see is zero: the render lets it see
-    more than it needs.
+    with integers of 8 bits, in half the time. They pad with zeros, unlike in training: chunks of a
+    render overlap so far that none shows, and at the border of the frame blocks are repeated.
 
     Parameters
     ----------
@@ -457,15 +457,17 @@ def _steps(
         for path in examples:
             planes = _read(path)[0].float()
             rows, columns = (size // STEP * STEP for size in planes.shape[1:])
-            network(planes[None, :, :rows, :columns])
+            if rows and columns:
+                network(planes[None, :, :rows, :columns])
     for hook in hooks:
         hook.remove()
-    return {
-        name: [
-            (np.float32((high - low) / 255), np.uint8(round(-255 * low / (high - low))))
-            for low, high in of_layer
-        ]
+    lengths = {
+        name: [((high - low) / 255 or 1.0, low) for low, high in of_layer]
         for name, of_layer in spans.items()
+    }
+    return {
+        name: [(np.float32(length), np.uint8(round(-low / length))) for length, low in of_layer]
+        for name, of_layer in lengths.items()
     }
 
 
