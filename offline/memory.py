@@ -10,7 +10,7 @@ from .settings import BEST, RenderSettings
 _PLANES = 9.0
 _BLOCK_SITE = 60.0  # per colour site, while the chromaticities of the blocks are estimated
 # while a network does that: per colour site, per block that it is given at once, and how many
-_FOUND, _BLOCK, _BLOCKS = 30.0, 2100.0, 295e3
+_FOUND, _BLOCK, _BLOCKS = 64.0, 2300.0, 295e3
 # per colour site, kept until the picture is finished: what is known of them
 _SITE = 10.0
 # Bytes per pixel of a band, for luminance and for each channel, while it goes through the stages in

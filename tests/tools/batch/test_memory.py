@@ -134,11 +134,11 @@ def test_no_more_memory_is_taken_than_was_foreseen(
     assert foreseen / 2 < peak < foreseen
 
 
-def test_100_megapixels_are_foreseen_to_fit_2_2_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a rendering of that size took when it was measured, with a photograph: 2.0 GB."""
+def test_100_megapixels_are_foreseen_to_fit_3_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a rendering of that size took when it was measured, with a photograph: 2.5 GB."""
     frame = mosaic((60, 90))
     monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
-    assert 1.7e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 2.2e9
+    assert 2.5e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 3e9
 
 
 # --- what does not fit ---------------------------------------------------------------------------
