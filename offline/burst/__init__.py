@@ -106,7 +106,7 @@ def merge_burst(
         most others agree with.
     motions : Sequence[Motion] | None, optional
         How each frame lies against the reference, which has to be named, where that is known;
-        otherwise it is measured, as how bright each is always is.
+        otherwise it is measured. How bright each is, is measured in any case.
 
     Raises
     ------

@@ -187,8 +187,8 @@ def align(reference: View, frame: View) -> Alignment | str:
 
 @_opencv_threads()
 def with_exposure(reference: View, frame: View, motion: Motion) -> Alignment:
-    """A motion that is known, and how many times as bright the frame is; frames of few pixels are
-    alike.
+    """A motion that is known, and how many times as bright the frame is: as bright as the reference
+    if it has few pixels.
     """
     if min(reference.luminance.shape) < _SMALLEST:
         return Alignment(motion)
