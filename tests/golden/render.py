@@ -77,7 +77,7 @@ def _compiler() -> str:
     features = numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten()
     processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
     digest = hashlib.sha256(features.encode()).hexdigest()[:8]
-    packages = ", ".join(f"{each.__name__} {each.__version__}" for each in (numba, llvmlite))
+    packages = ", ".join(f"{each.__name__} {each.__version__}" for each in (np, numba, llvmlite))
     return f"{packages}, onnxruntime {onnxruntime.__version__}, {processor} {digest}"
 
 
