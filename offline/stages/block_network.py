@@ -168,7 +168,7 @@ def _planes_in_strips(
     others: BlockSums | None,
     rows: slice,
 ) -> tuple[FloatArray, FloatArray]:
-    """What `block_planes` returns for these rows if it sees all, by threads that share them."""
+    """Planes and luminance of rows, as `block_planes` makes them of all; threads share them."""
     (height, width), count = frame.sites.shape, rows.stop - rows.start
     planes = np.empty((PLANES, count, width), np.float32)
     at_sites, reach = np.empty((count, width), np.float32), gaussian(WIDTHS[-1][0]).size // 2

@@ -18,7 +18,7 @@ from tests.reference.sensor import observe
 
 # relative: what hole filling leaves after its last iteration, and the network of blocks, with its 8
 # bits
-FLAT, FLAT_IN_STEPS = 2e-3, 1.5e-2
+FLAT, FLAT_IN_STEPS = 2e-3, 4e-3
 
 
 class StageTests(ABC):
