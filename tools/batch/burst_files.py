@@ -130,7 +130,7 @@ def checked_reference(
         raise InputError(f"{names[0]}: is one frame, {expected}")
     if shifts and len(shifts) != len(names):
         expected = 'expected one for each, such as "0,0 2,0 0,2 2,2"'
-        raise InputError(f"`shifts` has {len(shifts)} places for {len(names)} shots, {expected}")
+        raise InputError(f"`shifts` has places for {len(shifts)} of {len(names)} shots, {expected}")
     if reference is None:
         return None
     chosen, places = Path(reference).resolve(), [Path(name).resolve() for name in names]

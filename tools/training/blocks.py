@@ -57,7 +57,7 @@ from ..batch.progress import StageProgress
 from ..simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_additive, simulate_sensor
 from .__main__ import add_common
 from .examples import DRAWN, PAGE, kept_back, photographs, pictured
-from .graph import Graph, convolved, rounded
+from .graph import Graph, convolved, load_weights, rounded
 from .network import descent, optimiser_of
 
 WIDTHS = 48, 64, 96, 128
@@ -339,7 +339,7 @@ def learn(
     sides : tuple[list[Path], list[Path]]
         Files of examples to learn from, and of those kept back.
     start : Path | None, optional
-        A checkpoint of another training, whose weights are the first.
+        A file of `save`, whose weights are the first.
     """
     torch.manual_seed(0)
     network = BlockNetwork().to(memory_format=torch.channels_last)
@@ -350,7 +350,8 @@ def learn(
         optimiser.load_state_dict(state["optimiser"])
         done = state["steps"]
     elif start is not None:
-        network.load_state_dict(torch.load(start, weights_only=True)["network"])
+        weights = load_weights(start).items()
+        network.load_state_dict({name: torch.from_numpy(values) for name, values in weights})
     if done == steps:
         return network
     progress.stage("reading", 1)
@@ -479,7 +480,7 @@ def main() -> int:
     add_common(parser, 12000)
     output = f"for {PATH.name}, the examples and the checkpoint"
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help=output)
-    parser.add_argument("--start", type=Path, help="checkpoint of another training to go on from")
+    parser.add_argument("--start", type=Path, help="network to begin with, blocks.onnx")
     parser.add_argument("--seed", type=int, default=0, help="first variant (default: 0)")
     arguments, console = parser.parse_args(), Console()
     try:

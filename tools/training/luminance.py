@@ -2,9 +2,9 @@
 
     python -m panchroma.tools.training.luminance FOLDER... -o FILE
 
-Photographs and drawings are simulated with tiles of several K, without and with noise, and filled
-by wavelets. From the pixels around each block the network foretells what its sites are off by. The
-same command with as many threads gives the same weights.
+Photographs, drawings and pages of print are simulated with tiles of several K, without and with
+noise, and filled by wavelets. From the pixels around each block the network foretells what its
+sites are off by. The same command with as many threads gives the same weights.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from ...shared import CfaPattern
 from ...shared.arrays import BORDER, FloatArray
 from ..batch.console import Console
 from .__main__ import add_common
-from .examples import DRAWN, kept_back, photographed, photographs
+from .examples import DRAWN, PAGE, kept_back, photographed, photographs
 from .graph import Graph
 from .network import descent, optimiser_of
 
@@ -163,7 +163,8 @@ def main() -> int:
     parser.add_argument("--sites", type=int, default=4, choices=sorted(_BLOCK), help=sites)
     arguments, console = parser.parse_args(), Console()
     files = sorted(photographs(arguments.folders))
-    sources = [*files, *[DRAWN] * (len(files) // 5)] * arguments.variants
+    few = len(files) // 5
+    sources = [*files, *[DRAWN] * few, *[PAGE] * few] * arguments.variants
     torch.set_num_threads(1)  # several wait for each other
     with (
         console.progress("luminance") as progress,

@@ -78,7 +78,7 @@ USAGE = {
     },
     "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
     "burst frames -o out": {
-        "--shifts '0,0 2,0'": "--shifts has 2 places for 3 shots, expected one for each",
+        "--shifts '0,0 2,0'": "--shifts has places for 2 of 3 shots, expected one for each",
         "--shifts '0,0 nan,0 1,1'": "--shifts are ((0.0, 0.0), (nan, 0.0)",
         "--shifts '0,0 -2,-1e9 1,1'": "expected 1000 pixels at most",
         "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the shots",

@@ -383,7 +383,10 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.burst(["shot.dng", "gone.dng"]), "gone.dng: there is no such file"),
         (lambda: panchroma.burst([panchroma.open("shot.dng"), "gone.dng"]), "gone.dng: there is"),
         (lambda: panchroma.burst(["shot.dng"] * 2, shifts=[1, 2]), "(right, down) of each"),  # type: ignore[list-item]
-        (lambda: panchroma.burst(["shot.dng", "x.dng"], shifts=[(0, 0)]), "1 places for 2 shots"),
+        (
+            lambda: panchroma.burst(["shot.dng", "x.dng"], shifts=[(0, 0)]),
+            "places for 1 of 2 shots",
+        ),
         (lambda: panchroma.burst(["shot.dng", "x.dng"], reference=2), "expected 0 to 1"),
         (lambda: panchroma.burst(["shot.dng", "x.dng"], reference="y.dng"), "none of the shots"),
         (lambda: panchroma.burst("empty"), "empty: no .dng file"),

@@ -336,3 +336,6 @@ def test_the_network_of_blocks_learns_goes_on_and_is_written(
     for mine, its in ((answer, found.numpy()), (mixed(inputs[0], answer[0]), lines[0])):
         missed = (mine - its)[..., 64:-64, 64:-64]  # what lies beyond is zero in the file
         assert np.linalg.norm(missed) < 0.1 * np.linalg.norm(its[..., 64:-64, 64:-64])
+    begun = blocks.learn(sides, 0, tmp_path, SILENT, tmp_path / "blocks.onnx")
+    for mine, its in zip(network.parameters(), begun.parameters(), strict=True):
+        assert mine.detach().numpy() == pytest.approx(its.detach().numpy(), rel=1e-3, abs=1e-6)
