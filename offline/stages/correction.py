@@ -17,10 +17,11 @@ the distance in pixels. With C channels and P_st = [c_s = c_t] - 1 / C,
     E[d | e] = D R (w o x),  E[t_s,i | e] = T sum_t R_st ([c_t = i] - 1 / C) x_t.
 
 The variances follow from the mean power of the residuals around a block, M = max(<mean e^2> - 2
-mean v, 0), and the error of filling f, a multiple of luminance's curvature at the block, or of that
-around it where that is larger: D = min(f^2, M / q) with q = mean w^2, and T = max(M - D q, M / 2)
-C / (C - 1). Where luminance is flat, as at an edge between two colours of one brightness, all of M
-is colour. Where the lines of blocks are known, w is what a unit of luminance adds on them.
+mean v, 0), but at most what its own show beyond their noise, max(mean e^2 - 1.5 mean v, 0), and the
+error of filling f, a multiple of luminance's curvature at the block, or of that around it where
+that is larger: D = min(f^2, M / q) with q = mean w^2, and T = max(M - D q, M / 2) C / (C - 1).
+Where luminance is flat, as at an edge between two colours of one brightness, all of M is colour.
+Where the lines of blocks are known, w is what a unit of luminance adds on them.
 
 - `update_luminance`: E[d | e] for the chromaticities of the blocks, before colour is spread.
 - `Correction`: E[d | e] and E[t | e] for the finished picture, added to all channels of all sites.
@@ -55,7 +56,9 @@ class PosteriorSettings(Switch):
 # setting of its own
 _CURVED = 0.7
 _TINT = 0.5  # fraction of the power of residuals that is colour at least
-_DEVIATIONS = 2.0  # multiple of the noise variance that is taken off the power of residuals
+# multiples of the noise variance that are taken off the power of residuals, around a block and its
+# own: a dark, even place beside strokes would take its noise for their errors
+_DEVIATIONS, _OWN_DEVIATIONS = 2.0, 1.5
 # blocks: standard deviation of the neighbourhood over which their power is averaged
 _WIDTH = 0.7
 _LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
@@ -127,9 +130,12 @@ def estimate_errors(
         e and w, (rows, columns, S).
     """
     sites, variance, count = frame.sites, frame.scaled_variance(rows), len(frame.gamma)
-    mean = smoothed(mean_of_sites(error, error), _WIDTH)  # M
+    own = mean_of_sites(error, error)
+    mean = smoothed(own, _WIDTH)  # M
     if variance is not None:
-        mean = np.maximum(mean - np.float32(_DEVIATIONS) * mean_of_sites(variance), 0)
+        of_noise = mean_of_sites(variance)
+        mean = mean - np.float32(_DEVIATIONS) * of_noise
+        mean = np.maximum(np.minimum(mean, own - np.float32(_OWN_DEVIATIONS) * of_noise), 0)
     mean = mean.astype(np.float32, copy=False)
     share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)
