@@ -134,8 +134,9 @@ def estimate_errors(
     mean = smoothed(own, _WIDTH)  # M
     if variance is not None:
         of_noise = mean_of_sites(variance)
-        mean = mean - np.float32(_DEVIATIONS) * of_noise
-        mean = np.maximum(np.minimum(mean, own - np.float32(_OWN_DEVIATIONS) * of_noise), 0)
+        around = mean - np.float32(_DEVIATIONS) * of_noise
+        beyond = own - np.float32(_OWN_DEVIATIONS) * of_noise
+        mean = np.maximum(np.minimum(around, beyond), 0)
     mean = mean.astype(np.float32, copy=False)
     share = mean_of_sites(weight, weight)  # q
     most = mean / np.maximum(share, _LEAST_SHARE)

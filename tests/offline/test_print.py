@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 from panchroma.offline import BEST, render
 from panchroma.shared import CfaPattern, SensorCalibration
@@ -84,3 +85,15 @@ def test_coloured_type_keeps_its_colour(letters: str, sigma: float) -> None:
     found, colour = (each - each.mean(axis=2, keepdims=True) for each in (picture, truth))
     share = (found * colour).sum() / np.square(colour).sum()
     assert share > (0.4 if letters == "K=8" else 0.54)
+
+
+@pytest.mark.parametrize("letters", PATTERNS)
+def test_dark_ground_beside_white_type_has_no_specks(letters: str) -> None:
+    """Where it is even, colour sites are as quiet as other pixels, but for a few near strokes."""
+    scene, pattern = page((WHITE,), BLACK), CfaPattern.of_letters(letters)
+    random = np.random.default_rng(0)
+    shot = simulate_additive(scene, pattern, SensorCalibration(), 0.01, random)
+    error = render(shot, BEST).luminance - scene.sum(axis=2)
+    even = maximum_filter(scene.max(axis=2), 9) < 0.03
+    clear = pattern.panchromatic_mask(error.shape)
+    assert error[even & ~clear].std() < 5 * error[even & clear].std()
