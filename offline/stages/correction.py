@@ -17,11 +17,12 @@ the distance in pixels. With C channels and P_st = [c_s = c_t] - 1 / C,
     E[d | e] = D R (w o x),  E[t_s,i | e] = T sum_t R_st ([c_t = i] - 1 / C) x_t.
 
 The variances follow from the mean power of the residuals around a block, M = max(<mean e^2> - 2
-mean v, 0), but at most what its own show beyond their noise, max(mean e^2 - 1.5 mean v, 0), and the
-error of filling f, a multiple of luminance's curvature at the block, or of that around it where
-that is larger: D = min(f^2, M / q) with q = mean w^2, and T = max(M - D q, M / 2) C / (C - 1).
-Where luminance is flat, as at an edge between two colours of one brightness, all of M is colour.
-Where the lines of blocks are known, w is what a unit of luminance adds on them.
+mean v, 0), and the error of filling f, a multiple of luminance's curvature at the block, or of that
+around it where that is larger: D = min(f^2, M / q) with q = mean w^2, and T = max(M - D q, M / 2)
+C / (C - 1). Where luminance is flat, as at an edge between two colours of one brightness, all of M
+is colour. Where there is noise, M is no more than what a block's own residuals show beyond it,
+max(mean e^2 - 1.5 mean v, 0). Where the lines of blocks are known, w is what a unit of luminance
+adds on them.
 
 - `update_luminance`: E[d | e] for the chromaticities of the blocks, before colour is spread.
 - `Correction`: E[d | e] and E[t | e] for the finished picture, added to all channels of all sites.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
-from panchroma.offline import BEST, render
+from panchroma.offline import BEST, Rendering, render
 from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -52,18 +52,14 @@ def page(inks: tuple[tuple[float, ...], ...], paper: tuple[float, ...]) -> Float
     return scene.astype(np.float32)
 
 
-def rendered(scene: FloatArray, letters: str, sigma: float) -> FloatArray:
+def rendered(scene: FloatArray, letters: str, sigma: float) -> Rendering:
     pattern, random = CfaPattern.of_letters(letters), np.random.default_rng(0)
-    picture = render(
-        simulate_additive(scene, pattern, SensorCalibration(), sigma, random), BEST
-    ).rgb
-    return picture[12:-12, 12:-12]
+    return render(simulate_additive(scene, pattern, SensorCalibration(), sigma, random), BEST)
 
 
-def tints(picture: FloatArray) -> FloatArray:
-    """Largest distance of a channel from the mean of the channels, (H, W), scene units."""
-    distance: FloatArray = np.abs(picture - picture.mean(axis=2, keepdims=True)).max(axis=2)
-    return distance
+def tints(rgb: FloatArray) -> FloatArray:
+    """The channels less their mean, (H, W, 3), scene units, without the edges of the frame."""
+    return (rgb - rgb.mean(axis=2, keepdims=True))[12:-12, 12:-12]
 
 
 @pytest.mark.parametrize("sigma", NOISES)
@@ -72,7 +68,7 @@ def tints(picture: FloatArray) -> FloatArray:
 def test_type_without_colour_gets_none(
     ink: tuple[float, ...], paper: tuple[float, ...], letters: str, sigma: float
 ) -> None:
-    found = tints(rendered(page((ink,), paper), letters, sigma))
+    found = np.abs(tints(rendered(page((ink,), paper), letters, sigma).rgb)).max(axis=2)
     assert np.quantile(found, 0.999) < (0.06 if ink == BLACK else 0.15)
     assert ink == WHITE or found.max() < 0.3
 
@@ -81,8 +77,7 @@ def test_type_without_colour_gets_none(
 @pytest.mark.parametrize("letters", PATTERNS)
 def test_coloured_type_keeps_its_colour(letters: str, sigma: float) -> None:
     scene = page((BLACK, RED, BLUE), WHITE)
-    picture, truth = rendered(scene, letters, sigma), scene[12:-12, 12:-12]
-    found, colour = (each - each.mean(axis=2, keepdims=True) for each in (picture, truth))
+    found, colour = tints(rendered(scene, letters, sigma).rgb), tints(scene)
     share = (found * colour).sum() / np.square(colour).sum()
     assert share > (0.4 if letters == "K=8" else 0.54)
 
@@ -90,10 +85,8 @@ def test_coloured_type_keeps_its_colour(letters: str, sigma: float) -> None:
 @pytest.mark.parametrize("letters", PATTERNS)
 def test_dark_ground_beside_white_type_has_no_specks(letters: str) -> None:
     """Where it is even, colour sites are as quiet as other pixels, but for a few near strokes."""
-    scene, pattern = page((WHITE,), BLACK), CfaPattern.of_letters(letters)
-    random = np.random.default_rng(0)
-    shot = simulate_additive(scene, pattern, SensorCalibration(), 0.01, random)
-    error = render(shot, BEST).luminance - scene.sum(axis=2)
+    scene = page((WHITE,), BLACK)
+    error = rendered(scene, letters, 0.01).luminance - scene.sum(axis=2)
     even = maximum_filter(scene.max(axis=2), 9) < 0.03
-    clear = pattern.panchromatic_mask(error.shape)
+    clear = CfaPattern.of_letters(letters).panchromatic_mask(error.shape)
     assert error[even & ~clear].std() < 5 * error[even & clear].std()

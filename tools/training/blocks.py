@@ -58,7 +58,7 @@ from ..simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_additive, s
 from .__main__ import add_common
 from .examples import DRAWN, PAGE, kept_back, photographs, pictured
 from .graph import Graph, convolved, load_weights, rounded
-from .network import descent, optimiser_of
+from .network import begin_with, descent, optimiser_of
 
 WIDTHS = 48, 64, 96, 128
 """Channels on the grid of blocks, and on grids of every second, fourth and eighth block."""
@@ -350,8 +350,7 @@ def learn(
         optimiser.load_state_dict(state["optimiser"])
         done = state["steps"]
     elif start is not None:
-        weights = load_weights(start).items()
-        network.load_state_dict({name: torch.from_numpy(values) for name, values in weights})
+        begin_with(network, load_weights(start))
     if done == steps:
         return network
     progress.stage("reading", 1)

@@ -5,7 +5,7 @@ A network that works in units of brightness instead learns nothing, or harms fla
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,11 @@ class Network(nn.Module):  # type: ignore[misc]
         lit = functional.relu(values)
         deep = functional.relu(self.wide[block](lit))
         return lit, deep, self.deep[block](deep)
+
+
+def begin_with(network: nn.Module, weights: Mapping[str, FloatArray]) -> None:
+    """Give a network the weights of another, by name, as `graph.load_weights` reads them."""
+    network.load_state_dict({name: torch.from_numpy(values) for name, values in weights.items()})
 
 
 def units(network: Network, batches: Iterable[Sequence[Any]]) -> dict[str, float]:

@@ -36,7 +36,7 @@ from ...shared.writing import durable_file
 from ..batch.progress import StageProgress
 from .examples import DRAWN, PAGE, kept_back, make_example
 from .graph import Turn, load_weights, save_graph
-from .network import Network, descent, losses, optimiser_of, share_left, units
+from .network import Network, begin_with, descent, losses, optimiser_of, share_left, units
 
 Example = list[Any]
 """Tensors of what `prepare` returns."""
@@ -255,7 +255,7 @@ def _beginning(plan: Plan) -> Network:
         return Network(period, sites)
     weights = weights_for(plan.pattern, plan.start)
     network = Network(period, sites, len(weights["enter.bias"]))
-    network.load_state_dict({name: torch.from_numpy(values) for name, values in weights.items()})
+    begin_with(network, weights)
     return network
 
 
