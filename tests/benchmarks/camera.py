@@ -1,9 +1,8 @@
 """Measure the camera's path from end to end, 12 megapixels a frame: python -m
-tests.benchmarks.camera [FIGURE]...
+tests.benchmarks.camera [--format u16] [--rate 30] [--seconds 15] [option of `view` ...]
 
-live     `panchroma view` takes frames from a pipe, and a browser's part, a client that only reads,
-receives the JPEGs. saving   the same, while shots are saved. stages   processor time of each step
-from the raw bytes to the JPEG, and of a saved shot, one thread, one after the other.
+`panchroma view` takes frames from a pipe, and a browser's part, a client that only reads, receives
+the JPEGs.
 
 The frames are made before the clock starts, and numbered by marks in a corner, so that each JPEG
 tells which frame it shows. A frame that is due while the one before is still being written is lost,
@@ -15,26 +14,19 @@ import argparse
 import json
 import os
 import sys
-import tempfile
 import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
-from statistics import median
 
 import imagecodecs
 import numpy as np
 
-from panchroma.device import Preview
-from panchroma.device.capture import Sensor
-from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
-from panchroma.device.capture.loop import SteadyWhite
-from panchroma.shared import ByteArray, CfaPattern, SensorCalibration
-from panchroma.shared.dng import encode_dng
-from panchroma.tools.capture.viewfinder import encode_view
-from tests.benchmarks.harness import Frame, Work, alternate
+from panchroma.device.capture.frames import FORMATS, FrameLayout
+from panchroma.shared import ByteArray
+from tests.benchmarks.harness import Frame
 from tests.device.packer import pack
 from tests.tools.command import start
 
@@ -119,46 +111,41 @@ class Client:
         return int((picture[4:9, centres, 1].mean(axis=0) > 100) @ (1 << np.arange(MARKS)))
 
 
-def asked(port: int, path: str, method: str = "GET") -> HTTPResponse:
+def asked(port: int, path: str) -> HTTPResponse:
     """The answer of `view`."""
     connection = HTTPConnection("127.0.0.1", port, timeout=60)
-    connection.request(method, path)
+    connection.request("GET", path)
     return connection.getresponse()
 
 
-def measure(name: str, rate: float, seconds: float, shots: float, options: list[str]) -> None:
-    """Run `view` on frames of a format, `rate` a second, and save `shots` a second."""
+def measure(name: str, rate: float, seconds: float, options: list[str]) -> None:
+    """Run `view` on frames of a format, `rate` a second."""
     layout, frames = camera_frames(name)
-    sensor = f"--width {WIDTH} --height {HEIGHT} --pixel-format {name} --stride {layout.stride}"
-    with tempfile.TemporaryDirectory() as folder:
-        folders = ["-o", folder] if shots else []
-        bits = ("--sensor-bits", str(BITS[name]))
-        command = [*sensor.split(), *bits, "--port", "0", *folders, *options]
-        reading, writing = os.pipe()
-        process = start("view", "-", *command, stdin=reading)
-        os.close(reading)
-        camera = Camera(layout, frames, rate, writing)
-        for line in process.stdout:
-            if "http://" in line:
-                port = int(line.rstrip("/\n").rpartition(":")[2])
-                break
-        else:
-            sys.exit("view did not start")
-        client = Client(port)
-        for end in (camera, client):
-            threading.Thread(target=end.run, daemon=True).start()
-        time.sleep(WARM)
-        before = _counts(process.pid, port, camera, client)
-        began = time.monotonic()
-        saved = _shoot(port, shots, began + seconds) if shots else []
-        time.sleep(max(began + seconds - time.monotonic(), 0))
-        lasted = time.monotonic() - began
-        after = _counts(process.pid, port, camera, client)
-        camera.stopping = True
-        _, errors = process.communicate(timeout=60)
-        if process.returncode:
-            sys.exit(f"view failed: {errors}")
-        sizes = [path.stat().st_size for path in Path(folder).glob("*.dng")]
+    sensor = f"--size {WIDTH}x{HEIGHT} --pixel-format {name} --stride {layout.stride}"
+    bits = f"--sensor-bits {BITS[name]}"
+    reading, writing = os.pipe()
+    process = start("view", "-", sensor, bits, "--bind 127.0.0.1:0", *options, stdin=reading)
+    os.close(reading)
+    camera = Camera(layout, frames, rate, writing)
+    for line in process.stdout:
+        if "http://" in line:
+            port = int(line.rstrip("/\n").rpartition(":")[2])
+            break
+    else:
+        sys.exit("view did not start")
+    client = Client(port)
+    for end in (camera, client):
+        threading.Thread(target=end.run, daemon=True).start()
+    time.sleep(WARM)
+    before, began = _counts(process.pid, port, camera, client), time.monotonic()
+    time.sleep(seconds)
+    lasted = time.monotonic() - began
+    after = _counts(process.pid, port, camera, client)
+    process.terminate()
+    _, errors = process.communicate(timeout=60)
+    camera.stopping = True
+    if process.returncode:
+        sys.exit(f"view failed: {errors}")
     rates = {key: (after[key] - before[key]) / lasted for key in after}
     views = [(when, jpeg) for when, jpeg in client.received if began <= when <= began + lasted]
     late = []
@@ -175,12 +162,6 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
         f"wait\n  latency {middle:.0f} ms, 99 % {slowest:.0f} ms\n"
         f"  cores used by view: {rates['view']:.2f}"
     )
-    if shots:
-        took = np.array([seconds for ok, seconds in saved if ok])
-        print(
-            f"  {len(took) / lasted:.2f} DNGs a second ({np.mean(sizes) / 1e6:.1f} MB), "
-            f"{np.median(took):.2f} s each, {len(saved) - len(took)} not saved"
-        )
 
 
 def _counts(pid: int, port: int, camera: Camera, client: Client) -> dict[str, float]:
@@ -191,70 +172,18 @@ def _counts(pid: int, port: int, camera: Camera, client: Client) -> dict[str, fl
     return {"view": view, "taken": taken, "lost": camera.lost, "shown": shown, "dropped": dropped}
 
 
-def _shoot(port: int, rate: float, until: float) -> list[tuple[bool, float]]:
-    """Press the button `rate` times a second; (whether a shot was saved, seconds that the answer
-    took) of each.
-    """
-    answers, due = [], time.monotonic()
-    while (begun := time.monotonic()) < until:
-        answer = asked(port, "/capture", "POST")
-        answer.read()
-        answers.append((answer.status == 200, time.monotonic() - begun))
-        due += 1 / rate
-        time.sleep(max(due - time.monotonic(), 0))
-    return answers
-
-
-def stages(name: str, rounds: int = 9) -> None:
-    """Print the processor time of each step."""
-    layout, frames = camera_frames(name)
-    calibration = SensorCalibration.of_bits(BITS[name], headroom=False)
-    sensor = Sensor(layout, CfaPattern.bayer(), calibration)
-    data = memoryview(frames[0].tobytes())
-    frame = RawFrame.now(data)
-    mosaic = sensor.mosaic(frame)
-    balance = SteadyWhite()
-    preview = Preview.for_mosaic(mosaic, 3, threads=1)
-    picture = preview.run(mosaic)
-    balanced = balance(mosaic)
-
-    print(f"{name}, processor time of a frame")
-    works: dict[str, Work] = {
-        "receiving (one copy)": lambda: bytearray(data),
-        "unpacking, mosaic": lambda: sensor.mosaic(frame),
-        "white balance": lambda: balance(mosaic),
-        "preview, 1 : 3": lambda: preview.run(balanced),
-        "JPEG": lambda: encode_view(picture),  # type: ignore[arg-type]
-        "a shot beside it, as DNG": lambda: encode_dng(balanced, picture),  # type: ignore[arg-type]
-    }
-    times = alternate(works, rounds, time.process_time)
-    steps = {title: median(seconds) for title, seconds in times.items()}
-    *parts, beside = (f"  {title:<36}{1e3 * seconds:7.1f} ms" for title, seconds in steps.items())
-    total, cores = sum(list(steps.values())[:-1]), os.cpu_count() or 1
-    shown = f"{cores} cores could show {cores / total:.0f} a second"
-    print(*parts, f"  {'all':<36}{1e3 * total:7.1f} ms: {shown}", beside, sep="\n")
-
-
 def main() -> None:
-    """Print the chosen figures, by default all."""
+    """Print the figures."""
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
-    figures = "live, saving or stages; default: all"
-    parser.add_argument("figures", nargs="*", metavar="FIGURE", help=figures)
     formats = "format of the frames (default u16)"
     parser.add_argument("--format", default="u16", choices=FORMATS, help=formats)
-    parser.add_argument("--rate", type=float, help="frames a second (default 30, saving 20)")
-    parser.add_argument("--shots", type=float, default=2.0, help="shots a second (default 2)")
-    seconds = "how long each measurement lasts (default 15)"
+    rate = "frames a second (default 30)"
+    parser.add_argument("--rate", type=float, default=30.0, help=rate)
+    seconds = "how long the measurement lasts (default 15)"
     parser.add_argument("--seconds", type=float, default=15.0, help=seconds)
     given, options = parser.parse_known_args()
-    for figure in given.figures or ("live", "saving", "stages"):
-        if figure == "stages":
-            stages(given.format)
-        elif figure == "live":
-            measure(given.format, given.rate or 30, given.seconds, 0, options)
-        else:
-            measure(given.format, given.rate or 20, given.seconds, given.shots, options)
+    measure(given.format, given.rate, given.seconds, options)
 
 
 if __name__ == "__main__":
