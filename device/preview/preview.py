@@ -3,7 +3,6 @@ processor.
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -99,7 +98,7 @@ class Preview:
         pattern, scale, linear = mosaic.pattern, self._geometry.scale, self._linear
         self._check(pattern)
         rows, columns = (
-            _Axis.of(size, middle, pattern.period, scale)
+            _Axis(size, middle, pattern.period, scale)
             for size, middle in zip(mosaic.shape, pattern.block_middle, strict=True)
         )
         above, below, left, right = self._geometry.halo
@@ -147,15 +146,13 @@ class Preview:
 
     def _check(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the graph was made for this pattern."""
-        ours, other = (
-            {"pattern": contract.tile_name(filters), "channels": filters.channels}
-            for filters in (self._geometry.pattern, pattern)
-        )
-        for name, text in ours.items():
-            if text != other[name]:
-                raise InputError(
-                    f"the preview is for the {name} {text}, the mosaic has {other[name]}"
-                )
+        known = self._geometry.pattern
+        for name, ours, other in (
+            ("pattern", contract.tile_name(known), contract.tile_name(pattern)),
+            ("channels", known.channels, pattern.channels),
+        ):
+            if ours != other:
+                raise InputError(f"the preview is for the {name} {ours}, the mosaic has {other}")
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
         """All inputs of the graph except the mosaic."""
@@ -171,7 +168,6 @@ class Preview:
         return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
 
 
-@dataclass(frozen=True)
 class _Axis:
     """Patches and picture pixels along one axis of a frame.
 
@@ -184,18 +180,11 @@ class _Axis:
     period: K.
     """
 
-    first: int
-    patches: int
-    skip: int
-    size: int
-    period: int
-
-    @classmethod
-    def of(cls, size: int, middle: int, period: int, scale: int) -> "_Axis":
-        first = -(-middle % period)
-        skip = ((scale - 1) // 2 - first) // scale
-        pixels = max(size // scale, 1)
-        return cls(first, -(-(skip + pixels) * scale // period), skip, pixels, period)
+    def __init__(self, size: int, middle: int, period: int, scale: int) -> None:
+        self.period, self.first = period, -(-middle % period)
+        self.skip = ((scale - 1) // 2 - self.first) // scale
+        self.size = max(size // scale, 1)
+        self.patches = -(-(self.skip + self.size) * scale // period)
 
 
 def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:
