@@ -21,7 +21,6 @@ from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
-from .description import examine
 from .genicam import GENICAM, SETTINGS, GenicamCamera
 
 PIXEL_FORMATS = tuple(FORMATS)
@@ -128,7 +127,7 @@ class FrameSource:
         raw = self.opened(stopped, refused, note)
         if not self.checks:
             return raw
-        return checked(raw, self.sensor, note, refused=refused, examine=examine)
+        return checked(raw, self.sensor, note, refused)
 
 
 def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:

@@ -228,9 +228,7 @@ class _Folds:
 
     def levels(self, period: int) -> DoubleArray:
         """Mean of each window at each place of a tile, codes: (windows, K K)."""
-        cut = self._windows(self._side(period))
-        levels: DoubleArray = cut.folded(period) + cut.codes.mean(axis=(1, 2), keepdims=True)
-        return levels.reshape(-1, period**2)
+        return self._windows(self._side(period)).levels(period).reshape(-1, period**2)
 
     def quarters(self, period: int, large: int = 0) -> DoubleArray:
         """Means of each window's four quarters at each place of a tile, less the mean of all

@@ -3,7 +3,6 @@ nothing.
 """
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -65,21 +64,21 @@ def stream(
     return pack(codes(pattern, of(name).calibration.bits, light), name, stride, padding) * 4
 
 
-def look(data: bytes, described: Sensor, **how: Any) -> list[str]:
+def look(data: bytes, described: Sensor) -> list[str]:
     """The remarks on the frames in a stream; whatever is missing of the last frame is as the
-    beginning of the stream. how: of `checked`.
+    beginning of the stream.
     """
     size = described.layout.frame_bytes
     data = (data * (size // len(data) + 2))[: -(-len(data) // size) * size]
     notes: list[str] = []
     chunks = (data[first : first + size] for first in range(0, len(data), size))
-    list(checked(map(RawFrame.now, chunks), described, notes.append, **how))
+    list(checked(map(RawFrame.now, chunks), described, notes.append, print))
     return notes
 
 
-def refusal(data: bytes, described: Sensor, **how: Any) -> str:
+def refusal(data: bytes, described: Sensor) -> str:
     with pytest.raises(InputError) as caught:
-        look(data, described, **how)
+        look(data, described)
     message, layout = str(caught.value), described.layout
     assert message.startswith("the frame is not as described: ")
     size = f"--size {layout.width}x{layout.height} --pixel-format {layout.format}"
@@ -186,7 +185,7 @@ def test_a_file_is_named() -> None:
     frame = RawFrame(pack(codes(), "u16"), RawFrame.now(b"").taken, 0.0, "frames/1.raw")
     named = r"^frames/1\.raw: the frame is not as described.* identify frames/1\.raw --size"
     with pytest.raises(InputError, match=named):
-        list(checked([frame], of(pattern=CfaPattern.bayer(5)), print))
+        list(checked([frame], of(pattern=CfaPattern.bayer(5)), print, print))
 
 
 def test_scattered_patterns_at_another_place() -> None:

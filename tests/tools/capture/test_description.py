@@ -1,6 +1,5 @@
 """Descriptions of sensors that bits of their frames contradict; right ones are believed."""
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,8 +8,6 @@ import pytest
 from panchroma.device.capture import Sensor
 from panchroma.device.capture.frames import FORMATS
 from panchroma.shared import CfaPattern, CodeArray
-from panchroma.tools.capture.description import examine
-from tests.device.capture import test_frame_check
 from tests.device.capture.test_frame_check import (
     BLOCKS,
     KAIZU,
@@ -20,15 +17,13 @@ from tests.device.capture.test_frame_check import (
     SIZE,
     TWO_BLOCKS,
     codes,
+    look,
     of,
+    refusal,
     stream,
     taken,
 )
 from tests.device.packer import pack
-
-look = partial(test_frame_check.look, examine=examine)
-refusal = partial(test_frame_check.refusal, examine=examine)
-
 
 LIGHTS = [(1.0, 0.0), (1.0, 0.03), (0.2, 0.01), (5.0, 0.01)]
 
