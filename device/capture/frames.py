@@ -437,17 +437,12 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
         lent = memory[:]  # kept by all that is made of the frame
         finalize(lent, spare.append, memory).atexit = False
         data, filled = lent.data, 0
-        while filled < len(data):
-            try:
-                length = stream.readinto(data[filled:])
-            except OSError as error:
-                raise InputError(
-                    f"the stream cannot be read ({error.strerror or error}) after {count} whole "
-                    "frames"
-                ) from None
-            if not length:
-                break
-            filled += length
+        try:
+            while filled < len(data) and (length := stream.readinto(data[filled:])):
+                filled += length
+        except OSError as error:
+            why = f"({error.strerror or error}) after {count} whole frames"
+            raise InputError(f"the stream cannot be read {why}") from None
         if filled < len(data):
             break
         count += 1
