@@ -226,17 +226,15 @@ class FrameLayout:
             words = lines.view(packing.words)
             if words.dtype == np.uint16 and words.flags.aligned and is_frozen(words):
                 return words
-        codes = np.empty((self.height, self.width), np.uint16)
-        if packing.words:
-            codes[:] = words
+            codes = words.astype(np.uint16)
         else:
-            self._unpack_groups(lines, codes)
+            codes = self._unpack_groups(lines)
         codes.flags.writeable = False
         return codes
 
-    def _unpack_groups(self, lines: ByteArray, codes: CodeArray) -> None:
+    def _unpack_groups(self, lines: ByteArray) -> CodeArray:
         """Unpack whole groups as words: they are few, and a word is shifted as fast as a byte."""
-        packing = FORMATS[self.format]
+        packing, codes = FORMATS[self.format], np.empty((self.height, self.width), np.uint16)
         # the last word of a line reaches beyond it
         padded = np.zeros((_STRIP, self.line_bytes + packing.word.itemsize), np.uint8)
         shape = _STRIP, self.line_bytes // packing.length
@@ -255,6 +253,7 @@ class FrameLayout:
                 shift(field, packing.word.type(abs(by)), out=field)
                 unpacked |= field
             codes[top : top + _STRIP] = unpacked.view("<u2")[: len(strip), : self.width]
+        return codes
 
     def misfit(self, length: int) -> str:
         """Message that `length` bytes are not a frame, with a likely reason."""
