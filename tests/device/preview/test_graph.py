@@ -87,6 +87,19 @@ def test_a_flat_scene_comes_back(pattern: CfaPattern, scale: int) -> None:
     assert_close(linear(mosaic, scale), np.full((40 // scale, 31 // scale, 3), colour), step)
 
 
+@pytest.mark.parametrize("slope", [(1, 0), (0, 1), (1, -1), (0.5, 1)])
+@pytest.mark.parametrize("pattern", [*FULL, KAIZU])
+def test_a_grey_ramp_comes_back(pattern: CfaPattern, slope: tuple[float, float]) -> None:
+    """Luminance at colour sites is interpolated so that planes are kept, but for rounded weights."""
+    rows, columns = np.mgrid[-30:30, -33:33]
+    light = 0.5 + 0.005 * (slope[0] * rows + slope[1] * columns)
+    calibration = SensorCalibration.of_bits(16, channels=pattern.channels)
+    scene = np.repeat(light[..., None], len(pattern.channels), axis=2).astype(np.float32)
+    mosaic = Mosaic(sample(scene, pattern, calibration), pattern, calibration)
+    inner = np.s_[18:-18, 18:-18]
+    assert_close(linear(mosaic)[inner], scene[inner], 5e-4)
+
+
 @pytest.mark.parametrize("scale", [1, 2])
 def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scale: int) -> None:
     mosaic = Mosaic(codes((60, 80)), CfaPattern.bayer(4), CALIBRATION)

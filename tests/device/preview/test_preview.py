@@ -6,6 +6,7 @@ import pytest
 
 from panchroma.device import Preview
 from panchroma.device.preview import preview as runtime
+from panchroma.device.preview.geometry import Geometry
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
 from panchroma.shared.arrays import CodeArray
 from panchroma.shared.errors import InputError
@@ -111,15 +112,6 @@ def test_one_preview_serves_all_cameras_and_sizes() -> None:
     assert not np.array_equal(pictures[0], pictures[2])
 
 
-def test_scene_units_and_their_codes_give_the_same() -> None:
-    scene = np.random.default_rng(0).random((30, 40, 3), np.float32)
-    pattern, random = CfaPattern.bayer(), np.random.default_rng(1)
-    light = simulate_additive(scene, pattern, SensorCalibration(), 0.01, random)
-    saved = Mosaic(light.codes, light.pattern, light.calibration)
-    preview = Preview.for_mosaic(light, linear=True)
-    assert np.array_equal(preview.run(light), preview.run(saved))
-
-
 def test_many_callers_at_once() -> None:
     mosaics = [shot(seed=seed) for seed in range(6)]
     preview = Preview.for_mosaic(mosaics[0], threads=2)
@@ -151,8 +143,15 @@ def test_another_pattern_is_refused_with_both_named() -> None:
         preview.run(shot(pattern=CfaPattern(CfaPattern.bayer(4).tile, channels="BGR")))
     with pytest.raises(InputError, match="`threads` is 0"):
         Preview(CfaPattern.bayer(), threads=0)
-    with pytest.raises(InputError, match="has 1, 5"):
-        Preview(CfaPattern.bayer(5), 3)
+
+
+def test_scales() -> None:
+    assert Geometry.scales(CfaPattern.bayer(6)) == (1, 2, 3, 6)
+    assert Geometry.scales(CfaPattern.bayer(7)) == (1, 7)
+    # A block that fills a macropixel leaves it no light.
+    crowded = CfaPattern.with_block(("RGRG", "GBGB", "RGRG", "GBGB"), 8)
+    with pytest.raises(InputError, match="2 x 2 sensor pixels: a pattern of period 8 has 1, 4, 8"):
+        Preview(crowded, 2)
 
 
 def test_other_channels_without_a_colour_matrix_are_shown_as_grey_light() -> None:
