@@ -32,10 +32,10 @@ DIGEST = "4692a89734a5a4470b52cdc98bf5d96a3f78456f328065fafbf5fd22cdabde42"
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
     noise=NoiseModel((2e-4,) * 4, (3e-3,) * 4),
-    black_level=(200.0, 210.0, 190.0, 205.0),
+    black_level=(200.0, 210.5, 190.0, 205.0),
     white_level=3900,
     camera_to_xyz=SRGB_TO_XYZ,
-    neutral=(0.5, 1.0, 0.7),
+    neutral=(0.5, 1.2, 0.7),
 )
 SIX = CfaPattern.with_block(("RGC", "YWM", "GBR"), 8, (3, 6))
 SEVEN = CfaPattern.with_block(("GR", "BG", "RG"), 7, (1, 5))
@@ -44,6 +44,8 @@ CROWDED = CfaPattern.of_letters("RG/BW", (0, 3))
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", (2, 5))
 # a site whose line has its panchromatic pixels far away
 FAR = CfaPattern.of_letters("RGBGW/WWWWW/RWGWB/WWWWW/WWWWW")
+# panchromatic samples are on one side of most sites
+LONE = CfaPattern.of_letters("RGBRG/GBRGB/BRWRG/RGBRG/GBGRB")
 FOUR = CfaPattern.of_letters("WCWMW/WWCWY/YWWWW/WMWWW/WWYWK")
 FULL = [
     *(CfaPattern.bayer(6), CfaPattern.bayer(4, "GBRG", (3, 1)), CfaPattern.bayer(3)),
@@ -88,7 +90,7 @@ def test_a_flat_scene_comes_back(pattern: CfaPattern, scale: int) -> None:
 
 
 @pytest.mark.parametrize("slope", [(1, 0), (0, 1), (1, -1), (0.5, 1)])
-@pytest.mark.parametrize("pattern", [*FULL, KAIZU])
+@pytest.mark.parametrize("pattern", [*FULL, KAIZU, LONE])
 def test_a_grey_ramp_comes_back(pattern: CfaPattern, slope: tuple[float, float]) -> None:
     """Luminance at colour sites is interpolated so that planes are kept, but for rounded weights."""
     rows, columns = np.mgrid[-30:30, -33:33]
@@ -121,24 +123,6 @@ def test_coloured_light_is_white_where_it_saturates(light: tuple[float, ...], sc
     assert Preview(pattern, scale).run(Mosaic(samples, pattern, calibration)).min() >= 254
 
 
-def test_greys_are_grey_from_black_to_white() -> None:
-    """Every level of a white surface, past white too: R = G = B, rising, 0 at black, 255 at white
-    and past it.
-    """
-    pattern, white = CfaPattern.bayer(4), ColourTransform.to_space(CALIBRATION).white
-    preview = Preview(pattern)
-    shades = []
-    for level in np.linspace(0, 1.2, 40):
-        scene = np.full((12, 12, 3), np.array(white) * level, np.float32)
-        mosaic = Mosaic(sample(scene, pattern, CALIBRATION), pattern, CALIBRATION)
-        (shade,) = np.unique(preview.run(mosaic).reshape(-1, 3), axis=0)
-        assert int(shade.max()) - int(shade.min()) <= 1
-        shades.append(int(shade[1]))
-    assert shades[0] == 0
-    assert shades == sorted(shades)
-    assert set(shades[34:]) == {255}
-
-
 @pytest.mark.parametrize("name", ["black", "scale", "gamma", "noise", "white", "matrix"])
 def test_every_element_of_every_input_matters(name: str) -> None:
     preview = Preview(Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION).pattern, threads=1)
@@ -155,7 +139,7 @@ def test_every_element_of_every_input_matters(name: str) -> None:
 def test_the_gain_around_every_patch_says_when_it_is_burnt_out() -> None:
     pattern = CfaPattern.bayer()
     preview, (above, below, left, right) = Preview(pattern, threads=1), Geometry(pattern).halo
-    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: np.full((96, 120), 3000, np.uint16)}
+    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: np.full((96, 120), 2400, np.uint16)}
     patches = (96 - above - below) // 6, (120 - left - right) // 6
     gain = np.ones(np.add(patches, (3, 5)), np.float32)
     before = preview._session.run(None, {**inputs, contract.GAIN: gain})[0]
@@ -286,14 +270,8 @@ def test_the_example_gives_the_bytes_of_the_preview(
     points: tuple[int, int] | None,
 ) -> None:
     """Without shading, or with that of a lens in any number of control points."""
-    calibration = SensorCalibration.of_bits(
-        12,
-        gamma=(0.9, 1.1, 0.8),
-        noise=NoiseModel((2e-4,) * 4, (3e-3,) * 4),
-        black_level=(250.0, 251.0, 255.5, 260.0),
-        camera_to_xyz=tuple(tuple(0.8 * value + 0.03 for value in row) for row in SRGB_TO_XYZ),
-        neutral=(0.5, 1.2, 0.7),
-    )
+    tinted = tuple(tuple(0.8 * value + 0.03 for value in row) for row in SRGB_TO_XYZ)
+    calibration = replace(CALIBRATION, camera_to_xyz=tinted)
     if points:
         falls = np.add.outer(*(np.linspace(-1, 0.8, number) ** 2 for number in points))
         gains = 1 + np.array([0.5, 0.4, 0.3, 0.4])[:, None, None] * falls
