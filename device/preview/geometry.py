@@ -21,7 +21,7 @@ Places are (row, column), counted from the origin of a block.
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import groupby, product
 from typing import NamedTuple
 
 import numpy as np
@@ -154,12 +154,8 @@ class Geometry:
         """The sites of a block that are read as one, sorted by channel: each site alone; for a
         smaller picture, a channel's.
         """
-        if self.scale == 1:
-            return [[site] for site in self.sites]
-        return [
-            [site for site in self.sites if site[2] == channel]
-            for channel in np.flatnonzero(self.pattern.site_counts)
-        ]
+        first = 0 if self.scale == 1 else 2  # all of a site, or its channel
+        return [[*sites] for _, sites in groupby(self.sites, key=lambda site: site[first:])]
 
     @cached_property
     def probes(self) -> FloatArray:

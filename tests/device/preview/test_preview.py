@@ -1,5 +1,6 @@
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -42,23 +43,14 @@ def test_strips_and_threads_do_not_show(
 
 
 def test_threads_are_those_of_the_program_or_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    pools: list[int] = []
-
-    def pool(count: int, name: str) -> ThreadPoolExecutor:
-        pools.append(count)
-        return ThreadPoolExecutor(count, name)
-
-    monkeypatch.setattr(runtime, "ThreadPoolExecutor", pool)
-    mosaic = shot()
+    pools, mosaic = Mock(wraps=ThreadPoolExecutor), shot()
+    monkeypatch.setattr(runtime, "ThreadPoolExecutor", pools)
     preview = Preview.for_mosaic(mosaic)
-    # none chosen; the environment may change after it is built
-    monkeypatch.setattr(processors, "chosen", processors._Chosen())
-    monkeypatch.setenv(processors.THREADS, "3")
-    preview.run(mosaic)
-    processors.use_threads(2)
-    preview.run(mosaic)
+    for number in (3, 2):  # may change after it is built
+        monkeypatch.setattr(processors, "threads", lambda number=number: number)
+        preview.run(mosaic)
     Preview.for_mosaic(mosaic, threads=1).run(mosaic)
-    assert pools == [3, 2, 1]
+    assert [call.args[0] for call in pools.call_args_list] == [3, 2, 1]
 
 
 @pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2)])
@@ -125,11 +117,7 @@ def test_an_error_in_a_strip_comes_up(monkeypatch: pytest.MonkeyPatch) -> None:
     mosaic = shot()
     preview = Preview.for_mosaic(mosaic, threads=2)
 
-    class Broken:
-        def run(self, *_: object) -> None:
-            raise MemoryError("strip")
-
-    monkeypatch.setattr(preview, "_session", Broken())
+    monkeypatch.setattr(preview, "_session", Mock(run=Mock(side_effect=MemoryError("strip"))))
     with pytest.raises(MemoryError, match="strip"):
         preview.run(mosaic)
 
