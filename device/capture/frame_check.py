@@ -295,7 +295,7 @@ def lacks_filters(windows: Windows, pattern: CfaPattern, calibration: SensorCali
     the same rows, or columns.
     """
     black, white = float(np.mean(calibration.black_level)), calibration.white_level
-    sites = np.roll(_block(pattern, pattern.period), pattern.block_origin, (0, 1)) > 0
+    sites = ~pattern.panchromatic_mask((pattern.period, pattern.period))
     levels = windows.levels(pattern.period) - black
     lit = (levels[:, ~sites].mean(axis=1) > _LIT * (white - black)) & (
         (windows.codes >= white).mean(axis=(1, 2)) < _CLIPPED
@@ -386,10 +386,8 @@ def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> BoolArray:
 
 def _block(pattern: CfaPattern, period: int) -> DoubleArray:
     """1 at the colour sites, if they had this period, (K, K)."""
-    block = np.zeros((period, period))
-    for row, column, _ in pattern.sites:
-        block[row % period, column % period] = 1.0
-    return block
+    block = ~pattern.panchromatic_mask(pattern.block_shape, pattern.block_origin)
+    return np.pad(block.astype(float), [(0, period - side) for side in block.shape])
 
 
 def _explained(flat: Windows, pattern: CfaPattern, period: int) -> tuple[DoubleArray, DoubleArray]:

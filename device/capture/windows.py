@@ -86,10 +86,8 @@ class Windows:
 
     def panchromatic(self, pattern: CfaPattern) -> BoolArray:
         """Return the mask of panchromatic samples, (N, S, S)."""
-        period = pattern.period
-        mask = pattern.panchromatic_mask((period, period))
-        rows, columns = (self.places.T[..., None] + np.arange(self.codes.shape[1])) % period
-        return mask[rows[:, :, None], columns[:, None, :]]
+        shape = self.codes.shape[1], self.codes.shape[2]
+        return np.stack([pattern.panchromatic_mask(shape, place) for place in self.places])
 
 
 @lru_cache(maxsize=64)

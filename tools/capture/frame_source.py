@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from io import FileIO
-from itertools import count
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any, cast
 
@@ -318,13 +318,10 @@ def _moving_frames(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
     """
     layout, shape = sensor.layout, (sensor.layout.height, sensor.layout.width)
     frames = min(max(_MEMORY // layout.frame_bytes, _LEAST_FRAMES), _MOST_FRAMES)
-    simulated = moving_scene(sensor.pattern, sensor.calibration, shape, frames)
-    turn: list[bytes] = []
+    simulated = islice(moving_scene(sensor.pattern, sensor.calibration, shape, frames), frames)
     due = time.monotonic()
-    for number in count():
-        if len(turn) < frames:
-            turn.append(next(simulated).codes.astype("<u2").tobytes())
+    for data in cycle(mosaic.codes.astype("<u2").tobytes() for mosaic in simulated):
         # A sensor does not catch up: a late frame delays all later ones by as much.
         due = max(due + 1 / rate, time.monotonic())
         time.sleep(max(due - time.monotonic(), 0))
-        yield RawFrame.now(turn[number % frames])
+        yield RawFrame.now(data)

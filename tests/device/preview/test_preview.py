@@ -1,4 +1,5 @@
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import product
 from unittest.mock import Mock
 
@@ -13,6 +14,7 @@ from panchroma.shared.arrays import CodeArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.io.colour import encode_srgb
 from panchroma.tools.simulation.sensor import sample, simulate_additive
+from tests.scenes import darker_corners
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:
@@ -34,6 +36,8 @@ def test_strips_and_threads_do_not_show(
     scale: int, linear: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mosaic = shot((97, 83))
+    shading = darker_corners(mosaic.shape)
+    mosaic = mosaic.calibrated(replace(mosaic.calibration, shading=shading))
     monkeypatch.setattr(runtime, "_STRIP_PIXELS", 1 << 30)
     whole = Preview.for_mosaic(mosaic, scale, linear, threads=1).run(mosaic)
     for pixels, threads in ((1, 1), (1, 3), (1500, 2), (4000, 5)):
