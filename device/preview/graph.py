@@ -48,13 +48,14 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     """
     g = PatternGraph(pattern, scale, linear=linear)
     blocks = fill_holes(g, measure_blocks(g))
-    ratios, *light = pool(g, estimate_ratios(g, blocks), blocks)  # Eqs. 8-9
+    ratios, luminance, limit = pool(g, estimate_ratios(g, blocks), blocks)  # Eqs. 8-9
     colour = in_picture_units(g, ratios)
     if scale == 1:
         pixels, coarse = fill_pixels(g, correct_luminance(g, blocks, ratios))
     else:
         pixels, coarse = bin_pixels(g)
-    spread = propagate(g, colour, *light, coarse, "" if linear else burnt_out(g, coarse))  # Eq. 10
+    shown = "" if linear else burnt_out(g, coarse)
+    spread = propagate(g, colour, luminance, limit, coarse, shown)  # Eq. 10
     camera = [g("Mul", pixel, spread) for pixel in pixels]  # Eq. 17
     return _finished(g, interleave(g, camera if linear else [display(g, each) for each in camera]))
 
