@@ -43,11 +43,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     # not of the module: threads of other libraries sleep, too
     own = SimpleNamespace(monotonic=lambda: clock.now, sleep=clock.sleep)
     monkeypatch.setattr(frame_folder, "time", own)
+    Watch.clock = clock
     return clock
 
 
 class Watch:
     """Takes frames from a folder."""
+
+    clock: Clock
 
     def __init__(self, folder: Path, layout: FrameLayout = LAYOUT, **options: bool) -> None:
         self.refused: list[str] = []
@@ -57,7 +60,7 @@ class Watch:
             layout,
             lambda error: self.refused.append(str(error)),
             **options,
-            stopped=lambda: frame_folder.time.monotonic() > self._until,
+            stopped=lambda: self.clock.now > self._until,
         )
 
     def take(self, count: int) -> list[RawFrame]:
@@ -72,7 +75,7 @@ class Watch:
         return list(self._frames)
 
     def _watch_for(self, seconds: float) -> None:
-        self._until = frame_folder.time.monotonic() + seconds
+        self._until = self.clock.now + seconds
 
 
 def put(folder: Path, name: str, data: bytes = FRAME, seconds: float = 1e9) -> Path:

@@ -129,15 +129,14 @@ def test_other_formats_are_refused(words: str, names: list[str]) -> None:
 LAYOUT = FrameLayout(5, 3, "raw10", 12)
 
 
-class ShortReads(io.BytesIO):
+class ShortReads(io.RawIOBase):
     """A pipe that gives a few bytes at a time."""
 
     def __init__(self, data: bytes, length: int, failure: OSError | None = None) -> None:
-        super().__init__(data)
-        self._length, self._failure = length, failure
+        self._stream, self._length, self._failure = io.BytesIO(data), length, failure
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        length = super().readinto(buffer[: self._length])
+        length = self._stream.readinto(buffer[: self._length])
         if not length and self._failure:
             raise self._failure
         return length
