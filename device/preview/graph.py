@@ -73,7 +73,8 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},
     }
-    kind, shape = FLOAT if g.linear else UINT8, ["height", "width", g.shown]
+    kind = FLOAT if g.linear else UINT8
+    output: tuple[str, int, Shape] = (contract.PICTURE, kind, ["height", "width", g.shown])
     facts = {
         "contract": contract.VERSION,
         "builder": BUILDER,
@@ -84,5 +85,4 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         "halo": " ".join(map(str, g.geometry.halo)),
     }
     metadata = {f"panchroma.{name}": fact for name, fact in facts.items()}
-    output = contract.PICTURE, kind, shape
     return g.to_bytes(picture, inputs, output, ("panchroma", BUILDER), metadata)

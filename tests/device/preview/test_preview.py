@@ -13,7 +13,7 @@ from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, 
 from panchroma.shared.arrays import CodeArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.io.colour import encode_srgb
-from panchroma.tools.simulation.sensor import sample, simulate_additive
+from panchroma.tools.simulation.sensor import sample
 from tests.scenes import darker_corners
 
 
@@ -57,18 +57,6 @@ def test_threads_are_those_of_the_program_or_environment(monkeypatch: pytest.Mon
     assert [call.args[0] for call in pools.call_args_list] == [3, 2, 1]
 
 
-@pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2)])
-def test_where_the_frame_begins_does_not_show_but_at_its_edge(origin: tuple[int, int]) -> None:
-    mosaic = shot((60, 70))
-    top, left = origin
-    crop = Mosaic(mosaic.codes[top:, left:], mosaic.pattern.cropped(top, left), mosaic.calibration)
-    preview = Preview.for_mosaic(mosaic)
-    assert crop.pattern.origin != mosaic.pattern.origin or origin == (0, 0)
-    edge = 3 * mosaic.pattern.period
-    inner = np.s_[edge:-edge, edge:-edge]
-    assert np.array_equal(preview.run(crop)[inner], preview.run(mosaic)[top:, left:][inner])
-
-
 @pytest.mark.parametrize("shape", [(2, 2), (3, 17), (40, 2), (13, 14), (64, 7)])
 @pytest.mark.parametrize(
     "pattern",
@@ -80,21 +68,6 @@ def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
         picture = Preview(pattern, scale, linear=linear, threads=1).run(mosaic)
         assert picture.shape == (max(shape[0] // scale, 1), max(shape[1] // scale, 1), 3)
         assert np.isfinite(picture).all()
-
-
-@pytest.mark.parametrize("scale", [2, 3])
-def test_a_smaller_picture_shows_the_same_places(scale: int) -> None:
-    """The centre of an edge's step is where the full picture has it, to half a cell, wherever the
-    tile begins.
-    """
-    for column in range(20, 27):
-        scene = np.full((30, 60, 3), 0.1, np.float32)
-        scene[:, column:] = 0.9
-        pattern, random = CfaPattern.bayer(6, origin=(3, column)), np.random.default_rng(0)
-        mosaic = simulate_additive(scene, pattern, SensorCalibration(), 0, random)
-        light = Preview(pattern, scale, linear=True).run(mosaic)[5, :, 1]
-        edge = float(((light < 0.89) * (0.9 - light) / 0.8).sum()) * scale
-        assert abs(edge - column) <= scale / 2 + 0.35
 
 
 def test_one_preview_serves_all_cameras_and_sizes() -> None:
