@@ -14,13 +14,16 @@ greens of a Bayer block show its diagonal, and scattered sites where their tile 
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from typing import NoReturn
 
 import numpy as np
 
-from ...shared import ByteArray, CfaPattern, CodeArray, DoubleArray, InputError, SensorCalibration
+from ...shared import CfaPattern, CodeArray, DoubleArray, InputError, SensorCalibration
+from ...shared.arrays import BoolArray, ByteArray
+from .bits import contradiction, open_bits
 from .frames import RawFrame, Sensor
-from .windows import Windows
+from .windows import FEWEST_WINDOWS, Windows
 
 _OPEN = "the frame does not show whether {}; the next frames are looked at"
 _GREENS = "the greens are on the right diagonal (it has little colour)"
@@ -37,7 +40,7 @@ _SIDE, _PERIODS = 32, 4  # pixels along a window, and periods in it, at least
 _FIRST_WINDOWS, _LAST_WINDOWS = 64, 24
 # windows: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
-_FEW_WINDOWS, FEWEST_WINDOWS = 8, 4  # fewer have no standard error
+_FEW_WINDOWS = 8
 
 _CERTAIN = 6.0  # standard errors of a contrast
 # the best place explains this many times the variance that the next one does; in photographs 2.7
@@ -70,11 +73,6 @@ _SCENE = 1 / 8
 _IMBALANCE = 0.03  # of their level by which sites of one channel may differ
 _SURE_ENERGY = 5.0  # standard errors of an energy
 
-Examine = Callable[[Sensor, RawFrame, CodeArray, Windows], tuple[str, list[str]]]
-"""Returns what contradicts the description of a sensor in one of its first frames, "" if nothing
-does, and remarks on what the frame leaves open if it shows its filters.
-"""
-
 
 class SlippedError(InputError):
     """A stream has lost or gained bytes: this frame, and perhaps some before it, are not what the
@@ -86,9 +84,7 @@ def checked(
     frames: Iterable[RawFrame],
     sensor: Sensor,
     note: Callable[[str], None],
-    *,
-    refused: Callable[[InputError], None] | None = None,
-    examine: Examine = lambda *_: ("", []),
+    refused: Callable[[InputError], None],
 ) -> Iterator[RawFrame]:
     """Pass frames on, and look at them: until some have confirmed the description of their sensor,
     and whether they still do.
@@ -99,69 +95,60 @@ def checked(
     ----------
     note : Callable[[str], None]
         Called with each sentence on what a frame leaves open, once.
-    refused : Callable[[InputError], None] | None, optional
+    refused : Callable[[InputError], None]
         Called for a file that is not like those before it, which is left out: the next one begins
-        anew. None = raise.
-    examine : Examine, optional
-        Looks at the bits of the first frames, too.
+        anew.
 
     Raises
     ------
     SlippedError
         When a stream has lost or gained bytes since.
     """
-    check = _Check(sensor, examine)
-    noted: set[str] = set()
+    check = _Check(sensor, cache(note))  # which notes each sentence once
     for frame in frames:
         try:
-            is_checked, remarks = check.look(frame)
+            is_checked = check.look(frame)
         except InputError as error:
             reason = type(error)(frame.named(error))
-            if refused is None or not frame.source or not isinstance(error, SlippedError):
+            if not frame.source or not isinstance(error, SlippedError):
                 raise reason from None
             refused(reason)
-            continue
-        for remark in remarks:
-            if remark not in noted:
-                note(remark)
-                noted.add(remark)
-        yield replace(frame, is_checked=is_checked)
+        else:
+            yield replace(frame, is_checked=is_checked)
 
 
 class _Check:
     """Frames so far, and what they have confirmed. For the arguments see `checked`."""
 
-    def __init__(self, sensor: Sensor, examine: Examine) -> None:
-        self._sensor, size = sensor, (sensor.layout.width, sensor.layout.height)
-        self._examine = examine
+    def __init__(self, sensor: Sensor, note: Callable[[str], None]) -> None:
+        self._sensor, self._note = sensor, note
+        size = sensor.layout.width, sensor.layout.height
         self._side = min(max(_SIDE, _PERIODS * sensor.pattern.period), *size)  # of a window, pixels
         self._confirmed = 0
         self._has_colours = False
 
-    def look(self, frame: RawFrame) -> tuple[bool, list[str]]:
-        """Return whether the frame shows what is described after others have, and what it leaves
-        open, a sentence each.
+    def look(self, frame: RawFrame) -> bool:
+        """Return whether the frame shows what is described after others have, and note what it
+        leaves open.
 
         Raises InputError if the frame contradicts the description.
         """
         is_known = self._confirmed >= _ENOUGH
         # whoever reads it says so
         if is_known and len(frame.data) != self._sensor.layout.frame_bytes:
-            return False, []
-        shown, remarks = self._later(frame) if is_known else self._first(frame)
+            return False
+        shown = self._later(frame) if is_known else self._first(frame)
         self._confirmed += shown
-        return shown and is_known, remarks
+        return shown and is_known
 
-    def _first(self, frame: RawFrame) -> tuple[bool, list[str]]:
-        """Return whether all of a frame shows the pattern, and what it leaves open."""
+    def _first(self, frame: RawFrame) -> bool:
+        """Return whether all of a frame shows the pattern, and note what it leaves open."""
         layout, pattern = self._sensor.layout, self._sensor.pattern
         calibration = self._sensor.calibration
         codes = layout.unpack(frame.data)
         windows = Windows.of(codes, self._side, _FIRST_WINDOWS)
-        if reason := impossible_level(codes, windows, calibration):
-            self._refuse(frame, reason)
-        reason, remarks = self._examine(self._sensor, frame, codes, windows)
-        if reason:
+        reason = impossible_level(codes, windows, calibration)
+        if reason := reason or contradiction(self._sensor, frame, codes, windows):
             self._refuse(frame, reason)
         shown = shows_filters(windows, pattern)
         if shown is False and self._confirmed:
@@ -176,10 +163,14 @@ class _Check:
                 colours = "the samples at the places of the colour filters"
                 self._refuse(frame, f"{colours} are as bright as their neighbours")
             why = hindrance(codes, calibration)
-            return False, [_OPEN.format(f"size, format and pattern are right ({why})")]
-        return True, [*self._colours(frame, windows), *remarks]
+            self._note(_OPEN.format(f"size, format and pattern are right ({why})"))
+            return False
+        self._look_at_colours(frame, windows)
+        if remark := open_bits(codes, calibration):
+            self._note(remark)
+        return True
 
-    def _later(self, frame: RawFrame) -> tuple[bool, list[str]]:
+    def _later(self, frame: RawFrame) -> bool:
         """Return the same of the last rows of a frame, which move when anything before them slips.
         Raises SlippedError where they show anything else.
         """
@@ -196,13 +187,15 @@ class _Check:
             shown or (shown is None and not lacks_filters(windows, pattern, calibration))
         ):
             raise SlippedError(_SLIPPED)
-        return shown is True, self._colours(frame, windows) if shown else []
+        if shown:
+            self._look_at_colours(frame, windows)
+        return shown is True
 
-    def _colours(self, frame: RawFrame, windows: Windows) -> list[str]:
-        """Return what the windows of a frame that shows its filters leave open of their colours."""
+    def _look_at_colours(self, frame: RawFrame, windows: Windows) -> None:
+        """Note what the windows of a frame that shows its filters leave open of their colours."""
         pattern = self._sensor.pattern
         if self._has_colours and not pattern.is_scattered:
-            return []
+            return
         coloured = shows_colours(windows, pattern, self._sensor.calibration)
         if coloured is False and self._has_colours:
             raise SlippedError(_SLIPPED)
@@ -211,8 +204,8 @@ class _Check:
             scattered = "its colours are at other sites of the tile"
             self._refuse(frame, scattered if pattern.is_scattered else greens)
         self._has_colours |= coloured is True
-        remark = _OPEN.format(_COLOUR_SITES if pattern.is_scattered else _GREENS)
-        return [] if self._has_colours else [remark]
+        if not self._has_colours:
+            self._note(_OPEN.format(_COLOUR_SITES if pattern.is_scattered else _GREENS))
 
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
         """Raise InputError with the reason."""
@@ -266,21 +259,20 @@ def shows_filters(windows: Windows, pattern: CfaPattern) -> bool | None:
     if len(windows.codes) < FEWEST_WINDOWS:
         return None
     flat = windows.flattened()
-    folded = flat.folded(pattern.period)
-    explained, certainties = _explained(folded, _block(pattern, pattern.period))
-    best = np.unravel_index(int(explained.argmax()), explained.shape)
-    most, ours = float(explained[best]), np.zeros(explained.shape, np.bool_)
-    ours[tuple(np.transpose(_places_alike(pattern, pattern.block_origin)))] = True
+    explained, certainties = _explained(flat, pattern, pattern.period)
+    row, column = np.unravel_index(int(explained.argmax()), explained.shape)
+    best = int(row), int(column)
+    most, ours = float(explained[best]), _places_alike(pattern, pattern.block_origin)
     here, elsewhere = explained[ours].max(), explained[~ours].max(initial=0.0)
     if here == most > _BETTER * elsewhere and certainties[best] > _CERTAIN:
         return True
-    if certainties[best] < _CERTAIN * (1 + _FEW_WINDOWS / len(folded)):
+    if certainties[best] < _CERTAIN * (1 + _FEW_WINDOWS / len(flat.codes)):
         return None
     # Where colour sites are elsewhere, other places show hardly anything, whatever the scene
     # repeats.
     there = explained > most / _BETTER
     if here < most / _FAR:
-        there[tuple(np.transpose(_places_alike(pattern, (int(best[0]), int(best[1])))))] = False
+        there &= ~_places_alike(pattern, best)
         return None if there.any() or most < _PLAIN * np.square(flat.codes).mean() else False
     return False if (there & ~ours).any() and (there | (explained < most / _FAR)).all() else None
 
@@ -291,7 +283,7 @@ def has_longer_period(windows: Windows, pattern: CfaPattern) -> bool:
     """
     period = 2 * pattern.period
     flat = windows.flattened()
-    explained, _ = _explained(flat.folded(period), _block(pattern, period))
+    explained, _ = _explained(flat, pattern, period)
     rows, columns = (slice(place, None, pattern.period) for place in pattern.block_origin)
     *_, second, first = np.sort(explained[rows, columns], axis=None)
     least = max(_FAR * second, _PLAIN / 2 * float(np.square(flat.codes).mean()))
@@ -303,8 +295,8 @@ def lacks_filters(windows: Windows, pattern: CfaPattern, calibration: SensorCali
     the same rows, or columns.
     """
     black, white = float(np.mean(calibration.black_level)), calibration.white_level
-    sites = np.roll(_block(pattern, pattern.period), pattern.block_origin, (0, 1)) > 0
-    levels = windows.folded(pattern.period) + windows.codes.mean(axis=(1, 2), keepdims=True) - black
+    sites = ~pattern.panchromatic_mask((pattern.period, pattern.period))
+    levels = windows.levels(pattern.period) - black
     lit = (levels[:, ~sites].mean(axis=1) > _LIT * (white - black)) & (
         (windows.codes >= white).mean(axis=(1, 2)) < _CLIPPED
     )
@@ -333,9 +325,8 @@ def shows_colours(
     """
     period, candidates = pattern.period, [pattern]
     if pattern.is_scattered:
-        candidates = [
-            replace(pattern, origin=place) for place in _places_alike(pattern, pattern.block_origin)
-        ]
+        alike = np.argwhere(_places_alike(pattern, pattern.block_origin)).tolist()
+        candidates += [replace(pattern, origin=(row, column)) for row, column in alike]
     elif len(pattern.sites) == 4 and pattern.block_shape == (2, 2):
         block = tuple(row[1::-1] for row in pattern.letters_from(pattern.block_origin)[:2])
         origin, channels = pattern.block_origin, pattern.channels
@@ -348,9 +339,8 @@ def shows_colours(
     ours = kinds.pop((planes[0][sites, None] == planes[0][sites]).tobytes())
     if not kinds:
         return True
-    levels = windows.folded(period) + windows.codes.mean(axis=(1, 2), keepdims=True)
+    levels = windows.levels(period) - float(np.mean(calibration.black_level))
     levels = levels[(windows.codes < calibration.white_level).all(axis=(1, 2))]
-    levels = levels - float(np.mean(calibration.black_level))
     if len(levels) < _FEW_WINDOWS:
         return None
     samples = levels[:, sites]
@@ -384,30 +374,29 @@ def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
     return bool(are_certain and ours.mean() > _UNLIKE_FILTERS * others.mean())
 
 
-def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> list[tuple[int, int]]:
-    """Return `place`, and all others at which the colour sites would be the same."""
-    block, period = _block(pattern, pattern.period), pattern.period
-    return [
-        ((place[0] + down) % period, (place[1] + right) % period)
-        for down, right in np.ndindex(block.shape)
-        if np.array_equal(np.roll(block, (down, right), (0, 1)), block)
-    ]
+def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> BoolArray:
+    """Return the mask of `place` and all others at which the colour sites would be the same, (K,
+    K).
+    """
+    block = _block(pattern, pattern.period)
+    moved = (np.roll(block, step, (0, 1)) for step in np.ndindex(block.shape))
+    same = np.reshape([np.array_equal(each, block) for each in moved], block.shape)
+    return np.roll(same, place, (0, 1))
 
 
 def _block(pattern: CfaPattern, period: int) -> DoubleArray:
     """1 at the colour sites, if they had this period, (K, K)."""
-    block = np.zeros((period, period))
-    for row, column, _ in pattern.sites:
-        block[row % period, column % period] = 1.0
-    return block
+    block = ~pattern.panchromatic_mask(pattern.block_shape, pattern.block_origin)
+    return np.pad(block.astype(float), [(0, period - side) for side in block.shape])
 
 
-def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+def _explained(flat: Windows, pattern: CfaPattern, period: int) -> tuple[DoubleArray, DoubleArray]:
     """Variance that a block explains at each place, (K, K), 0 where it is not darker; its contrast
     in standard errors.
 
-    block: 1 at the colour sites, (K, K).
+    flat: see `Windows.flattened`. period: K, if blocks had this one.
     """
+    folded, block = flat.folded(period), _block(pattern, period)
     contrasts, certainties = [], []
     # Once as it is, and once without the means of rows and columns, so that stripes of the same
     # period are not taken for blocks.

@@ -109,16 +109,12 @@ def watch_folder(
 
 
 def _scan(folder: Path) -> dict[Path, _State]:
-    found: dict[Path, _State] = {}
     try:
-        for path in folder.iterdir():
-            if path.name.startswith(".") or path.suffix in _UNFINISHED:
-                continue
-            if state := _state(path):
-                found[path] = state
+        paths = [*folder.iterdir()]
     except OSError as error:
         raise InputError(f"{folder}: cannot be listed ({error.strerror or error})") from None
-    return found
+    named = (path for path in paths if path.name[0] != "." and path.suffix not in _UNFINISHED)
+    return {path: state for path in named if (state := _state(path))}
 
 
 def _state(path: Path) -> _State | None:

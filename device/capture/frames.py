@@ -226,17 +226,15 @@ class FrameLayout:
             words = lines.view(packing.words)
             if words.dtype == np.uint16 and words.flags.aligned and is_frozen(words):
                 return words
-        codes = np.empty((self.height, self.width), np.uint16)
-        if packing.words:
-            codes[:] = words
+            codes = words.astype(np.uint16)
         else:
-            self._unpack_groups(lines, codes)
+            codes = self._unpack_groups(lines)
         codes.flags.writeable = False
         return codes
 
-    def _unpack_groups(self, lines: ByteArray, codes: CodeArray) -> None:
+    def _unpack_groups(self, lines: ByteArray) -> CodeArray:
         """Unpack whole groups as words: they are few, and a word is shifted as fast as a byte."""
-        packing = FORMATS[self.format]
+        packing, codes = FORMATS[self.format], np.empty((self.height, self.width), np.uint16)
         # the last word of a line reaches beyond it
         padded = np.zeros((_STRIP, self.line_bytes + packing.word.itemsize), np.uint8)
         shape = _STRIP, self.line_bytes // packing.length
@@ -255,6 +253,7 @@ class FrameLayout:
                 shift(field, packing.word.type(abs(by)), out=field)
                 unpacked |= field
             codes[top : top + _STRIP] = unpacked.view("<u2")[: len(strip), : self.width]
+        return codes
 
     def misfit(self, length: int) -> str:
         """Message that `length` bytes are not a frame, with a likely reason."""
@@ -437,17 +436,12 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
         lent = memory[:]  # kept by all that is made of the frame
         finalize(lent, spare.append, memory).atexit = False
         data, filled = lent.data, 0
-        while filled < len(data):
-            try:
-                length = stream.readinto(data[filled:])
-            except OSError as error:
-                raise InputError(
-                    f"the stream cannot be read ({error.strerror or error}) after {count} whole "
-                    "frames"
-                ) from None
-            if not length:
-                break
-            filled += length
+        try:
+            while filled < len(data) and (length := stream.readinto(data[filled:])):
+                filled += length
+        except OSError as error:
+            why = f"({error.strerror or error}) after {count} whole frames"
+            raise InputError(f"the stream cannot be read {why}") from None
         if filled < len(data):
             break
         count += 1

@@ -4,12 +4,12 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
-from functools import partial
 from itertools import count
 from pathlib import Path
+from typing import BinaryIO
 
 from ...shared import ByteArray, InputError, Mosaic, OutputError
 from ...shared.dng import encode_dng
@@ -142,52 +142,51 @@ def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteAr
     try:
         with ExitStack() as stack:
             for path, (mosaic, picture) in zip(paths, frames, strict=True):
-                stack.push(partial(_note_named, named, path))
-                stack.enter_context(durable_file(path)).write(encode_dng(mosaic, picture))
+                file = stack.enter_context(_noted_file(path, named))
+                file.write(encode_dng(mosaic, picture))
     except BaseException:
         for path in named:
             path.unlink(missing_ok=True)
         raise
 
 
-def _note_named(
-    named: list[Path], path: Path, error: type[BaseException] | None, *_: object
-) -> None:
-    if error is None:
-        named.append(path)
+@contextmanager
+def _noted_file(path: Path, named: list[Path]) -> Iterator[BinaryIO]:
+    """Open a durable file, and note its path when it has got its name."""
+    with durable_file(path) as file:
+        yield file
+    named.append(path)
 
 
 def _check_link(link: Path) -> None:
     try:
         if not link.parent.is_dir():
-            raise InputError(f"{link}: there is no such folder for the link to the latest shot")
-        if not stat.S_ISLNK(link.lstat().st_mode):
-            choose = "choose another name for the link to the latest shot"
-            raise InputError(f"{link}: exists and is no link; {choose}")
+            why = "there is no such folder for the link to the latest shot"
+        elif stat.S_ISLNK(link.lstat().st_mode):
+            return
+        else:
+            why = "exists and is no link; choose another name for the link to the latest shot"
     except FileNotFoundError:
         return
-    except InputError:
-        raise
     except (OSError, ValueError) as error:  # ValueError: a null character
         reason = getattr(error, "strerror", None) or error
         why = f"cannot be the name of the link to the latest shot ({reason})"
-        raise InputError(f"{link}: {why}") from None
+    raise InputError(f"{link}: {why}")
 
 
 def _point(link: Path, path: Path) -> None:
     """Point `link` to `path` atomically: at no moment is the link missing or broken."""
     partial = partial_path(link)
     try:
-        try:
-            # Relative, so that link and shots can be moved together, and mounted elsewhere.
-            partial.symlink_to(os.path.relpath(path.resolve(), link.parent.resolve()))
-            partial.replace(link)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
+        # Relative, so that link and shots can be moved together, and mounted elsewhere.
+        partial.symlink_to(os.path.relpath(path.resolve(), link.parent.resolve()))
+        partial.replace(link)
     except OSError as error:
         reason = error.strerror or str(error)
         if error.errno in (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP):
             reason = "this file system has no symbolic links; omit the link, or put it elsewhere"
         why = f"the link to the latest shot cannot be made: {reason}"
         raise OutputError(f"{link}: {why}") from error
+    finally:
+        with suppress(OSError):
+            partial.unlink()

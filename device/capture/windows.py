@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...shared.arrays import BoolArray, CodeArray, DoubleArray, FloatArray
 from ...shared.pattern import CfaPattern
 
+FEWEST_WINDOWS = 4  # fewer have no standard error
 _WIDTH = 17  # pixels, along the squares of local means
 _FLAT = 0.25  # codes: differences below this are rounding
 _LIMIT = 4.0  # mean deviations: the edges of a scene count no more than this
@@ -79,12 +80,14 @@ class Windows:
         means = (down @ self.codes @ across.transpose(0, 2, 1)).astype(np.float64)
         return means - means.mean(axis=(1, 2), keepdims=True)
 
+    def levels(self, period: int) -> DoubleArray:
+        """Return the mean of each window at each place of a K x K square: (N, K, K)."""
+        return self.folded(period) + self.codes.mean(axis=(1, 2), keepdims=True)
+
     def panchromatic(self, pattern: CfaPattern) -> BoolArray:
         """Return the mask of panchromatic samples, (N, S, S)."""
-        period = pattern.period
-        mask = pattern.panchromatic_mask((period, period))
-        rows, columns = (self.places.T[..., None] + np.arange(self.codes.shape[1])) % period
-        return mask[rows[:, :, None], columns[:, None, :]]
+        shape = self.codes.shape[1], self.codes.shape[2]
+        return np.stack([pattern.panchromatic_mask(shape, place) for place in self.places])
 
 
 @lru_cache(maxsize=64)

@@ -2,12 +2,10 @@
 spread over the macropixels (Eq. 10).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ...shared.display import SATURATED
-from .luminance import Blocks, Probes
+from .luminance import Blocks
 from .nodes import END
 from .pattern_graph import PatternGraph
 
@@ -58,7 +56,7 @@ step between patches.
 """
 
 
-def estimate_ratios(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
+def estimate_ratios(g: PatternGraph, blocks: Blocks) -> str:
     """The ratio gamma_j c_j of every channel to the luminance of every block, (C, blocks).
 
     The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that
@@ -66,7 +64,7 @@ def estimate_ratios(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     much light there is (Eq. 7): with less, white would be yellow. Where a channel has no sites they
     do not say it: blocks beside a saturated sample are grey.
     """
-    filled, luminance, gap, *_ = blocks
+    samples, filled, luminance, gap, *_ = blocks
     channels = [sites[0][2] for sites in g.geometry.readings]
     derived = g.geometry.pattern.derived
     counts = [channels.count(channel) for channel in range(g.channels) if channel != derived]
@@ -93,9 +91,7 @@ def estimate_ratios(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     variance = g("Max", g("Mul", g.variance(luminance), _PRIOR), _LEAST_VARIANCE)
     grey = g("Div", g.gamma, g.total(g.gamma, g.channels, axis=0))
     a = g("Add", of_channels(g("Mul", filled, filled)), variance)
-    ratios = g(
-        "Div", g("Add", of_channels(g("Mul", filled, probes.samples)), g("Mul", variance, grey)), a
-    )
+    ratios = g("Div", g("Add", of_channels(g("Mul", filled, samples)), g("Mul", variance, grey)), a)
     pull = g("Div", g("Mul", g.gamma, g.gamma), a)
     missing = g("Sub", 1.0, g.total(ratios, g.channels, axis=0))
     ratios = g("Add", ratios, g("Mul", pull, g("Div", missing, g.total(pull, g.channels, axis=0))))
@@ -110,25 +106,7 @@ def estimate_ratios(g: PatternGraph, probes: Probes, blocks: Blocks) -> str:
     return g("Add", ratios, g("Mul", saturated, g("Sub", grey, ratios)))
 
 
-class Pooled(NamedTuple):
-    """Colour of the inner blocks, and what weighs a block in `propagate`.
-
-    Attributes
-    ----------
-    ratios : str
-        The ratio gamma_j c_j of every channel to luminance, (C, inner blocks).
-    luminance : str
-        Luminance, (1, inner blocks).
-    limit : str
-        Squared difference from it at which the weight is halved, (1, inner blocks).
-    """
-
-    ratios: str
-    luminance: str
-    limit: str
-
-
-def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> Pooled:
+def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> tuple[str, str, str]:
     """`ratios` of the inner blocks, each pooled with those around it.
 
     The larger the error of a block, by noise and beside edges, the more its colour becomes the mean
@@ -138,6 +116,12 @@ def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> Pooled:
     block, the less it is known: it is like others sooner, and counts less, for them and for pixels
     (`propagate`). So black print stays grey, and ink shows the colour of the blocks that lie within
     it.
+
+    Returns
+    -------
+    tuple[str, str, str]
+        The ratios, (C, inner blocks). What weighs a block in `propagate`, (1, inner blocks): its
+        luminance, and the squared difference from it at which the weight is halved.
     """
     variance = g.variance(blocks.luminance)
     luminance = g("Max", blocks.luminance, g.floor)
@@ -161,7 +145,7 @@ def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> Pooled:
     pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, misread))
     limit = g("Add", g("Mul", power, _CONTRAST), g("Mul", variance, _NOISE_WEIGHT))
     limit = g("Mul", limit, g("Div", power, g("Add", power, g("Mul", strokes, _CONTRAST_STROKES))))
-    return Pooled(g("Div", pooled, g.total(pooled, g.channels, axis=0)), luminance, limit)
+    return g("Div", pooled, g.total(pooled, g.channels, axis=0)), luminance, limit
 
 
 def similarity(g: PatternGraph, colours: str, alike: str, axis: int) -> str:
@@ -197,7 +181,9 @@ def with_neighbours(g: PatternGraph, values: str, similar: str, axis: int) -> st
     return g("Add", own, g("Add", g("Mul", before, like_before), g("Mul", after, like_after)))
 
 
-def propagate(g: PatternGraph, pooled: Pooled, colour: str, coarse: str, shown: str) -> str:
+def propagate(
+    g: PatternGraph, colour: str, luminance: str, limit: str, coarse: str, shown: str
+) -> str:
     """Colour of every macropixel, (C, macropixels, patches): a convex combination of those of the
     four blocks at the corners of its patch.
 
@@ -207,7 +193,9 @@ def propagate(g: PatternGraph, pooled: Pooled, colour: str, coarse: str, shown: 
     Parameters
     ----------
     colour : str
-        `Pooled.ratios` in the units of the picture.
+        The ratios of the inner blocks in the units of the picture.
+    luminance, limit : str
+        See `pool`.
     coarse : str
         Mean luminance of each macropixel, (1, macropixels, patches).
     shown : str
@@ -221,7 +209,7 @@ def propagate(g: PatternGraph, pooled: Pooled, colour: str, coarse: str, shown: 
             ends = [END if down else -1, END if right else -1]
             level, most, block = (
                 g("Slice", plane, [down, right], ends, [1, 2])
-                for plane in (pooled.luminance, pooled.limit, colour)
+                for plane in (luminance, limit, colour)
             )
             apart = g("Sub", coarse, level)
             weight = g("Div", most, g("Add", g("Mul", apart, apart), most))

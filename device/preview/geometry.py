@@ -14,26 +14,39 @@ axis. Then at most 16 probes read a Bayer block, which takes half the time of 17
 Where colour sites are scattered the tile is the block, with panchromatic pixels between its sites.
 There luminance at a site comes from the nearest of them alone, and the differences are those across
 the sites.
+
+Places are (row, column), counted from the origin of a block.
 """
 
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import groupby, product
 from typing import NamedTuple
 
 import numpy as np
 
-from ...shared import DoubleArray, FloatArray, IndexArray, InputError
+from ...shared import BoolArray, DoubleArray, FloatArray, InputError
 from ...shared.pattern import CfaPattern
 from ...shared.site_errors import error_correlation
-from .neighbourhood import UNIT, Neighbourhood, Place, exact
+
+Place = tuple[int, int]
 
 REACH = 1, 2
 """(rows, columns) of blocks beyond those at the corners of the patches whose colours are pooled."""
 _CORNER = 1 / 8
 """Weight of each corner in a difference of smaller pictures. More would trust the direction too
 much where there is noise.
+"""
+_UNIT = 64
+"""Weights are multiples of 1 / _UNIT."""
+_CUBIC = 0.5
+"""Share of cubic interpolation; the rest is linear. Half has the smallest error on photographs:
+cubic alone overshoots at edges.
+"""
+_FARTHEST_SAMPLE = 2
+"""Pixels from a scattered site to the samples that interpolate it along an axis, at most: others,
+not on the axis, are nearer.
 """
 
 
@@ -124,7 +137,10 @@ class Geometry:
 
         Pixels have the order (pixels of a macropixel, macropixels), both row by row.
         """
-        return _masks(self.pattern, self.scale)[self._order]
+        period, across, within = self.pattern.period, self.across, self.within
+        masks = _masks(self.pattern, self.scale)
+        masks = masks.reshape(across, within, across, within, period, period)
+        return masks.transpose(1, 3, 0, 2, 4, 5).reshape(-1, period, period)
 
     @cached_property
     def window(self) -> tuple[range, range]:
@@ -138,12 +154,8 @@ class Geometry:
         """The sites of a block that are read as one, sorted by channel: each site alone; for a
         smaller picture, a channel's.
         """
-        if self.scale == 1:
-            return [[site] for site in self.sites]
-        return [
-            [site for site in self.sites if site[2] == channel]
-            for channel in np.flatnonzero(self.pattern.site_counts)
-        ]
+        first = 0 if self.scale == 1 else 2  # all of a site, or its channel
+        return [[*sites] for _, sites in groupby(self.sites, key=lambda site: site[first:])]
 
     @cached_property
     def probes(self) -> FloatArray:
@@ -173,12 +185,12 @@ class Geometry:
         Pooling of colours needs `REACH` more blocks beyond the corners of the patches, and those
         the window of their probes.
         """
-        period = self.pattern.period
-        sides = []
-        for half, window, reach in zip(self.half, self.window, REACH, strict=True):
-            sides += [reach * period + half - window.start, reach * period - half + window.stop]
-        above, below, left, right = sides
-        return above, below, left, right
+        pooled = np.multiply(REACH, self.pattern.period).tolist()
+        rows, columns = (
+            (reach + half - window.start, reach - half + window.stop)
+            for reach, half, window in zip(pooled, self.half, self.window, strict=True)
+        )
+        return *rows, *columns
 
     @cached_property
     def sites(self) -> list[tuple[int, int, int]]:
@@ -191,13 +203,12 @@ class Geometry:
         period, side = self.pattern.period, self.macropixel
         holes = []
         for *site, _ in self.sites:
-            # A block at the top left corner of a patch begins in the patch before.
-            (down, row), (right, column) = (
-                (0, value - half) if value >= half else (1, value - half + period)
-                for value, half in zip(site, self.half, strict=True)
+            # A block at the top left corner of a patch begins in the patch before, -1.
+            (before, row), (left, column) = (
+                divmod(value - half, period) for value, half in zip(site, self.half, strict=True)
             )
             pixel = row % side * side + column % side
-            holes.append(Hole(pixel, row // side * self.across + column // side, down, right))
+            holes.append(Hole(pixel, row // side * self.across + column // side, -before, -left))
         return holes
 
     @property
@@ -216,10 +227,6 @@ class Geometry:
         return luminance[np.ix_(order, order)]
 
     @cached_property
-    def _around(self) -> Neighbourhood:
-        return Neighbourhood(self.pattern)
-
-    @cached_property
     def _probes(self) -> list[list[dict[Place, float]]]:
         readings = [[(row, column) for row, column, _ in sites] for sites in self.readings]
         return [
@@ -228,29 +235,22 @@ class Geometry:
             [dict.fromkeys(sites, 1.0) for sites in readings],
         ]
 
-    @property
-    def _order(self) -> IndexArray:
-        """Indices of the pixels of a patch, row by row, in the order of `pixels`."""
-        across, within = self.across, self.within
-        every = np.arange((across * within) ** 2).reshape(across, within, across, within)
-        return every.transpose(1, 3, 0, 2).ravel()
-
     def _mean_interpolation(self, sites: list[Place], axis: int) -> dict[Place, float]:
         """Weights whose sum of samples is the mean of the values that are interpolated at some
         sites.
         """
         weights: dict[Place, float] = {}
         for site in sites:
-            for place, weight in self._around.interpolation(site, axis).items():
+            for place, weight in self._interpolation(site, axis).items():
                 weights[place] = weights.get(place, 0.0) + weight / len(sites)
-        return dict(zip(weights, exact(np.array([*weights.values()])), strict=True))
+        return dict(zip(weights, _exact(np.array([*weights.values()])), strict=True))
 
     def _steps(self, axis: int) -> list[dict[Place, float]]:
         """Weights of the differences along an axis; for a smaller picture one, between the
         panchromatic pixels at the corners.
         """
         if self.scale == 1:
-            return [{after: 1.0, before: -1.0} for before, after in self._around.differences(axis)]
+            return [{after: 1.0, before: -1.0} for before, after in self._differences(axis)]
         if self.pattern.is_scattered:
             return [self._slope(axis)]
         height, width = self.pattern.block_shape
@@ -261,13 +261,87 @@ class Geometry:
         """Weights of the sum of all differences across scattered sites, in which many cancel each
         other.
         """
-        pairs = self._around.differences(axis)
+        pairs = self._differences(axis)
         ends = Counter(after for _, after in pairs)
         ends.subtract(before for before, _ in pairs)
         left = {place: sign for place, sign in ends.items() if sign}
         # as much in all as four corners
-        unit = max(round(4 * _CORNER / len(left) * UNIT), 1) / UNIT
+        unit = max(round(4 * _CORNER / len(left) * _UNIT), 1) / _UNIT
         return {place: sign * unit for place, sign in left.items()}
+
+    def _interpolation(self, site: Place, axis: int) -> dict[Place, float]:
+        """Weights of the panchromatic samples along an axis that interpolate the value at a site;
+        their sum is exactly 1.
+        """
+        steps = self._sides(site, axis)
+        if self.pattern.is_scattered and (not steps or max(map(abs, steps)) > _FARTHEST_SAMPLE):
+            return self._surface(site)
+        before, after = steps
+        weights = _lagrange(steps)
+        wide = [before - 1, before, after, after + 1]
+        if all(self._is_clear(_moved(site, axis, step)) for step in wide):
+            steps = wide
+            weights = _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0])
+        return {
+            _moved(site, axis, step): weight
+            for step, weight in zip(steps, _exact(weights), strict=True)
+        }
+
+    def _sides(self, site: Place, axis: int) -> list[int]:
+        """Steps along an axis from a site to the panchromatic pixels before it and after it; empty
+        if its line has none.
+        """
+        period = self.pattern.period
+        clear = [step for step in range(1, period) if self._is_clear(_moved(site, axis, step))]
+        return [clear[-1] - period, clear[0]] if clear else []
+
+    def _surface(self, site: Place) -> dict[Place, float]:
+        """Weights of the nearest panchromatic samples around a site that interpolate any plane
+        there; their sum is exactly 1.
+        """
+        for reach in range(1, self.pattern.period):
+            rows, columns = (range(place - reach, place + reach + 1) for place in site)
+            places = [place for place in product(rows, columns) if self._is_clear(place)]
+            steps = np.array(places).reshape(-1, 2) - site
+            # of all solutions the one in which near samples count most
+            near = 1 / np.hypot(*steps.T)
+            plane = np.column_stack([np.ones(len(steps)), steps]).T * near
+            scaled = np.linalg.pinv(plane) @ (1, 0, 0)
+            weights = scaled * near
+            if np.allclose(plane @ scaled, (1, 0, 0)):
+                break
+        return {
+            place: weight for place, weight in zip(places, _exact(weights), strict=True) if weight
+        }
+
+    def _differences(self, axis: int) -> list[tuple[Place, Place]]:
+        """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it.
+
+        Where sites are scattered: of the panchromatic pixels on both sides of each, or along the
+        other axis if no line has any.
+        """
+        if self.pattern.is_scattered:
+            return self._across_sites(axis) or self._across_sites(1 - axis)
+        height, width = self.pattern.block_shape
+        places = product(range(-1, height + axis), range(-1, width + 1 - axis))
+        pairs = [(place, _moved(place, axis, 1)) for place in places]
+        return [pair for pair in pairs if all(map(self._is_clear, pair))]
+
+    def _across_sites(self, axis: int) -> list[tuple[Place, Place]]:
+        pairs = []
+        for row, column, _ in self.sites:
+            if steps := self._sides((row, column), axis):
+                before, after = (_moved((row, column), axis, step) for step in steps)
+                pairs.append((before, after))
+        return list(dict.fromkeys(pairs))  # sites side by side have the same
+
+    def _is_clear(self, place: Place) -> bool:
+        """True if a place, counted from the origin of a block, is panchromatic."""
+        return bool(self._clear[place[0] % self.pattern.period, place[1] % self.pattern.period])
+
+    @cached_property
+    def _clear(self) -> BoolArray:
+        return self.pattern.panchromatic_mask((self.pattern.period,) * 2, self.pattern.block_origin)
 
 
 def _masks(pattern: CfaPattern, side: int) -> FloatArray:
@@ -279,3 +353,23 @@ def _masks(pattern: CfaPattern, side: int) -> FloatArray:
     number = np.arange(period) // side
     index = number[:, None] * across + number
     return (clear & (index == np.arange(across**2)[:, None, None])).astype(np.float32)
+
+
+def _moved(place: Place, axis: int, step: int) -> Place:
+    """The place some steps further along an axis: 0 down, 1 right."""
+    return (place[0], place[1] + step) if axis == 1 else (place[0] + step, place[1])
+
+
+def _exact(weights: DoubleArray) -> list[float]:
+    """Weights rounded to multiples of 1/64 whose sum is exactly 1."""
+    units = np.rint(weights * _UNIT)
+    units[np.argmax(units)] += _UNIT - units.sum()
+    return (units / _UNIT).tolist()
+
+
+def _lagrange(steps: list[int]) -> DoubleArray:
+    """Weights of samples at `steps` that give the value at 0 of the polynomial through them."""
+    nodes = np.array(steps, float)
+    return np.array(
+        [np.prod([other / (other - node) for other in nodes if other != node]) for node in nodes]
+    )

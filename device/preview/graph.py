@@ -47,15 +47,15 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
         For any other scale.
     """
     g = PatternGraph(pattern, scale, linear=linear)
-    probes = measure_blocks(g)
-    blocks = fill_holes(g, probes)
-    pooled = pool(g, estimate_ratios(g, probes, blocks), blocks)  # Eqs. 8-9
-    colour = in_picture_units(g, pooled.ratios)
+    blocks = fill_holes(g, measure_blocks(g))
+    ratios, luminance, limit = pool(g, estimate_ratios(g, blocks), blocks)  # Eqs. 8-9
+    colour = in_picture_units(g, ratios)
     if scale == 1:
-        pixels, coarse = fill_pixels(g, correct_luminance(g, probes, blocks, pooled.ratios))
+        pixels, coarse = fill_pixels(g, correct_luminance(g, blocks, ratios))
     else:
         pixels, coarse = bin_pixels(g)
-    spread = propagate(g, pooled, colour, coarse, "" if linear else burnt_out(g, coarse))  # Eq. 10
+    shown = "" if linear else burnt_out(g, coarse)
+    spread = propagate(g, colour, luminance, limit, coarse, shown)  # Eq. 10
     camera = [g("Mul", pixel, spread) for pixel in pixels]  # Eq. 17
     return _finished(g, interleave(g, camera if linear else [display(g, each) for each in camera]))
 
@@ -73,7 +73,8 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
         **{name: (FLOAT, size) for name, size in sizes.items()},
     }
-    output: tuple[int, Shape] = (FLOAT if g.linear else UINT8, ["height", "width", g.shown])
+    kind = FLOAT if g.linear else UINT8
+    output: tuple[str, int, Shape] = (contract.PICTURE, kind, ["height", "width", g.shown])
     facts = {
         "contract": contract.VERSION,
         "builder": BUILDER,
@@ -84,6 +85,4 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         "halo": " ".join(map(str, g.geometry.halo)),
     }
     metadata = {f"panchroma.{name}": fact for name, fact in facts.items()}
-    return g.to_bytes(
-        picture, inputs, (contract.PICTURE, *output), ("panchroma", BUILDER), metadata
-    )
+    return g.to_bytes(picture, inputs, output, ("panchroma", BUILDER), metadata)

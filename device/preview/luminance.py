@@ -25,34 +25,14 @@ variance that it must exceed.
 """
 
 
-class Probes(NamedTuple):
-    """The probes of every block, a tensor (n, blocks) per kind, see `Geometry.probes`.
+class Blocks(NamedTuple):
+    """Light of every block, codes above black.
 
     Attributes
     ----------
-    turn : str
-        What interpolation along rows reads more than that along columns.
-    columns : str
-        interpolation along columns, codes above black.
-    row_steps, column_steps : str
-        Differences along rows and along columns.
     samples : str
         Colour samples, as panchromatic codes above black times gamma: what luminance has from a
-        channel.
-    """
-
-    turn: str
-    columns: str
-    row_steps: str
-    column_steps: str
-    samples: str
-
-
-class Blocks(NamedTuple):
-    """Luminance of every block.
-
-    Attributes
-    ----------
+        channel, (readings, blocks).
     filled : str
         At its colour sites, (sites, blocks).
     luminance : str
@@ -67,6 +47,7 @@ class Blocks(NamedTuple):
         need it.
     """
 
+    samples: str
     filled: str
     luminance: str
     gap: str
@@ -74,8 +55,11 @@ class Blocks(NamedTuple):
     contrast: str
 
 
-def measure_blocks(g: PatternGraph) -> Probes:
-    """The probes of every block."""
+def measure_blocks(g: PatternGraph) -> tuple[str, ...]:
+    """The probes of every block, a tensor (n, blocks) per kind, see `Geometry.probes`: what
+    interpolation along rows reads more than that along columns, interpolation along columns,
+    differences along rows and along columns, and `Blocks.samples`.
+    """
     period, count = g.geometry.pattern.period, len(g.geometry.readings)
     weights = g.geometry.probes.copy()
     weights[:count] -= weights[count : 2 * count]
@@ -89,18 +73,18 @@ def measure_blocks(g: PatternGraph) -> Probes:
     scale = g("Mul", g("Gather", contract.SCALE, channels), g("Gather", contract.GAMMA, channels))
     gain = g("Unsqueeze", g("Div", scale, g("Mul", g.unit, counts)), [1, 2])
     samples = g("Mul", g("Sub", samples, black), gain)
-    return Probes(turn, g("Sub", columns, g.black), row_steps, column_steps, samples)
+    return turn, g("Sub", columns, g.black), row_steps, column_steps, samples
 
 
-def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
+def fill_holes(g: PatternGraph, probes: tuple[str, ...]) -> Blocks:
     """Luminance at the colour sites: a weighted mean of the interpolations along rows and along
-    columns.
+    columns. probes: see `measure_blocks`.
 
     The weights are the inverse squared differences around the block, so that the direction with
     less change counts more. Where a stroke runs under a block, its samples do not add up to
     luminance: that tells more of it than the differences do.
     """
-    turn, columns, *steps = probes[:4]
+    turn, columns, *steps, samples = probes
     variance = g.variance(g("Slice", columns, [0], [1], [0]))  # at any site
     # what noise alone adds to a squared difference
     least = g("Add", g.still, g("Mul", variance, 2.0))
@@ -117,17 +101,17 @@ def fill_holes(g: PatternGraph, probes: Probes) -> Blocks:
     luminance = g.mean(filled, len(g.geometry.readings), axis=0)
     channels = [sites[0][2] for sites in g.geometry.readings]
     shares = np.array([1 / channels.count(channel) for channel in channels])[:, None, None]
-    samples = probes.samples if (shares == 1).all() else g("Mul", probes.samples, shares)
-    gap = g("Sub", g.total(samples, len(channels), axis=0), luminance)
+    means = samples if (shares == 1).all() else g("Mul", samples, shares)
+    gap = g("Sub", g.total(means, len(channels), axis=0), luminance)
     if g.geometry.pattern.derived is not None:  # Eq. 7 defines that channel, and tells nothing
         gap = g("Mul", gap, 0.0)
     gammas = g.total(g("Mul", g.gamma, g.gamma), g.channels, axis=0)
     noise = g("Mul", variance, g("Mul", gammas, _GAP_NOISE))
     apart = g("Mul", g("Relu", g("Sub", g("Mul", gap, gap), noise)), _GAP)
-    return Blocks(filled, luminance, gap, g("Add", change, apart), contrast)
+    return Blocks(samples, filled, luminance, gap, g("Add", change, apart), contrast)
 
 
-def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, ratios: str) -> str:
+def correct_luminance(g: PatternGraph, blocks: Blocks, ratios: str) -> str:
     """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
 
     What chromaticity times luminance misses at the sites of a block is mapped to errors of
@@ -135,14 +119,14 @@ def correct_luminance(g: PatternGraph, probes: Probes, blocks: Blocks, ratios: s
     contrast: next to flat luminance it is an error of colour.
     """
     samples, filled, contrast = (
-        g.inner(each) for each in (probes.samples, blocks.filled, blocks.contrast)
+        g.inner(each) for each in (blocks.samples, blocks.filled, blocks.contrast)
     )
     channels, count = [channel for _, _, channel in g.geometry.sites], len(g.geometry.sites)
     gamma = g("Gather", g.gamma, channels)
     residual = g("Sub", samples, g("Mul", g("Gather", ratios, channels), filled))
     power = g("Mul", g.total(g("Mul", residual, residual), count, axis=0), 1 / count)
     weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _RESIDUAL_NOISE / count)
-    mean = g("Div", g.total(probes.samples, count, axis=0), g.total(gamma, count, axis=0))
+    mean = g("Div", g.total(blocks.samples, count, axis=0), g.total(gamma, count, axis=0))
     noise = g("Mul", g.inner(g.variance(mean)), weight)
     contrast = g("Mul", contrast, _CONTRAST_ERROR)
     above = g("Mul", g("Relu", g("Sub", power, noise)), contrast)

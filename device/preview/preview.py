@@ -3,7 +3,6 @@ processor.
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -99,7 +98,7 @@ class Preview:
         pattern, scale, linear = mosaic.pattern, self._geometry.scale, self._linear
         self._check(pattern)
         rows, columns = (
-            _Axis.of(size, middle, pattern.period, scale)
+            _Axis(size, middle, pattern.period, scale)
             for size, middle in zip(mosaic.shape, pattern.block_middle, strict=True)
         )
         above, below, left, right = self._geometry.halo
@@ -110,19 +109,6 @@ class Preview:
         channels, kind = (len(pattern.channels), np.float32) if linear else (3, np.uint8)
         picture = np.empty((rows.size, columns.size, channels), kind)
         width = columns.patches * pattern.period
-
-        def develop(patches: range, buffer: NDArray[Any]) -> None:
-            cut = buffer[: above + len(patches) * pattern.period + below]
-            top = rows.first + patches.start * pattern.period - above
-            copy_extended(codes, pattern.period, top, columns.first - left, cut)
-            blocks = slice(patches.start, patches.stop + 1 + 2 * REACH[0])
-            feeds = {contract.MOSAIC: cut, **inputs}
-            feeds[contract.GAIN] = gain[blocks] if len(gain) > 1 else gain
-            (strip,) = self._session.run([contract.PICTURE], feeds)
-            begin = patches.start * pattern.period // scale - rows.skip
-            target = picture[max(begin, 0) : begin + len(strip)]
-            first = max(-begin, 0)
-            target[:] = strip[first : first + len(target), columns.skip :][:, : columns.size]
 
         most = max(1, _STRIP_PIXELS * (1 if scale == 1 else 5) // (width * pattern.period))
         count = -(-rows.patches // most)
@@ -136,7 +122,17 @@ class Preview:
             tallest = above + min(rows.patches, most) * pattern.period + below
             buffer = np.empty((tallest, left + width + right), contract.mosaic_type(scale))
             for patches in strips:
-                develop(patches, buffer)
+                cut = buffer[: above + len(patches) * pattern.period + below]
+                top = rows.first + patches.start * pattern.period - above
+                copy_extended(codes, pattern.period, top, columns.first - left, cut)
+                blocks = slice(patches.start, patches.stop + 1 + 2 * REACH[0])
+                feeds = {contract.MOSAIC: cut, **inputs}
+                feeds[contract.GAIN] = gain[blocks] if len(gain) > 1 else gain
+                (strip,) = self._session.run([contract.PICTURE], feeds)
+                begin = patches.start * pattern.period // scale - rows.skip
+                target = picture[max(begin, 0) : begin + len(strip)]
+                first = max(-begin, 0)
+                target[:] = strip[first : first + len(target), columns.skip :][:, : columns.size]
 
         # A pool of its own for each picture: one that stays would wait for ever for a thread whose
         # start is interrupted.
@@ -147,15 +143,13 @@ class Preview:
 
     def _check(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the graph was made for this pattern."""
-        ours, other = (
-            {"pattern": contract.tile_name(filters), "channels": filters.channels}
-            for filters in (self._geometry.pattern, pattern)
-        )
-        for name, text in ours.items():
-            if text != other[name]:
-                raise InputError(
-                    f"the preview is for the {name} {text}, the mosaic has {other[name]}"
-                )
+        known = self._geometry.pattern
+        for name, ours, other in (
+            ("pattern", contract.tile_name(known), contract.tile_name(pattern)),
+            ("channels", known.channels, pattern.channels),
+        ):
+            if ours != other:
+                raise InputError(f"the preview is for the {name} {ours}, the mosaic has {other}")
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
         """All inputs of the graph except the mosaic."""
@@ -171,7 +165,6 @@ class Preview:
         return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
 
 
-@dataclass(frozen=True)
 class _Axis:
     """Patches and picture pixels along one axis of a frame.
 
@@ -184,18 +177,11 @@ class _Axis:
     period: K.
     """
 
-    first: int
-    patches: int
-    skip: int
-    size: int
-    period: int
-
-    @classmethod
-    def of(cls, size: int, middle: int, period: int, scale: int) -> "_Axis":
-        first = -(-middle % period)
-        skip = ((scale - 1) // 2 - first) // scale
-        pixels = max(size // scale, 1)
-        return cls(first, -(-(skip + pixels) * scale // period), skip, pixels, period)
+    def __init__(self, size: int, middle: int, period: int, scale: int) -> None:
+        self.period, self.first = period, -(-middle % period)
+        self.skip = ((scale - 1) // 2 - self.first) // scale
+        self.size = max(size // scale, 1)
+        self.patches = -(-(self.skip + self.size) * scale // period)
 
 
 def _gain(mosaic: Mosaic, rows: _Axis, columns: _Axis) -> FloatArray:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from io import FileIO
-from itertools import count
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,7 +21,6 @@ from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
-from .description import examine
 from .genicam import GENICAM, SETTINGS, GenicamCamera
 
 PIXEL_FORMATS = tuple(FORMATS)
@@ -128,7 +127,7 @@ class FrameSource:
         raw = self.opened(stopped, refused, note)
         if not self.checks:
             return raw
-        return checked(raw, self.sensor, note, refused=refused, examine=examine)
+        return checked(raw, self.sensor, note, refused)
 
 
 def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:
@@ -319,13 +318,10 @@ def _moving_frames(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
     """
     layout, shape = sensor.layout, (sensor.layout.height, sensor.layout.width)
     frames = min(max(_MEMORY // layout.frame_bytes, _LEAST_FRAMES), _MOST_FRAMES)
-    simulated = moving_scene(sensor.pattern, sensor.calibration, shape, frames)
-    turn: list[bytes] = []
+    simulated = islice(moving_scene(sensor.pattern, sensor.calibration, shape, frames), frames)
     due = time.monotonic()
-    for number in count():
-        if len(turn) < frames:
-            turn.append(next(simulated).codes.astype("<u2").tobytes())
+    for data in cycle(mosaic.codes.astype("<u2").tobytes() for mosaic in simulated):
         # A sensor does not catch up: a late frame delays all later ones by as much.
         due = max(due + 1 / rate, time.monotonic())
         time.sleep(max(due - time.monotonic(), 0))
-        yield RawFrame.now(turn[number % frames])
+        yield RawFrame.now(data)

@@ -94,9 +94,10 @@ class Identity:
     Attributes
     ----------
     tile : tuple[str, ...]
-        K strings of K letters, from the first pixel of the frame on. W is panchromatic, "?" a
-        colour that the frame does not tell. If red and blue have equally many sites, the tile with
-        both exchanged would fit as well. Without a name the letters only say which sites are alike.
+        K strings of K letters, K = 2 to 16, from the first pixel of the frame on. W is
+        panchromatic, "?" a colour that the frame does not tell. If red and blue have equally many
+        sites, the tile with both exchanged would fit as well. Without a name the letters only say
+        which sites are alike.
     name : str
         The tile's in `shared.tiles`, one of DENSE, or one of COMPARED; "" if it has none.
     certainty : float
@@ -109,11 +110,6 @@ class Identity:
     name: str
     certainty: float
     light: DoubleArray
-
-    @property
-    def period(self) -> int:
-        """K, 2 to 16."""
-        return len(self.tile)
 
 
 def describe(tile: Sequence[str]) -> tuple[str, tuple[int, int]] | None:
@@ -188,7 +184,7 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
     tile = identity.tile
     clear = [[letter == PANCHROMATIC for letter in row] for row in tile]
     return {
-        "period": identity.period,
+        "period": len(tile),
         "certainty": round(identity.certainty, 1),
         "panchromatic": np.argwhere(clear).tolist(),
         "letters": list(tile),
@@ -228,9 +224,7 @@ class _Folds:
 
     def levels(self, period: int) -> DoubleArray:
         """Mean of each window at each place of a tile, codes: (windows, K K)."""
-        cut = self._windows(self._side(period))
-        levels: DoubleArray = cut.folded(period) + cut.codes.mean(axis=(1, 2), keepdims=True)
-        return levels.reshape(-1, period**2)
+        return self._windows(self._side(period)).levels(period).reshape(-1, period**2)
 
     def quarters(self, period: int, large: int = 0) -> DoubleArray:
         """Means of each window's four quarters at each place of a tile, less the mean of all

@@ -1,5 +1,3 @@
-""""""
-
 import io
 import re
 import threading
@@ -112,17 +110,20 @@ def test_the_names_of_v4l2_libcamera_and_pfnc(names: str, meant: tuple[str, int]
     assert {format_named(name) for name in names.split()} == {meant}
 
 
+UNKNOWN = "unknown; one of raw10, raw12, raw14, mono10p"
+
+
 @pytest.mark.parametrize(
-    "name", ["", "RAW10", "SRGGB9", "SCF1BWGW8", "Mono12pmsb", "YUYV", "XSRGGB10P", "SRGGB10P\n"]
+    ("words", "names"),
+    [
+        (UNKNOWN, ["", "RAW10", "SRGGB9", "SCF1BWGW8", "Mono12pmsb", "XSRGGB10P", "SRGGB10P\n"]),
+        ("PISP_COMP1 is a lossy compression.*--mode W:H:12:U", ["BGGR_PISP_COMP1"]),
+    ],
 )
-def test_other_formats_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match="unknown; one of raw10, raw12, raw14, mono10p"):
-        format_named(name)
-
-
-def test_a_compressed_format_is_refused_with_the_remedy() -> None:
-    with pytest.raises(InputError, match=r"PISP_COMP1 is a lossy compression.*--mode W:H:12:U"):
-        format_named("BGGR_PISP_COMP1")
+def test_other_formats_are_refused(words: str, names: list[str]) -> None:
+    for name in names:
+        with pytest.raises(InputError, match=words):
+            format_named(name)
 
 
 LAYOUT = FrameLayout(5, 3, "raw10", 12)
@@ -132,16 +133,12 @@ class ShortReads(io.RawIOBase):
     """A pipe that gives a few bytes at a time."""
 
     def __init__(self, data: bytes, length: int, failure: OSError | None = None) -> None:
-        self._data = data
-        self._length = length
-        self._failure = failure
+        self._stream, self._length, self._failure = io.BytesIO(data), length, failure
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        if not self._data and self._failure:
+        length = self._stream.readinto(buffer[: self._length])
+        if not length and self._failure:
             raise self._failure
-        length = min(len(buffer), self._length, len(self._data))
-        buffer[:length] = self._data[:length]
-        self._data = self._data[length:]
         return length
 
 
@@ -200,18 +197,9 @@ def test_a_stream_that_ends_badly_says_so_after_the_whole_frames(
 ) -> None:
     read: list[RawFrame] = []
     with pytest.raises(InputError, match=re.escape(words)):
-        read.extend(
-            read_frames(ShortReads(data, 10, failure), LAYOUT)
-        )  # extend keeps what came before
+        # keeps what came before
+        read.extend(read_frames(ShortReads(data, 10, failure), LAYOUT))
     assert b"".join(frame.data for frame in read) == data[: 36 * whole]
-
-
-def test_a_recording_of_another_stride_is_refused() -> None:
-    LAYOUT.check_recording(36 * 4)
-    LAYOUT.check_recording(36 * 4 + 1)  # was cut
-    likely = r"192 bytes are no whole number of frames: .* likely `stride=16`\. Advice"
-    with pytest.raises(InputError, match=likely):
-        LAYOUT.check_recording(3 * 16 * 4, ". Advice")
 
 
 # --- frame queue ----------------------------------------------------------------------------------
@@ -235,10 +223,9 @@ def until(condition: Callable[[], bool]) -> None:
     raise AssertionError("waited in vain")
 
 
-@pytest.mark.parametrize("depth", [0, -1])
-def test_a_queue_without_an_end_is_refused(depth: int) -> None:
-    with pytest.raises(InputError, match=f"`depth` is {depth}, expected 1 or more"):
-        FrameQueue([frame(0)], depth)
+def test_a_queue_without_an_end_is_refused() -> None:
+    with pytest.raises(InputError, match="`depth` is 0, expected 1 or more"):
+        FrameQueue([], 0)
 
 
 def test_the_oldest_is_dropped_when_nobody_takes_them() -> None:
@@ -267,35 +254,6 @@ def test_a_recording_waits() -> None:
     until(lambda: len(given) == 3)  # two wait, one has no place
     assert numbers(queue) == list(range(20))
     assert queue.dropped == 0
-
-
-def test_what_breaks_the_source_comes_after_its_frames() -> None:
-    def source() -> Iterator[RawFrame]:
-        yield frame(1)
-        yield frame(2)
-        raise InputError("cut in the middle")
-
-    received = iter(FrameQueue(source(), 2))
-    assert [next(received).data[0], next(received).data[0]] == [1, 2]
-    with pytest.raises(InputError, match="cut in the middle"):
-        next(received)
-
-
-def test_stopping_ends_it_while_the_source_is_silent() -> None:
-    silent = threading.Event()
-
-    def source() -> Iterator[RawFrame]:
-        yield frame(1)
-        silent.wait()
-
-    stop = False
-    queue = FrameQueue(source(), 2, stopped=lambda: stop)
-    got = []
-    for each in queue:
-        got.append(each.data[0])
-        stop = True
-    assert got == [1]
-    silent.set()
 
 
 def test_stopping_releases_a_source_that_waits() -> None:

@@ -120,28 +120,22 @@ def test_a_burst_that_has_its_first_frame_is_whole_after_the_program_was_killed(
 
 
 def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:
-    folder, elsewhere = tmp_path / "shots", tmp_path / "links"
-    folder.mkdir()
+    """Where its folder is a link itself, too, and after all of them are moved."""
+    shots, elsewhere, short = (tmp_path / name for name in ("deep/shots", "links", "short"))
+    shots.mkdir(parents=True)
     elsewhere.mkdir()
-    link = elsewhere / "latest.dng"
-    shots = ShotFolder(folder, link)
-    assert not link.exists()
-    for _ in range(2):
-        path = save(shots)
-        assert link.resolve() == path
-    assert not link.readlink().is_absolute()
+    short.symlink_to("deep/shots")
+    for folder, link in ((shots, elsewhere / "latest.dng"), (tmp_path, short / "latest.dng")):
+        saving = ShotFolder(folder, link)
+        assert not link.exists()
+        for _ in range(2):
+            path = save(saving)
+            assert link.resolve() == path.resolve()
+        assert not link.readlink().is_absolute()
     assert names(elsewhere) == ["latest.dng"]
     tmp_path.rename(moved := tmp_path.with_name(tmp_path.name + "-moved"))
     assert same(read_dng(moved / "links" / "latest.dng"), mosaic())
     moved.rename(tmp_path)
-
-
-def test_the_link_is_right_where_its_folder_is_one_itself(tmp_path: Path) -> None:
-    (tmp_path / "deep" / "shots").mkdir(parents=True)
-    (tmp_path / "short").symlink_to("deep/shots")
-    link = tmp_path / "short" / "latest.dng"
-    path = save(ShotFolder(tmp_path / "short", link))
-    assert link.resolve() == path.resolve()
 
 
 @pytest.mark.parametrize(
@@ -167,32 +161,11 @@ def test_an_old_link_stays_until_there_is_a_new_one(
     assert link.readlink() == Path("20260309T070501.020Z-000002.dng")
 
 
-def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(
-    tmp_path: Path, full_disk: Callable[..., None]
-) -> None:
-    link = tmp_path / "latest.dng"
-    shots = ShotFolder(tmp_path, link)
-    full_disk(times=1)
-    with pytest.raises(OutputError, match="the disk is full"):
-        save(shots)
-    assert names(tmp_path) == []
-    save(shots)
-    assert names(tmp_path) == ["20260309T070501.020Z-000002.dng", "latest.dng"]
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("file", "exists and is no link"),
-        ("folder", "exists and is no link"),
-        ("x" * 300, "the link to the latest shot"),
-        ("x/" * 3000, "the link to the latest shot"),
-        ("missing/link", "the link to the latest shot"),
-    ],
-)
-def test_what_can_be_no_link_is_told_before_a_shot(tmp_path: Path, name: str, words: str) -> None:
+@pytest.mark.parametrize("name", ["file", "folder", "x" * 300, "x/" * 3000, "missing/link"])
+def test_what_can_be_no_link_is_told_before_a_shot(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
+    words = "exists and is no link" if name in ("file", "folder") else "the link to the latest shot"
     with pytest.raises(InputError, match=words):
         ShotFolder(tmp_path, tmp_path / name)
     with pytest.raises(OutputError, match=re.escape(str(tmp_path / "missing"))):

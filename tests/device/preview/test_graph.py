@@ -18,7 +18,6 @@ from panchroma.device.preview.graph import build_preview
 from panchroma.shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
-from panchroma.shared.shading import basis
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.sensor import sample
 from tests.data import ROOT
@@ -32,10 +31,10 @@ DIGEST = "4692a89734a5a4470b52cdc98bf5d96a3f78456f328065fafbf5fd22cdabde42"
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
     noise=NoiseModel((2e-4,) * 4, (3e-3,) * 4),
-    black_level=(200.0, 210.0, 190.0, 205.0),
+    black_level=(200.0, 210.5, 190.0, 205.0),
     white_level=3900,
     camera_to_xyz=SRGB_TO_XYZ,
-    neutral=(0.5, 1.0, 0.7),
+    neutral=(0.5, 1.2, 0.7),
 )
 SIX = CfaPattern.with_block(("RGC", "YWM", "GBR"), 8, (3, 6))
 SEVEN = CfaPattern.with_block(("GR", "BG", "RG"), 7, (1, 5))
@@ -44,6 +43,8 @@ CROWDED = CfaPattern.of_letters("RG/BW", (0, 3))
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", (2, 5))
 # a site whose line has its panchromatic pixels far away
 FAR = CfaPattern.of_letters("RGBGW/WWWWW/RWGWB/WWWWW/WWWWW")
+# panchromatic samples are on one side of most sites
+LONE = CfaPattern.of_letters("RGBRG/GBRGB/BRWRG/RGBRG/GBGRB")
 FOUR = CfaPattern.of_letters("WCWMW/WWCWY/YWWWW/WMWWW/WWYWK")
 FULL = [
     *(CfaPattern.bayer(6), CfaPattern.bayer(4, "GBRG", (3, 1)), CfaPattern.bayer(3)),
@@ -87,6 +88,19 @@ def test_a_flat_scene_comes_back(pattern: CfaPattern, scale: int) -> None:
     assert_close(linear(mosaic, scale), np.full((40 // scale, 31 // scale, 3), colour), step)
 
 
+@pytest.mark.parametrize("slope", [(1, 0), (0, 1), (1, -1), (0.5, 1)])
+@pytest.mark.parametrize("pattern", [*FULL, KAIZU, LONE])
+def test_a_grey_ramp_comes_back(pattern: CfaPattern, slope: tuple[float, float]) -> None:
+    """Luminance at colour sites is interpolated so that planes are kept, but for rounded weights."""
+    rows, columns = np.mgrid[-30:30, -33:33]
+    light = 0.5 + 0.005 * (slope[0] * rows + slope[1] * columns)
+    calibration = SensorCalibration.of_bits(16, channels=pattern.channels)
+    scene = np.repeat(light[..., None], len(pattern.channels), axis=2).astype(np.float32)
+    mosaic = Mosaic(sample(scene, pattern, calibration), pattern, calibration)
+    inner = np.s_[18:-18, 18:-18]
+    assert_close(linear(mosaic)[inner], scene[inner], 5e-4)
+
+
 @pytest.mark.parametrize("scale", [1, 2])
 def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scale: int) -> None:
     mosaic = Mosaic(codes((60, 80)), CfaPattern.bayer(4), CALIBRATION)
@@ -108,24 +122,6 @@ def test_coloured_light_is_white_where_it_saturates(light: tuple[float, ...], sc
     assert Preview(pattern, scale).run(Mosaic(samples, pattern, calibration)).min() >= 254
 
 
-def test_greys_are_grey_from_black_to_white() -> None:
-    """Every level of a white surface, past white too: R = G = B, rising, 0 at black, 255 at white
-    and past it.
-    """
-    pattern, white = CfaPattern.bayer(4), ColourTransform.to_space(CALIBRATION).white
-    preview = Preview(pattern)
-    shades = []
-    for level in np.linspace(0, 1.2, 40):
-        scene = np.full((12, 12, 3), np.array(white) * level, np.float32)
-        mosaic = Mosaic(sample(scene, pattern, CALIBRATION), pattern, CALIBRATION)
-        (shade,) = np.unique(preview.run(mosaic).reshape(-1, 3), axis=0)
-        assert int(shade.max()) - int(shade.min()) <= 1
-        shades.append(int(shade[1]))
-    assert shades[0] == 0
-    assert shades == sorted(shades)
-    assert set(shades[34:]) == {255}
-
-
 @pytest.mark.parametrize("name", ["black", "scale", "gamma", "noise", "white", "matrix"])
 def test_every_element_of_every_input_matters(name: str) -> None:
     preview = Preview(Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION).pattern, threads=1)
@@ -142,7 +138,7 @@ def test_every_element_of_every_input_matters(name: str) -> None:
 def test_the_gain_around_every_patch_says_when_it_is_burnt_out() -> None:
     pattern = CfaPattern.bayer()
     preview, (above, below, left, right) = Preview(pattern, threads=1), Geometry(pattern).halo
-    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: np.full((96, 120), 3000, np.uint16)}
+    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: np.full((96, 120), 2400, np.uint16)}
     patches = (96 - above - below) // 6, (120 - left - right) // 6
     gain = np.ones(np.add(patches, (3, 5)), np.float32)
     before = preview._session.run(None, {**inputs, contract.GAIN: gain})[0]
@@ -209,12 +205,6 @@ def test_versions_and_description() -> None:
     }
 
 
-def test_origins_share_a_graph_and_patterns_do_not() -> None:
-    assert build_preview(CfaPattern.bayer(6)) == build_preview(CfaPattern.bayer(6, origin=(4, 1)))
-    orders = ("RGGB", "BGGR", "GRBG", "GBRG")
-    assert len({build_preview(CfaPattern.bayer(6, order)) for order in orders}) == 4
-
-
 EXACT = {
     # each rounds once
     *("Add", "Sub", "Mul", "Div", "Sqrt", "Relu", "Max", "Min", "Clip", "QuantizeLinear", "Cast"),
@@ -273,22 +263,12 @@ def test_the_example_gives_the_bytes_of_the_preview(
     points: tuple[int, int] | None,
 ) -> None:
     """Without shading, or with that of a lens in any number of control points."""
-    calibration = SensorCalibration.of_bits(
-        12,
-        gamma=(0.9, 1.1, 0.8),
-        noise=NoiseModel((2e-4,) * 4, (3e-3,) * 4),
-        black_level=(250.0, 251.0, 255.5, 260.0),
-        camera_to_xyz=tuple(tuple(0.8 * value + 0.03 for value in row) for row in SRGB_TO_XYZ),
-        neutral=(0.5, 1.2, 0.7),
-    )
+    tinted = tuple(tuple(0.8 * value + 0.03 for value in row) for row in SRGB_TO_XYZ)
+    calibration = replace(CALIBRATION, camera_to_xyz=tinted)
     if points:
-        falls = np.add.outer(*(np.linspace(-1, 0.8, number) ** 2 for number in points))
-        gains = 1 + np.array([0.5, 0.4, 0.3, 0.4])[:, None, None] * falls
-        down, across = (
-            basis(side, number, np.array([(side - 1) / 2]))
-            for side, number in zip(shape, points, strict=True)
-        )
-        gains /= down @ gains @ across.T
+        # odd, so that the middle has the gain 1
+        slopes = np.add.outer(*(np.linspace(-0.8, 0.8, number) ** 3 for number in points))
+        gains = 1 + np.array([0.5, 0.4, 0.3, 0.4])[:, None, None] * slopes
         calibration = replace(calibration, shading=Shading(gains.tolist(), shape))
     codes = np.random.default_rng(scale).integers(200, 4096, shape).astype(np.uint16)
     mosaic = Mosaic(codes, pattern, calibration)

@@ -1,16 +1,20 @@
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import product
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from panchroma.device import Preview
 from panchroma.device.preview import preview as runtime
+from panchroma.device.preview.geometry import Geometry
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
 from panchroma.shared.arrays import CodeArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.io.colour import encode_srgb
-from panchroma.tools.simulation.sensor import sample, simulate_additive
+from panchroma.tools.simulation.sensor import sample
+from tests.scenes import darker_corners
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:
@@ -32,6 +36,8 @@ def test_strips_and_threads_do_not_show(
     scale: int, linear: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mosaic = shot((97, 83))
+    shading = darker_corners(mosaic.shape)
+    mosaic = mosaic.calibrated(replace(mosaic.calibration, shading=shading))
     monkeypatch.setattr(runtime, "_STRIP_PIXELS", 1 << 30)
     whole = Preview.for_mosaic(mosaic, scale, linear, threads=1).run(mosaic)
     for pixels, threads in ((1, 1), (1, 3), (1500, 2), (4000, 5)):
@@ -41,35 +47,14 @@ def test_strips_and_threads_do_not_show(
 
 
 def test_threads_are_those_of_the_program_or_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    pools: list[int] = []
-
-    def pool(count: int, name: str) -> ThreadPoolExecutor:
-        pools.append(count)
-        return ThreadPoolExecutor(count, name)
-
-    monkeypatch.setattr(runtime, "ThreadPoolExecutor", pool)
-    mosaic = shot()
+    pools, mosaic = Mock(wraps=ThreadPoolExecutor), shot()
+    monkeypatch.setattr(runtime, "ThreadPoolExecutor", pools)
     preview = Preview.for_mosaic(mosaic)
-    # none chosen; the environment may change after it is built
-    monkeypatch.setattr(processors, "chosen", processors._Chosen())
-    monkeypatch.setenv(processors.THREADS, "3")
-    preview.run(mosaic)
-    processors.use_threads(2)
-    preview.run(mosaic)
+    for number in (3, 2):  # may change after it is built
+        monkeypatch.setattr(processors, "threads", lambda number=number: number)
+        preview.run(mosaic)
     Preview.for_mosaic(mosaic, threads=1).run(mosaic)
-    assert pools == [3, 2, 1]
-
-
-@pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2)])
-def test_where_the_frame_begins_does_not_show_but_at_its_edge(origin: tuple[int, int]) -> None:
-    mosaic = shot((60, 70))
-    top, left = origin
-    crop = Mosaic(mosaic.codes[top:, left:], mosaic.pattern.cropped(top, left), mosaic.calibration)
-    preview = Preview.for_mosaic(mosaic)
-    assert crop.pattern.origin != mosaic.pattern.origin or origin == (0, 0)
-    edge = 3 * mosaic.pattern.period
-    inner = np.s_[edge:-edge, edge:-edge]
-    assert np.array_equal(preview.run(crop)[inner], preview.run(mosaic)[top:, left:][inner])
+    assert [call.args[0] for call in pools.call_args_list] == [3, 2, 1]
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 17), (40, 2), (13, 14), (64, 7)])
@@ -85,21 +70,6 @@ def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
         assert np.isfinite(picture).all()
 
 
-@pytest.mark.parametrize("scale", [2, 3])
-def test_a_smaller_picture_shows_the_same_places(scale: int) -> None:
-    """The centre of an edge's step is where the full picture has it, to half a cell, wherever the
-    tile begins.
-    """
-    for column in range(20, 27):
-        scene = np.full((30, 60, 3), 0.1, np.float32)
-        scene[:, column:] = 0.9
-        pattern, random = CfaPattern.bayer(6, origin=(3, column)), np.random.default_rng(0)
-        mosaic = simulate_additive(scene, pattern, SensorCalibration(), 0, random)
-        light = Preview(pattern, scale, linear=True).run(mosaic)[5, :, 1]
-        edge = float(((light < 0.89) * (0.9 - light) / 0.8).sum()) * scale
-        assert abs(edge - column) <= scale / 2 + 0.35
-
-
 def test_one_preview_serves_all_cameras_and_sizes() -> None:
     mosaic, other = shot(), shot((40, 52), CfaPattern.bayer(6, origin=(2, 3)), 1)
     camera = SensorCalibration(neutral=(0.3, 0.6, 0.9), white_level=3000, black_level=(9,) * 4)
@@ -109,15 +79,6 @@ def test_one_preview_serves_all_cameras_and_sizes() -> None:
     fresh = [Preview.for_mosaic(each).run(each) for each in (mosaic, other, warm, mosaic)]
     assert all(np.array_equal(*pair) for pair in zip(pictures, fresh, strict=True))
     assert not np.array_equal(pictures[0], pictures[2])
-
-
-def test_scene_units_and_their_codes_give_the_same() -> None:
-    scene = np.random.default_rng(0).random((30, 40, 3), np.float32)
-    pattern, random = CfaPattern.bayer(), np.random.default_rng(1)
-    light = simulate_additive(scene, pattern, SensorCalibration(), 0.01, random)
-    saved = Mosaic(light.codes, light.pattern, light.calibration)
-    preview = Preview.for_mosaic(light, linear=True)
-    assert np.array_equal(preview.run(light), preview.run(saved))
 
 
 def test_many_callers_at_once() -> None:
@@ -133,11 +94,7 @@ def test_an_error_in_a_strip_comes_up(monkeypatch: pytest.MonkeyPatch) -> None:
     mosaic = shot()
     preview = Preview.for_mosaic(mosaic, threads=2)
 
-    class Broken:
-        def run(self, *_: object) -> None:
-            raise MemoryError("strip")
-
-    monkeypatch.setattr(preview, "_session", Broken())
+    monkeypatch.setattr(preview, "_session", Mock(run=Mock(side_effect=MemoryError("strip"))))
     with pytest.raises(MemoryError, match="strip"):
         preview.run(mosaic)
 
@@ -151,8 +108,15 @@ def test_another_pattern_is_refused_with_both_named() -> None:
         preview.run(shot(pattern=CfaPattern(CfaPattern.bayer(4).tile, channels="BGR")))
     with pytest.raises(InputError, match="`threads` is 0"):
         Preview(CfaPattern.bayer(), threads=0)
-    with pytest.raises(InputError, match="has 1, 5"):
-        Preview(CfaPattern.bayer(5), 3)
+
+
+def test_scales() -> None:
+    assert Geometry.scales(CfaPattern.bayer(6)) == (1, 2, 3, 6)
+    assert Geometry.scales(CfaPattern.bayer(7)) == (1, 7)
+    # A block that fills a macropixel leaves it no light.
+    crowded = CfaPattern.with_block(("RGRG", "GBGB", "RGRG", "GBGB"), 8)
+    with pytest.raises(InputError, match="2 x 2 sensor pixels: a pattern of period 8 has 1, 4, 8"):
+        Preview(crowded, 2)
 
 
 def test_other_channels_without_a_colour_matrix_are_shown_as_grey_light() -> None:

@@ -123,7 +123,7 @@ def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letter
     infrared = np.concatenate([LARGE, LARGE.mean(axis=2, keepdims=True)], axis=2)
     tile = tile_of(letters, (1, 2))
     identity = identify(taken(infrared, tile, channels="RGBE"))
-    assert identity.tile == tuple(UNKNOWN * identity.period for _ in range(identity.period))
+    assert {*"".join(identity.tile)} == {UNKNOWN}
 
 
 @pytest.mark.parametrize("letters", ["CY/GM", "GMGM/CYCY/MGMG/CYCY"])
@@ -147,11 +147,6 @@ def test_in_noisy_photographs_nothing_wrong_is_found(name: str, sigma: float) ->
         identity = identify(taken(picture(name), tile, sigma))
         assert same_sites(identity.tile, tile) or identity.tile == opened(tile)
         assert len(tile) > 6 or UNKNOWN not in "".join(identity.tile)
-
-
-def test_black_level_and_gain_do_not_matter() -> None:
-    frame = taken(SCENE, tile_of("Kodak", (1, 2)))
-    assert identify(frame * 8 + 3000).tile == identify(frame).tile == identify(frame // 8).tile
 
 
 def test_the_colours_of_a_grey_scene_stay_open_and_pale_ones_are_found() -> None:

@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from ...device.capture import Sensor
-from ...device.capture.frame_check import FEWEST_WINDOWS
-from ...device.capture.frames import FORMATS, FrameLayout, RawFrame
-from ...device.capture.windows import Windows
 from ...shared import CfaPattern, CodeArray, SensorCalibration
+from .frames import FORMATS, FrameLayout, RawFrame, Sensor
+from .windows import FEWEST_WINDOWS, Windows
 
 # Samples that vary by so much of the range of codes, but are less correlated with all their
 # neighbours, are misread. Of 120 random scenes of two levels, dots of 2 to 9 pixels, all are above;
@@ -17,18 +15,17 @@ _NEIGHBOURS = (0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)
 _STRAY = 0.1  # of the groups of packed samples: more with unused bits are no error of transmission
 
 
-def examine(
-    sensor: Sensor, frame: RawFrame, codes: CodeArray, windows: Windows
-) -> tuple[str, list[str]]:
-    """Return what contradicts the description of a sensor in one of its frames, "" if nothing does,
-    and remarks on bits that samples never use: see `device.capture.frame_check.Examine`.
+def contradiction(sensor: Sensor, frame: RawFrame, codes: CodeArray, windows: Windows) -> str:
+    """Return what contradicts the description of a sensor in the bits of one of its frames; "" if
+    nothing does.
     """
     layout, calibration = sensor.layout, sensor.calibration
-    reason = padding(codes, calibration) or unused_bits(frame, layout)
+    if reason := padding(codes, calibration) or unused_bits(frame, layout):
+        return reason
     pixels = FORMATS[layout.format].pixels
-    if not reason and is_misread(windows, sensor.pattern, pixels, calibration.bits):
-        reason = f"the bits of its samples are not in the order of {layout.format}"
-    return reason, open_bits(codes, calibration)
+    if is_misread(windows, sensor.pattern, pixels, calibration.bits):
+        return f"the bits of its samples are not in the order of {layout.format}"
+    return ""
 
 
 def padding(codes: CodeArray, calibration: SensorCalibration) -> str:
@@ -82,14 +79,14 @@ def is_misread(windows: Windows, pattern: CfaPattern, pixels: int, bits: int) ->
     return False
 
 
-def open_bits(codes: CodeArray, calibration: SensorCalibration) -> list[str]:
-    """Return a remark on bits that samples never use, or none."""
+def open_bits(codes: CodeArray, calibration: SensorCalibration) -> str:
+    """Return a remark on bits that samples never use; "" if they use all."""
     used = int(np.bitwise_or.reduce(codes, axis=None))
     missing = ~used & ((1 << max(used.bit_length(), calibration.bits - 1)) - 1)
     if not missing:
-        return []
+        return ""
     bits = ", ".join(str(bit) for bit in range(missing.bit_length()) if missing >> bit & 1)
-    return [
+    return (
         f"bits {bits} of its samples are always 0: the light is dim, they are packed otherwise, "
         "or `sensor_bits` is not right; the next frames are looked at"
-    ]
+    )
