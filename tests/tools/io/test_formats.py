@@ -223,9 +223,10 @@ def test_what_cannot_be_is_refused_with_what_can(chosen: tuple[Any, ...], messag
 def test_what_would_fail_after_the_render_is_known_before(
     name: str, calibration: SensorCalibration, shape: tuple[int, int], exposure: float, message: str
 ) -> None:
-    how = development(PictureKind.of(name), shape, calibration=calibration, exposure=exposure)
+    kind = PictureKind.of(name)
+    how = development(kind, shape, calibration=calibration, exposure=exposure)
     with pytest.raises(InputError, match=message):
-        how.check()
+        kind.kept_as.check(how)
     with pytest.raises(InputError, match=message):
         examples.encode_picture(np.zeros((*shape, len(calibration.channels)), np.float32), how)
 

@@ -62,7 +62,10 @@ class Format(ABC):
         return f".{self.name}"
 
     def check(self, development: Development) -> None:
-        """Raise InputError if such a picture cannot be in this format."""
+        """Raise InputError if such a picture cannot be in this format. Call it before rendering."""
+        development.kind.check_exposure(development.exposure)
+        if development.kind.space != CAMERA:
+            _ = development.shown  # raises InputError for unknown colours
         height, width = development.shape
         if self.longest_side is not None and max(height, width) > self.longest_side:
             reason = f"a side of a {self.name} holds at most {self.longest_side}; use tif"

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....shared import CaptureMetadata, InputError
-from ....shared.dng.tags import LONGEST_SIDE
-from ....shared.tiff import encode_tiff
-from ..development import Development
+from ....shared.dng.tags import LONGEST_SIDE, TAG
+from ....shared.tiff import FieldType, encode_tiff
+from ..development import Development, picture_directory
 from ..display import joined
-from ..embedded import jpeg_directory
 from .format import Bands, Format
 
 JFIF_ENDS = 20
@@ -40,9 +39,9 @@ class Jpeg(Format):
 
 
 def encode_jpeg(
-    codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = b"", quality: int | None = None
+    codes: NDArray[Any], metadata: CaptureMetadata, quality: int | None = None
 ) -> bytes:
-    """Return a JPEG of uint8 RGB (H, W, 3), sRGB.
+    """Return a JPEG of uint8 RGB (H, W, 3), sRGB, without a profile.
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data
     64 KiB.
@@ -51,12 +50,10 @@ def encode_jpeg(
     ----------
     metadata : CaptureMetadata
         Capture data; its orientation is noted, the picture is not turned.
-    icc : bytes, optional
-        Profile; b"" = none.
     quality : int | None, optional
         1 to 100; None = 95.
     """
-    segments = jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
+    segments = jpeg_segments((codes.shape[0], codes.shape[1]), b"", metadata, srgb=True)
     return baseline_jpeg(codes, check_quality(quality), segments)
 
 
@@ -94,7 +91,14 @@ def jpeg_segments(
     """The segments of a JPEG of (rows, columns) with capture data and profile; for errors see
     `encode_jpeg`.
     """
-    (height, width), exif = shape, encode_tiff(jpeg_directory(metadata, shape, srgb=srgb))
+    (height, width), directory = shape, picture_directory(metadata, srgb=srgb)
+    directory.fields[TAG["YCbCrPositioning"]] = FieldType.SHORT, [1]
+    directory.children[TAG["ExifTag"]].fields |= {  # which Exif requires in a JPEG
+        TAG["ComponentsConfiguration"]: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
+        TAG["PixelXDimension"]: (FieldType.LONG, [width]),
+        TAG["PixelYDimension"]: (FieldType.LONG, [height]),
+    }
+    exif = encode_tiff(directory)
     if max(height, width) > LONGEST_SIDE:
         most = f"a side of a JPEG holds at most {LONGEST_SIDE}"
         raise InputError(f"{width} x {height} pixels: {most}; use png or tif")
