@@ -81,8 +81,9 @@ def test_what_the_library_lacks_is_no_damage(
 
     monkeypatch.setattr(camera_raw, "_opened", opened)
     monkeypatch.setattr(camera_raw, "bayer_pattern", lambda _: np.zeros((2, 2), np.uint8))
+    monkeypatch.setattr(camera_raw, "_check_mosaic", lambda *_: None)
     with pytest.raises(AttributeError, match="color_desc"):
-        camera_raw.unpack_quads(str(tmp_path / "x.cr2"), 100)
+        camera_raw.unpack_raw(str(tmp_path / "x.cr2"), 100, quads=True)
 
 
 def test_damage_keeps_its_cause(tmp_path: Path) -> None:

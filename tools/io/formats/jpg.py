@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ....shared import CaptureMetadata, InputError
 from ....shared.dng.tags import LONGEST_SIDE, TAG
-from ....shared.tiff import FieldType, encode_tiff
+from ....shared.tiff import Directory, FieldType, encode_tiff
 from ..development import Development, picture_directory
 from ..display import joined
 from .format import Bands, Format
@@ -35,7 +35,8 @@ class Jpeg(Format):
         """Implement `Format`."""
         quality = check_quality(development.kind.quality)
         codes = joined(bands, development.written_shape[0])
-        file.write(baseline_jpeg(codes, quality, development_segments(development)))
+        segments = jpeg_segments(development.directory, codes.shape, development.icc)
+        file.write(baseline_jpeg(codes, quality, segments))
 
 
 def encode_jpeg(
@@ -53,7 +54,7 @@ def encode_jpeg(
     quality : int | None, optional
         1 to 100; None = 95.
     """
-    segments = jpeg_segments((codes.shape[0], codes.shape[1]), b"", metadata, srgb=True)
+    segments = jpeg_segments(picture_directory(metadata, srgb=True), codes.shape)
     return baseline_jpeg(codes, check_quality(quality), segments)
 
 
@@ -79,21 +80,15 @@ def check_quality(quality: int | None) -> int:
     return quality
 
 
-def development_segments(development: Development) -> bytes:
-    """The segments of a JPEG of a rendering."""
-    srgb = development.kind.space == "srgb"
-    return jpeg_segments(development.written_shape, development.icc, development.noted, srgb=srgb)
-
-
-def jpeg_segments(
-    shape: tuple[int, int], icc: bytes, metadata: CaptureMetadata, *, srgb: bool
-) -> bytes:
-    """The segments of a JPEG of (rows, columns) with capture data and profile; for errors see
+def jpeg_segments(directory: Directory, shape: tuple[int, ...], icc: bytes = b"") -> bytes:
+    """The segments of a JPEG of (rows, columns, ...) with capture data and profile; for errors see
     `encode_jpeg`.
+
+    directory: capture data; gets the fields that Exif requires in a JPEG.
     """
-    (height, width), directory = shape, picture_directory(metadata, srgb=srgb)
+    height, width = shape[:2]
     directory.fields[TAG["YCbCrPositioning"]] = FieldType.SHORT, [1]
-    directory.children[TAG["ExifTag"]].fields |= {  # which Exif requires in a JPEG
+    directory.children[TAG["ExifTag"]].fields |= {
         TAG["ComponentsConfiguration"]: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
         TAG["PixelXDimension"]: (FieldType.LONG, [width]),
         TAG["PixelYDimension"]: (FieldType.LONG, [height]),
