@@ -30,8 +30,8 @@ from .tiff import beside, opened_tiff, tag_numbers
 _LISTS = "OpcodeList1", "OpcodeList2", "OpcodeList3"
 # nothing else is, such as an original RAW inside
 _READ = tags_of(
-    "LinearizationTable BlackLevelRepeatDim BlackLevel BlackLevelDeltaH BlackLevelDeltaV WhiteLevel "
-    "ActiveArea DefaultCropOrigin DefaultCropSize BaselineExposure " + " ".join(_LISTS)
+    "LinearizationTable BlackLevelRepeatDim BlackLevel BlackLevelDeltaH BlackLevelDeltaV "
+    "WhiteLevel ActiveArea DefaultCropOrigin DefaultCropSize BaselineExposure " + " ".join(_LISTS)
 )
 _DEFLATE = (8, 32946)
 _JPEG_XL = 52546  # DNG 1.7.1, chapter 4

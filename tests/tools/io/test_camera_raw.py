@@ -362,6 +362,16 @@ def colour(rgb: FloatArray) -> FloatArray:
     return np.asarray(np.ptp(balanced, axis=2) / balanced.max(axis=2))
 
 
+def test_a_burnt_out_lamp_has_no_ring() -> None:
+    """The samples of a quad lie side by side, which gives the rim of any lamp colour."""
+    row, column = np.indices((80, 90)) - np.reshape((40, 45), (2, 1, 1))
+    places = (column - 0.25, column, column + 0.25)
+    levels = [0.2 + 6 * np.exp(-(row**2 + place**2) / 8) for place in places]
+    light = np.stack(levels, axis=2).astype(np.float32) * np.array(NEUTRAL, np.float32)
+    found, _ = with_white_highlights(light.clip(0, 1), NEUTRAL)
+    assert colour(found).max() < 0.75 * colour(light).max()
+
+
 def test_a_saturated_colour_that_clips_in_one_channel_keeps_its_colour() -> None:
     red = np.full((12, 12, 3), (1.0, 0.2, 0.1), np.float32)
     found, notes = with_white_highlights(red, NEUTRAL)
@@ -437,3 +447,5 @@ def test_an_even_surface_that_is_the_brightest_of_its_colour_is_no_limit(spread:
     codes = np.rint(np.concatenate([ground, surface, np.full(5, WHITE)])).astype(np.uint16)
     assert saturation(codes, WHITE) == WHITE
     assert saturation(np.minimum(codes, np.uint16(0.9 * WHITE)), WHITE) == int(0.9 * WHITE)
+    ramp = np.append(np.arange(3500, 3900).repeat(200), np.full(60, 3899)).astype(np.uint16)
+    assert saturation(ramp, 4000) == 4000
