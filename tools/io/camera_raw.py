@@ -31,9 +31,8 @@ from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .damage import data_bytes, guarded
 from .limited import Facts, run_limited
-from .scene import Scene, check_size
+from .scene import RGB, Scene, check_size
 
-_CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
 _OF_LIGHTS = "ColorMatrix", "CalibrationIlluminant", "CameraCalibration"
 _LIGHTS = [[TAG[f"{name}{number}"] for name in _OF_LIGHTS] for number in (1, 2)]
@@ -110,6 +109,7 @@ def unpack_raw(path: str, max_pixels: int, quads: bool) -> tuple[CodeArray, Fact
         with _decoding(path):
             samples, facts = np.array(raw.raw_image_visible), Facts()
             if pattern:
+                taken = raw.other.timestamp
                 facts = {
                     "pattern": pattern,
                     "letters": raw.color_desc.decode("ascii", "replace"),
@@ -123,7 +123,7 @@ def unpack_raw(path: str, max_pixels: int, quads: bool) -> tuple[CodeArray, Fact
                     "flip": int(raw.sizes.flip),
                     "lens": str(raw.lens.model or ""),
                     "artist": str(raw.other.artist or ""),
-                    "taken": raw.other.timestamp.isoformat() if raw.other.timestamp else "",
+                    "taken": taken.isoformat() if taken and taken.year > 1970 else "",
                     "f_number": float(raw.other.aperture),
                     "iso": round(raw.other.iso_speed),
                     "focal_length": float(raw.other.focal_length),
@@ -178,7 +178,7 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
     gone = np.zeros_like(rgb)
     for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
-        black, channel = blacks[index], _CHANNELS.index(letters[index])
+        black, channel = blacks[index], RGB.index(letters[index])
         codes = samples[row : 2 * rows : 2, column : 2 * columns : 2]
         limit = saturation(codes, white, black)
         signal = (codes - np.float32(black)) / np.float32(white - black)
@@ -206,7 +206,7 @@ def register_quads(
     registered, clipped = rgb.copy(), gone.copy()
     for place, index in np.ndenumerate(np.array(facts["pattern"])):
         if (letter := facts["letters"][index]) != "G":
-            channel = _CHANNELS.index(letter)
+            channel = RGB.index(letter)
             move = [_QUARTER if step else -_QUARTER for step in place]
             moved, top = shift(rgb[..., channel], move, mode="mirror"), rgb[..., channel].max()
             np.clip(moved, 0, top, out=registered[..., channel])
@@ -418,10 +418,9 @@ def _completed(metadata: CaptureMetadata, facts: Facts, fields: StoredFields) ->
     # odd fields into odd numbers.
     values: dict[str, Any] = {"lens": metadata.lens or printable(facts["lens"])}
     if not fields:
-        taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
-        values |= {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
-        values |= {"artist": printable(facts["artist"]), "iso": facts["iso"]}
-        values["taken"] = taken if taken and taken.year > 1970 else None
+        known = "iso", "f_number", "focal_length", "exposure_time"
+        values |= {name: facts[name] for name in known} | {"artist": printable(facts["artist"])}
+        values["taken"] = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
     for name, value in values.items():
         if value:
             with suppress(InputError, TypeError):

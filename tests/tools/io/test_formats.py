@@ -181,11 +181,9 @@ def test_what_is_left_open_is_the_first_that_fits() -> None:
     ("name", "calibration", "shape", "exposure", "message"),
     [
         ("tif", SensorCalibration(channels="VGBE"), (4, 4), 0.0, "no colour matrix"),
-        ("dng", FOUR, (4, 4), 0.0, "dng holds pictures of 3 channels, the sensor has RGBE"),
         ("jpg", CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a jpg"),
         ("dng", CALIBRATION, (65501, 4), 0.0, "4 x 65501 pixels: a side of a dng"),
         ("tif", CALIBRATION, (4, 4), 99.0, "exposure is 99.0 stops"),
-        ("npy", CALIBRATION, (4, 4), 1.0, "is 1 stops, but this is the scene as measured"),
     ],
 )
 def test_what_would_fail_after_the_render_is_known_before(

@@ -23,7 +23,6 @@ from PIL import Image, ImageCms
 from panchroma.shared.colorimetry import D65_XY, SRGB_PRIMARIES, SRGB_TO_XYZ
 from panchroma.shared.errors import InputError
 from panchroma.tools.io import decoders
-from panchroma.tools.io.icc import read_profile
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.load import load_scene
 from tests.tools.io.files import ASCII, BYTE, CFA, LINEAR_RAW, LONG, SHORT, iccp, noise, png, save
@@ -118,14 +117,6 @@ def test_a_profile_of_tables_is_followed(tmp_path: Path) -> None:
     xyz = scene.rgb @ np.array(scene.camera_to_xyz).T
     np.testing.assert_allclose(xyz, corners.reshape(2, 4, 3), atol=1e-3)
     assert scene.notes == ()
-
-
-def test_a_profile_that_cannot_be_read_is_ignored_and_said(tmp_path: Path) -> None:
-    assert read_profile(b"") is None
-    for broken in (b"nonsense", SRGB_PROFILE[:100], SRGB_PROFILE[:200]):
-        assert read_profile(broken) is None
-        tifffile.imwrite(tmp_path / "a.tif", ramp(np.uint8), photometric="rgb", iccprofile=broken)
-        assert any("profile" in note for note in load_scene(str(tmp_path / "a.tif")).notes)
 
 
 def test_the_size_of_an_exr_is_checked_before_it_is_decoded(

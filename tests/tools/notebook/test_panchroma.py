@@ -272,12 +272,6 @@ def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_p
     assert white > 300 > bare
 
 
-def test_a_large_picture_of_which_much_is_lost_shows_itself() -> None:
-    spots = np.zeros((2100, 1100), np.uint8)
-    spots[::2] = 255
-    panchroma.Picture(np.ones((2100, 1100, 3), np.float32), lost=spots)._repr_png_()
-
-
 def test_more_memory_than_may_be_used_is_refused(shot: panchroma.Shot) -> None:
     message = r"96 x 72 pixels as npy need .*, 1 MB are allowed; set `max_memory="
     for most in (1 << 20, "1M"):
@@ -310,6 +304,8 @@ def test_large_pictures_are_shown_small() -> None:
     assert shown(panchroma.Image(stripes)).shape == (500, 700, 3)
     assert (shown(panchroma.Image(stripes)) == 80).all()
     assert shown(panchroma.Picture(np.zeros((1, 3000, 3), np.float32))).shape == (1, 3000, 3)
+    white = np.ones(stripes.shape, np.float32)
+    assert shown(panchroma.Picture(white, lost=stripes[..., 0])).shape == (500, 700, 3)
 
 
 def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: Path) -> None:
@@ -326,15 +322,11 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     ("wrong", "said"),
     [
         (lambda: panchroma.simulate("shot.dng"), "render it"),
-        (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
         (lambda: panchroma.simulate("there.tif", bands="BGR"), "`bands` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0': is not"),  # type: ignore[call-overload]
-        (lambda: panchroma.simulate(GREY[..., [0, 1, 2, 2]]), "(array[..., :3])"),
         (lambda: panchroma.simulate(GREY, rng=-1), "`rng` is -1"),
-        (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
         (lambda: panchroma.Picture(GREY, lost=np.zeros((4, 5), np.uint8)), "uint8 (48, 48)"),
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
-        (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
         (lambda: panchroma.simulate(panchroma.open("shot.dng")), "the array is object"),  # type: ignore[call-overload]
         (lambda: panchroma.compare(panchroma.open("shot.dng"), GREY), "of shape ()"),  # type: ignore[arg-type]
@@ -342,14 +334,12 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.compare(GREY, GREY, white=0), "`white` is 0"),
         (panchroma.calibrate, "nothing to calibrate from"),
         (lambda: panchroma.calibrate("shot.dng"), "skipped shot.dng: no ColorChecker"),
-        (lambda: panchroma.calibrate(dark="gone.dng"), "skipped gone.dng: there is no"),
         (lambda: panchroma.calibrate("empty"), "empty: no .dng file"),
         (lambda: panchroma.calibrate("shot.dng", corners=[(0, 0)]), "expected four (x, y)"),
         (lambda: panchroma.calibrate("shot.dng", corners=[1, 2, 3, 4]), "expected four (x, y)"),  # type: ignore[list-item]
         (lambda: panchroma.calibrate("shot.dng", update="there.tif"), "there.tif: "),
         (lambda: panchroma.burst([]), "`shots` is empty"),
         (lambda: panchroma.burst(panchroma.open("shot.dng")), "shots[0]: is one frame"),
-        (lambda: panchroma.burst(["shot.dng", "gone.dng"]), "gone.dng: there is no such file"),
         (lambda: panchroma.burst([panchroma.open("shot.dng"), "gone.dng"]), "gone.dng: there is"),
         (lambda: panchroma.burst(["shot.dng"] * 2, shifts=[1, 2]), "(right, down) of each"),  # type: ignore[list-item]
         (
@@ -413,6 +403,8 @@ def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> Non
         held = io.BytesIO()
         result.save(held, **options)
         result.save(tmp_path / name)
+        with pytest.raises(TypeError, match="`overwrite` is 'no', expected True or False"):
+            result.save(tmp_path / name, overwrite="no")
         assert held.getvalue() == (tmp_path / name).read_bytes(), name
         with (tmp_path / f"again-{name}").open("wb") as named:  # whose name says the format
             result.save(named)
@@ -439,19 +431,6 @@ def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> Non
     assert np.array_equal(panchroma.burst(objects).rgb, panchroma.burst(files).rgb)
     darks = panchroma.calibrate(dark=io.BytesIO(dark.read_bytes()))
     assert darks.camera == measured.camera
-
-
-def test_what_overwrites_is_true_or_false(shot: panchroma.Shot, tmp_path: Path) -> None:
-    results: dict[str, Any] = {
-        "kept.dng": shot,
-        "kept.tif": shot.truth,
-        "kept.png": panchroma.preview(shot),
-    }
-    for name, result in results.items():
-        (tmp_path / name).touch()
-        with pytest.raises(TypeError, match="`overwrite` is 'no', expected True or False"):
-            result.save(tmp_path / name, overwrite="no")
-        assert (tmp_path / name).read_bytes() == b""
 
 
 def test_a_lens_is_simulated_and_known() -> None:
