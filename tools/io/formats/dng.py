@@ -5,7 +5,6 @@ spot, and raw developers find clipped highlights at the white level and make the
 """
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import BinaryIO, ClassVar
 
 import numpy as np
@@ -25,7 +24,7 @@ from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compre
 from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development
-from ..display import checked_picture, display_codes, joined, quantise, regrouped
+from ..display import display_codes, joined, quantise, regrouped
 from .format import Bands, Format
 
 CHUNK_ROWS = DIGEST_TILE
@@ -36,8 +35,8 @@ _MEMORY_OF_CHUNK = 30.0  # bytes per pixel of a chunk that waits or is compresse
 
 
 class LinearDng(Format):
-    """Linear DNG, with the colours and the white of our own rendering. Only what is compressed, and
-    the preview, is held.
+    """Linear DNG, with the colours and the white of our own rendering; raw developers turn it. Only
+    what is compressed, and the preview, is held.
     """
 
     name = "dng"
@@ -60,12 +59,6 @@ class LinearDng(Format):
         """Implement `Format`."""
         chunks = _MEMORY_OF_CHUNK * min(CHUNK_ROWS * (threads + WAITING + 1), shape[0]) * shape[1]
         return super().memory(shape, channels, rendering, threads) + chunks
-
-    def write(
-        self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path
-    ) -> None:
-        """See `Format`; raw developers turn it."""
-        self.encode(file, (checked_picture(band, 3) for band in bands), development, threads)
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`. What is saturated, and not restored, gets the white level in every
