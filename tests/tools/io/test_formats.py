@@ -1,7 +1,6 @@
 """Picture files, read back with programs that are not ours.
 
-Writing pictures: the bytes do not depend on how a picture is divided into bands, and a file is
-whole or absent.
+Writing pictures: the bytes do not depend on how a picture is divided into bands.
 """
 
 import io
@@ -21,7 +20,6 @@ from PIL import Image
 
 from panchroma.shared import CaptureMetadata, InputError, OutputError, SensorCalibration
 from panchroma.shared.arrays import FloatArray
-from panchroma.shared.errors import ConvergenceError
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.development import CAMERA
 from panchroma.tools.io.display import SPACES, quantise
@@ -239,25 +237,3 @@ def test_bands_of_any_height_by_any_number_of_threads_are_the_same_bytes(
         write_picture(path, cut(rgb, rows), how, threads=threads)
         assert path.read_bytes() == encode_picture(rgb, how)
     assert len(list(tmp_path.iterdir())) == len(list(orientations))
-
-
-def fails() -> Iterator[FloatArray]:
-    yield scene((10, 20))
-    raise ConvergenceError("no further")
-
-
-@pytest.mark.parametrize("name", ["tif", "png"])
-@pytest.mark.parametrize("orientation", [1, 6])
-def test_nothing_is_left_of_a_failed_rendering(tmp_path: Path, name: str, orientation: int) -> None:
-    how, path = development(PictureKind.of(name), (30, 20), orientation), tmp_path / "picture"
-    path.write_bytes(b"old")
-    for written in (path, tmp_path / "new"):
-        with pytest.raises(ConvergenceError):
-            write_picture(written, fails(), how, overwrite=True)
-    assert list(tmp_path.iterdir()) == [path]
-    assert path.read_bytes() == b"old"
-
-
-def test_quantising_rounds_and_clips() -> None:
-    levels = (np.array([-255, 0, 0.4, 0.6, 255, 999]) / 255).astype(np.float32)
-    assert quantise(levels, 8).tolist() == [0, 0, 0, 1, 255, 255]
