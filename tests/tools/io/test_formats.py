@@ -16,13 +16,13 @@ import OpenEXR
 import pytest
 import tifffile
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageOps
 
 from panchroma.shared import CaptureMetadata, InputError, OutputError, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.development import CAMERA
-from panchroma.tools.io.display import SPACES, quantise
+from panchroma.tools.io.display import SPACES, quantise, upright
 from panchroma.tools.io.encoding import SRGB
 from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.icc import icc_profile
@@ -237,3 +237,11 @@ def test_bands_of_any_height_by_any_number_of_threads_are_the_same_bytes(
         write_picture(path, cut(rgb, rows), how, threads=threads)
         assert path.read_bytes() == encode_picture(rgb, how)
     assert len(list(tmp_path.iterdir())) == len(list(orientations))
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_upright_is_what_other_programs_show(orientation: int) -> None:
+    samples = np.random.default_rng(0).integers(0, 256, (3, 5, 3), np.uint8)
+    image = Image.fromarray(samples)
+    image.getexif()[274] = orientation
+    assert np.array_equal(upright(samples, orientation), np.asarray(ImageOps.exif_transpose(image)))
