@@ -9,8 +9,9 @@ import numpy as np
 
 from ...shared import InputError, Mosaic
 from ...shared.white_balance import GREY_BOX, balanced, estimate_neutral, neutral_at
+from ..io.development import AS_MEASURED
 from ..io.display import upright
-from ..io.kind import AS_MEASURED, PictureKind
+from ..io.kind import PictureKind
 
 _CAMERA, _AUTO = "camera", "auto"
 _MOST_WB = 1000.0  # multiplier; its inverse is the smallest

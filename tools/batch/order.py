@@ -212,7 +212,7 @@ class Order(Run):
         if self.camera is not None:
             mosaic = self.camera.calibrated(mosaic)
         mosaic = self.white.of(mosaic)
-        self.development(mosaic).check()
+        self.kind.kept_as.check(self.development(mosaic))
         check_light(mosaic, self.settings)
         return mosaic
 

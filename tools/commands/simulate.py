@@ -201,7 +201,7 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], keep: Keep) -> tuple[s
     for path, kind in zip(paths, (_TRUTH_MEASURED, _TRUTH_SHOWN), strict=True):
         development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
         try:
-            development.check()
+            kind.kept_as.check(development)
         except InputError:
             channels = mosaic.calibration.channels
             unknown = f"the colours of the channels {channels} are unknown, or those of no light"

@@ -7,7 +7,7 @@ of the mean of the greens, and both are interpolated at the middle of the quad. 
 edge has a coloured fringe that no scene has.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime
@@ -31,9 +31,8 @@ from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .damage import data_bytes, guarded
 from .limited import Facts, run_limited
-from .scene import Scene, check_size
+from .scene import RGB, Scene, check_size
 
-_CHANNELS = "RGB"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
 _OF_LIGHTS = "ColorMatrix", "CalibrationIlluminant", "CameraCalibration"
 _LIGHTS = [[TAG[f"{name}{number}"] for name in _OF_LIGHTS] for number in (1, 2)]
@@ -70,7 +69,7 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all
     # memory for two kilobytes.
-    samples, facts = _unpack(unpack_quads, path, max_pixels)
+    samples, facts = _unpacked(path, max_pixels, quads=True)
     rgb, gone = _quads(samples, facts)
     if registered:
         rgb, gone = register_quads(rgb, gone, facts)
@@ -85,57 +84,52 @@ def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
 
     max_pixels: larger files are refused.
     """
-    return _unpack(unpack_samples, path, max_pixels)[0]
+    return _unpacked(path, max_pixels, quads=False)[0]
 
 
-def _unpack(
-    function: Callable[[str, int], tuple[CodeArray, Facts]], path: Path, max_pixels: int
-) -> tuple[CodeArray, Facts]:
-    """Call the function in a limited process, and check that it returns uint16 (H, W)."""
+def _unpacked(path: Path, max_pixels: int, *, quads: bool) -> tuple[CodeArray, Facts]:
+    """Call `unpack_raw` in a limited process, and check that it returns uint16 (H, W)."""
     # rawpy is loaded before the time is counted: that takes longer than a RAW does
-    samples, facts = run_limited(path, ("rawpy",), function, str(path), max_pixels)
+    samples, facts = run_limited(path, ("rawpy",), unpack_raw, str(path), max_pixels, quads)
     if samples.ndim != 2 or samples.dtype != np.uint16:
         kind = f"{samples.dtype} of shape {samples.shape}"
         raise InputError(f"its samples are {kind}: the file is damaged; copy it again")
     return samples, facts
 
 
-def unpack_samples(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
-    """Return the samples of the visible area as LibRaw reads them, uint16 (H, W), and no facts.
-    Call it by `run_limited`.
+def unpack_raw(path: str, max_pixels: int, quads: bool) -> tuple[CodeArray, Facts]:
+    """Return the samples of the visible area as LibRaw reads them, uint16 (H, W); and what it knows
+    of a Bayer RAW. Call it by `run_limited`.
+
+    quads: it has to be a Bayer RAW; otherwise it may be any, and there are no facts.
     """
     with _opened(path, max_pixels) as raw:
+        pattern = bayer_pattern(raw).tolist() if quads else []
         _check_mosaic(raw, "give a file with the samples of the sensor")
         with _decoding(path):
-            return np.array(raw.raw_image_visible), {}
-
-
-def unpack_quads(path: str, max_pixels: int) -> tuple[CodeArray, Facts]:
-    """Return the samples of a Bayer RAW as `unpack_samples` does, and what LibRaw knows of them.
-    Call it by `run_limited`.
-    """
-    with _opened(path, max_pixels) as raw:
-        pattern = bayer_pattern(raw).tolist()
-        with _decoding(path):
-            return np.array(raw.raw_image_visible), {
-                "pattern": pattern,
-                "letters": raw.color_desc.decode("ascii", "replace"),
-                "blacks": [float(level) for level in raw.black_level_per_channel],
-                # Not camera_white_level_per_channel: some makers set it below samples that are
-                # still linear, and relative to another black.
-                "white": float(raw.white_level),
-                "balance": np.array(raw.camera_whitebalance[:3], np.float64).tolist(),
-                # LibRaw has a table of cameras
-                "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),
-                "flip": int(raw.sizes.flip),
-                "lens": str(raw.lens.model or ""),
-                "artist": str(raw.other.artist or ""),
-                "taken": raw.other.timestamp.isoformat() if raw.other.timestamp else "",
-                "f_number": float(raw.other.aperture),
-                "iso": round(raw.other.iso_speed),
-                "focal_length": float(raw.other.focal_length),
-                "exposure_time": float(raw.other.shutter_speed),
-            }
+            samples, facts = np.array(raw.raw_image_visible), Facts()
+            if pattern:
+                taken = raw.other.timestamp
+                facts = {
+                    "pattern": pattern,
+                    "letters": raw.color_desc.decode("ascii", "replace"),
+                    "blacks": [float(level) for level in raw.black_level_per_channel],
+                    # Not camera_white_level_per_channel: some makers set it below samples that are
+                    # still linear, and relative to another black.
+                    "white": float(raw.white_level),
+                    "balance": np.array(raw.camera_whitebalance[:3], np.float64).tolist(),
+                    # LibRaw has a table of cameras
+                    "matrix": np.array(raw.rgb_xyz_matrix[:3], np.float64).tolist(),
+                    "flip": int(raw.sizes.flip),
+                    "lens": str(raw.lens.model or ""),
+                    "artist": str(raw.other.artist or ""),
+                    "taken": taken.isoformat() if taken and taken.year > 1970 else "",
+                    "f_number": float(raw.other.aperture),
+                    "iso": round(raw.other.iso_speed),
+                    "focal_length": float(raw.other.focal_length),
+                    "exposure_time": float(raw.other.shutter_speed),
+                }
+            return samples, facts
 
 
 @contextmanager
@@ -171,7 +165,7 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
     """Return the samples of a RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how
     far each is clipped.
 
-    samples, facts: see `unpack_quads`.
+    samples, facts: see `unpack_raw`.
     """
     rows, columns = (size // 2 for size in samples.shape)
     if not rows or not columns:
@@ -184,7 +178,7 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
     gone = np.zeros_like(rgb)
     for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
-        black, channel = blacks[index], _CHANNELS.index(letters[index])
+        black, channel = blacks[index], RGB.index(letters[index])
         codes = samples[row : 2 * rows : 2, column : 2 * columns : 2]
         limit = saturation(codes, white, black)
         signal = (codes - np.float32(black)) / np.float32(white - black)
@@ -205,14 +199,14 @@ def register_quads(
     Cubic splines, between 0 and the brightest sample. The samples at row and column 0 of a quad lie
     a quarter of a pixel above and left of its middle, those at 1 below and right of it.
 
-    rgb, gone: see `_quads`. facts: see `unpack_quads`.
+    rgb, gone: see `_quads`. facts: see `unpack_raw`.
     """
     from scipy.ndimage import shift  # takes longer to load than all of ours
 
     registered, clipped = rgb.copy(), gone.copy()
     for place, index in np.ndenumerate(np.array(facts["pattern"])):
         if (letter := facts["letters"][index]) != "G":
-            channel = _CHANNELS.index(letter)
+            channel = RGB.index(letter)
             move = [_QUARTER if step else -_QUARTER for step in place]
             moved, top = shift(rgb[..., channel], move, mode="mirror"), rgb[..., channel].max()
             np.clip(moved, 0, top, out=registered[..., channel])
@@ -265,13 +259,13 @@ def camera_scene(
     gone : FloatArray | None
         How far each sample is clipped (see `with_white_highlights`); None = none is.
     facts : Facts | None, optional
-        What LibRaw knows of it, see `unpack_quads`; None = nothing.
+        What LibRaw knows of it, see `unpack_raw`; None = nothing.
     """
     directories = raw_directories(path)
     metadata, fields = metadata_from(directories), directories.main
     if facts:
         metadata = _completed(metadata, facts, fields)
-    as_shot = (_neutral(facts) if facts else _stated(fields)) or _neutral_under(fields)
+    as_shot = _as_shot(fields, facts) or _neutral_under(fields)
     neutral, notes = as_shot or shades_of_grey(rgb), list[str]()
     if not as_shot:
         estimate = "the scene is too dark or too bright to estimate one"
@@ -292,20 +286,18 @@ def camera_scene(
     return Scene(rgb, path.stem, matrix, neutral, metadata, tuple(notes), is_estimated)
 
 
-def _neutral(facts: Facts) -> tuple[float, ...] | None:
-    """Return the neutral of the camera's white balance; None if the file states none."""
-    balance = np.array(facts["balance"], np.float64)
+def _as_shot(fields: StoredFields, facts: Facts | None) -> tuple[float, ...] | None:
+    """Return the neutral of the camera's white balance, or the one that a DNG states; None if the
+    file states none.
+    """
+    stated = np.array(facts["balance"] if facts else _numbers(fields, TAG["AsShotNeutral"]))
+    if stated.shape != (3,) or not np.isfinite(stated).all() or stated.min() <= 0:
+        return None
     # Equal factors mean that the file has no white balance (no sensor is white-balanced by itself),
     # or a photographer's "UniWB".
-    stated = np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0
-    return normalised(1 / balance) if stated else None
-
-
-def _stated(fields: StoredFields) -> tuple[float, ...] | None:
-    """Return the neutral that a DNG states; None if it states none."""
-    stated = np.array(_numbers(fields, TAG["AsShotNeutral"]))
-    is_neutral = stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0
-    return normalised(stated) if is_neutral else None
+    if facts and np.ptp(stated) == 0:
+        return None
+    return normalised(1 / stated if facts else stated)
 
 
 def colour_matrix(
@@ -401,8 +393,7 @@ def _usable(values: Any) -> DoubleArray | None:
 
 
 def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
-    field = tags.get(tag)
-    return field.numbers if field else ()
+    return tags.get(tag, StoredField(0)).numbers
 
 
 def raw_directories(path: Path) -> StoredDirectories:
@@ -427,10 +418,9 @@ def _completed(metadata: CaptureMetadata, facts: Facts, fields: StoredFields) ->
     # odd fields into odd numbers.
     values: dict[str, Any] = {"lens": metadata.lens or printable(facts["lens"])}
     if not fields:
-        taken = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
-        values |= {name: facts[name] for name in ("f_number", "focal_length", "exposure_time")}
-        values |= {"artist": printable(facts["artist"]), "iso": facts["iso"]}
-        values["taken"] = taken if taken and taken.year > 1970 else None
+        known = "iso", "f_number", "focal_length", "exposure_time"
+        values |= {name: facts[name] for name in known} | {"artist": printable(facts["artist"])}
+        values["taken"] = datetime.fromisoformat(facts["taken"]) if facts["taken"] else None
     for name, value in values.items():
         if value:
             with suppress(InputError, TypeError):

@@ -155,7 +155,7 @@ def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encodi
     notes: gets a remark for the user.
     """
     if b"cICP" in beside:
-        if encoding := _coded(beside[b"cICP"], peak):
+        if encoding := coded_encoding(beside[b"cICP"], peak):
             return encoding
         code = " ".join(map(str, beside[b"cICP"][:4]))
         remark_on_unused([f"cICP {code}, an encoding that this program does not read"], notes)
@@ -169,30 +169,18 @@ def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encodi
     return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside)
 
 
-def _coded(code: bytes, peak: int) -> Encoding | None:
-    """The encoding that a chunk cICP names: primaries, transfer, matrix, which is 0 for RGB, and
-    whether the range is full.
-    """
-    if len(code) != 4 or code[2] or code[3] > 1:
-        return None
-    return coded_encoding(code[0], code[1], narrow=0 if code[3] else (peak + 1) / 256 / peak)
-
-
 def _gamma_and_primaries(beside: dict[bytes, bytes]) -> Encoding | None:
     """The encoding that gAMA and cHRM declare; the curve alone is not declared without gAMA."""
     gamma = int.from_bytes(beside.get(b"gAMA", b""), "big") / 100000
     corners = np.frombuffer(beside.get(b"cHRM", b"").ljust(32, b"\0")[:32], ">u4") / 100000
     to_xyz = space_of([*corners[2:], *corners[:2]])  # white is the first
-    usable = 0.1 < gamma < 10
-    if not (usable or to_xyz):
-        return None
-    is_srgb = to_xyz is None or bool(np.allclose(to_xyz, SRGB.to_xyz, atol=0.002))
+    if not 0.1 < gamma < 10:
+        return Encoding((), to_xyz, "primaries alone") if to_xyz else None
+    to_xyz = to_xyz or SRGB.to_xyz
     # sRGB files give this gamma for old readers
-    if usable and is_srgb and abs(gamma - 1 / 2.2) < 0.005:
+    if abs(gamma - 1 / 2.2) < 0.005 and np.allclose(to_xyz, SRGB.to_xyz, atol=0.002):
         return SRGB
-    if not usable:
-        return Encoding((), to_xyz or SRGB.to_xyz, "primaries alone")
-    return Encoding((power_curve(1 / gamma),) * 3, to_xyz or SRGB.to_xyz, f"gamma {gamma:.4g}")
+    return Encoding((power_curve(1 / gamma),) * 3, to_xyz, f"gamma {gamma:.4g}")
 
 
 _PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)

@@ -1,21 +1,27 @@
 """Conversion of a rendering to a picture file: its kind, its colours, its capture data."""
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from ...shared import ByteArray, CaptureMetadata, FloatArray, SensorCalibration
-from ...shared.tiff import Directory
-from .display import ColourTransform
-from .embedded import picture_directory
+from ...shared import ByteArray, CaptureMetadata, FloatArray, InputError, SensorCalibration
+from ...shared.dng import metadata_directory
+from ...shared.dng.exif import resolution_fields
+from ...shared.dng.tags import MAKER, TAG
+from ...shared.tiff import Directory, FieldType
+from .display import ColourTransform, check_exposure
 from .icc import icc_profile
+from .versions import package_version
 
 CAMERA = "camera"
 """The space of measurements: the scene units of a rendering."""
+AS_MEASURED = "this is the scene as measured; choose another format or space, such as tif and srgb"
+"""Why a measurement cannot be changed, and the remedy, for messages."""
+
+_SRGB, _UNCALIBRATED = 1, 65535  # values of Exif's ColorSpace
 
 
 @dataclass(frozen=True)
-class FileKind(ABC):
+class FileKind:
     """A kind of picture file, see `kind.PictureKind`.
 
     Attributes
@@ -35,9 +41,12 @@ class FileKind(ABC):
     space: str
     quality: int | None = None
 
-    @abstractmethod
-    def check(self, development: "Development") -> None:
-        """Raise InputError if this rendering cannot become such a file."""
+    def check_exposure(self, exposure: float) -> None:
+        """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
+        if self.space != CAMERA:
+            check_exposure(exposure)
+        elif exposure != 0:
+            raise InputError(f"`exposure` is {exposure:g} stops, but {AS_MEASURED}")
 
 
 @dataclass(frozen=True)
@@ -66,12 +75,6 @@ class Development:
     metadata: CaptureMetadata
     exposure: float = 0.0
     restored: bool = True
-
-    def check(self) -> None:
-        """Raise InputError if such a rendering cannot become such a file. Call it before
-        rendering.
-        """
-        self.kind.check(self)
 
     @cached_property
     def shown(self) -> ColourTransform:
@@ -121,3 +124,22 @@ class Development:
     def written_shape(self) -> tuple[int, int]:
         """(rows, columns) of the file."""
         return self.shape[::-1] if self.turn >= 5 else self.shape
+
+
+def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
+    """Return the TIFF directory, with its Exif directory, of a picture in sRGB or in another
+    space.
+    """
+    directory = metadata_directory(metadata)
+    directory.fields.update(resolution_fields())
+    directory.fields[TAG["Software"]] = FieldType.ASCII, software()
+    directory.children[TAG["ExifTag"]].fields |= {
+        TAG["ColorSpace"]: (FieldType.SHORT, [_SRGB if srgb else _UNCALIBRATED]),
+        TAG["FlashpixVersion"]: (FieldType.UNDEFINED, b"0100"),
+    }
+    return directory
+
+
+def software() -> str:
+    """Return name and version of the program; a checkout that is not installed has no version."""
+    return " ".join(filter(None, (MAKER, package_version("panchroma"))))

@@ -117,11 +117,10 @@ class ColourTransform:
         samples, or nothing in them is clipped. Raises InputError where `display_white` does.
         """
         white, matrix = display_white(calibration, SPACES[name].to_xyz)
-        weights = None
-        if not restored:
-            weights = tuple(weight / calibration.full_scale for weight in calibration.gamma)
+        weights = tuple(weight / calibration.full_scale for weight in calibration.gamma)
         brightest = calibration.full_scale / float(white.min())
-        return cls(SPACES[name], tuple(white.tolist()), as_rows(matrix), brightest, weights)
+        known = SPACES[name], tuple(white.tolist()), as_rows(matrix), brightest
+        return cls(*known, None if restored else weights)
 
     def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
         """A picture in which what is lost is burnt out, for display; a linear one stays as it is.

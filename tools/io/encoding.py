@@ -99,21 +99,25 @@ def space_of(corners: Sequence[float]) -> Matrix | None:
     return as_rows(matrix) if np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e4 else None
 
 
-def coded_encoding(primaries: int, transfer: int, *, narrow: float = 0.0) -> Encoding | None:
-    """Return the encoding that code points of H.273 (tables 2 and 3) declare; None for one that is
-    not read.
+def coded_encoding(code: bytes, peak: int) -> Encoding | None:
+    """Return the encoding that code points of H.273 declare; None for one that is not read.
 
-    narrow: 0 for the full range; in the narrow range what one of 256 steps is of the largest value:
-    black is 16, white 235 of them.
+    code: primaries, transfer (tables 2 and 3), matrix, which is 0 for RGB, and whether the range is
+    full; in the narrow range black is 16, white 235 of 256 steps. peak: the largest sample.
     """
+    primaries, transfer, matrix, full = code if len(code) == 4 else bytes(4)
     curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
-    if curve is None or corners is None:
+    if curve is None or corners is None or matrix or full > 1:
         return None
-    if narrow:
-        full = curve
-        curve = lambda encoded: full(np.maximum((encoded - 16 * narrow) / (219 * narrow), 0))  # noqa: E731
+    if not full:
+        curve = _narrow(curve, (peak + 1) / 256 / peak)
     name = f"primaries {primaries} and transfer {transfer} of H.273"
     return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name)
+
+
+def _narrow(curve: Curve, step: float) -> Curve:
+    """The curve of the narrow range. step: one of 256, as a fraction of the largest value."""
+    return lambda encoded: curve(np.maximum((encoded - 16 * step) / (219 * step), 0))
 
 
 def _bt709(encoded: DoubleArray) -> DoubleArray:

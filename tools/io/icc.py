@@ -58,9 +58,7 @@ def _grey(profile: bytes) -> Encoding:
 
 
 def _rgb(profile: bytes) -> Encoding:
-    ramps = np.zeros((3, _CODES, 3))
-    for channel in range(3):
-        ramps[channel, :, channel] = np.linspace(0, 1, _CODES)
+    ramps = np.linspace(0, 1, _CODES)[:, None] * np.eye(3)[:, None]  # of each channel alone
     converted = _xyz(ramps, profile)
     matrix = converted[:, -1].T
     tables = Encoding(LINEAR.curves, REC_2020, _NAME, profile=profile)

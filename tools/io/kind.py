@@ -17,12 +17,8 @@ from ...shared import FloatArray, InputError
 from ...shared.reading import File
 from ...shared.writing import OnComplete, durable_file
 from .development import CAMERA, Development, FileKind
-from .display import check_exposure
 from .formats import FORMATS, Format
 from .formats.jpg import check_quality
-
-AS_MEASURED = "this is the scene as measured; choose another format or space, such as tif and srgb"
-"""Why a measurement cannot be changed, and the remedy, for messages."""
 
 
 @dataclass(frozen=True)
@@ -81,20 +77,6 @@ class PictureKind(FileKind):
         """
         return self.space != CAMERA or self.format == "dng"
 
-    def check(self, development: Development) -> None:
-        """Raise InputError if this rendering cannot become such a file."""
-        self.check_exposure(development.exposure)
-        if self.space != CAMERA:
-            _ = development.shown
-        self.kept_as.check(development)
-
-    def check_exposure(self, exposure: float) -> None:
-        """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
-        if self.space != CAMERA:
-            check_exposure(exposure)
-        elif exposure != 0:
-            raise InputError(f"`exposure` is {exposure:g} stops, but {AS_MEASURED}")
-
 
 def _known(name: str) -> Format:
     if name not in FORMATS:
@@ -119,7 +101,7 @@ def write_picture(
     Pictures in bands that must be rotated or flipped vertically are assembled in an anonymous
     temporary file in the same folder. Exceptions raised by `bands` pass through, and leave no file.
 
-    Raises InputError as `Development.check` does, and if a band is no such picture.
+    Raises InputError as `Format.check` does, and if a band is no such picture.
 
     Parameters
     ----------
@@ -133,8 +115,8 @@ def write_picture(
     threads : int, optional
         Number of threads that convert and compress.
     """
-    development.check()
+    kept_as = FORMATS[development.kind.format]
+    kept_as.check(development)
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        kept_as = FORMATS[development.kind.format]
         folder = Path(path).parent if isinstance(path, str | PathLike) else Path(gettempdir())
         kept_as.write(file, bands, development, threads, folder)

@@ -6,17 +6,17 @@ the image: ISO/IEC 18181-1:2022, annex A.5 (SizeHeader); ISO/IEC 18181-2 (boxes)
 """
 
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tifffile import TiffFile, TiffPage
+from tifffile import TiffPage
 
 from ...shared import DoubleArray, FloatArray, InputError
 from ...shared.dng.reader import DngReader
 from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric, tags_of
-from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_check import check_page
 from ...shared.white_balance import clipped_share
 from .camera_raw import camera_scene
@@ -26,21 +26,22 @@ from .decoded import remark_on_unused
 from .scene import Scene, check_size
 from .tiff import beside, opened_tiff, tag_numbers
 
+# Corrections that a DNG asks for (DNG 1.7.1, chapter 7), such as a gain map against dark corners.
+_LISTS = "OpcodeList1", "OpcodeList2", "OpcodeList3"
 # nothing else is, such as an original RAW inside
 _READ = tags_of(
     "LinearizationTable BlackLevelRepeatDim BlackLevel BlackLevelDeltaH BlackLevelDeltaV "
-    "WhiteLevel ActiveArea DefaultCropOrigin DefaultCropSize"
+    "WhiteLevel ActiveArea DefaultCropOrigin DefaultCropSize BaselineExposure " + " ".join(_LISTS)
 )
 _DEFLATE = (8, 32946)
 _JPEG_XL = 52546  # DNG 1.7.1, chapter 4
-# Corrections that a DNG asks for (DNG 1.7.1, chapter 7), such as a gain map against dark corners.
-_LISTS = "OpcodeList1", "OpcodeList2", "OpcodeList3"
 _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
 
 
-def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
-    """Read the scene in a DNG whose main picture has three linear samples per pixel; None if it has
-    a mosaic.
+def linear_dng_scene(path: Path, max_pixels: int) -> tuple[Scene | None, tuple[str, ...]]:
+    """Read the scene in a DNG whose main picture has three linear samples per pixel, None if it has
+    a mosaic; and notes for the user on what any DNG has beside its main picture, and on the
+    corrections that it asks for and that are not made.
 
     rgb is (sample - black) / (white - black) of the default crop of the active area, after the
     linearization table. It is neither rotated nor white-balanced, and not brightened by
@@ -53,10 +54,14 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
     for impossible levels, and for a damaged file.
     """
     with opened_tiff(path, _READ) as (stream, file, _):
+        with guarded():
+            pages = (file.pages.first, *(file.pages.first.pages or ()))
+        pictures = [page for page in pages if isinstance(page, TiffPage) and page.subfiletype == 0]
+        notes = _remarks(pages, pictures)
         kind = Photometric.LINEAR_RAW, PICTURE_PLANES
-        linear = [one for one in _pictures(file) if (one.photometric, one.samplesperpixel) == kind]
+        linear = [one for one in pictures if (one.photometric, one.samplesperpixel) == kind]
         if not linear:  # the main picture is another
-            return None
+            return None, notes
         page = max(linear, key=lambda one: one.imagewidth * one.imagelength)
         _check(page, path.stat().st_size, data_bytes(path), max_pixels)
         _check_chunks(page, stream)
@@ -68,14 +73,8 @@ def linear_dng_scene(path: Path, max_pixels: int = MAX_PIXELS) -> Scene | None:
             with guarded(path):
                 samples = page.asarray(maxworkers=1)
         rgb, limits = _levelled(samples, page)
-    return camera_scene(path, rgb, clipped_share(rgb, limits, SHOULDER) if integers else None)
-
-
-def _pictures(file: TiffFile) -> list[TiffPage]:
-    """Return the first directory, and those below it, but for previews."""
-    with guarded():
-        pages = (file.pages.first, *(file.pages.first.pages or ()))
-    return [page for page in pages if isinstance(page, TiffPage) and page.subfiletype == 0]
+    gone = clipped_share(rgb, limits, SHOULDER) if integers else None
+    return camera_scene(path, rgb, gone), notes
 
 
 def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
@@ -190,22 +189,18 @@ def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
     return black
 
 
-def remark_on_corrections(path: Path) -> tuple[str, ...]:
-    """Return notes for the user on what a DNG has beside its main picture, and on the corrections
-    that it asks for and that are not made.
+def _remarks(pages: Sequence[Any], pictures: Sequence[TiffPage]) -> tuple[str, ...]:
+    """Return notes for the user, see `linear_dng_scene`.
+
+    pages: the first directory, and those below it. pictures: those of them that are no previews.
     """
-    with opened_tiff(path, {TAG[name] for name in (*_LISTS, "BaselineExposure")}) as (_, file, _):
-        stops = float(tag_numbers(file.pages.first, "BaselineExposure").sum())
-        pages = _pictures(file)
-        linear = any(page.photometric == Photometric.LINEAR_RAW for page in pages)
-        names = [name for name in _LISTS if any(TAG[name] in page.tags for page in pages)]
-        notes = list[str]()
-        remark_on_unused(beside((file.pages.first, *(file.pages.first.pages or ()))), notes)
-    if names:
+    notes, stops = list[str](), float(tag_numbers(pages[0], "BaselineExposure").sum())
+    remark_on_unused(beside(pages), notes)
+    if names := [name for name in _LISTS if any(TAG[name] in page.tags for page in pictures)]:
         advice = "a linear TIFF of a raw developer has them"
         asked = f"the file asks for corrections that are not made ({', '.join(names)})"
         notes.append(f"{asked}: {advice}")
-    if linear and stops:
+    if stops and any(page.photometric == Photometric.LINEAR_RAW for page in pictures):
         asked = f"the file asks to be shown {stops:+.3g} stops brighter (BaselineExposure)"
         notes.append(f"{asked}: the scene is as measured, its white level is 1.0")
     return tuple(notes)

@@ -103,13 +103,9 @@ def _complete(app: Sphinx, page: str, text: list[str]) -> None:
     if page == root_doc:
         text[0] += CONTENTS
     if page == "tools/pages/parity":
-        sections = re.split(
-            "^(?=## )", (source / "offline/README.md").read_text("utf-8"), flags=re.M
-        )
-        kept = "".join(
-            section for section in sections if section.startswith(("## The paper", "## Errata"))
-        )
-        text[0] += _LINK.sub(r"../../offline/\1", kept)
+        readme = (source / "offline/README.md").read_text("utf-8")
+        kept = re.findall(r"^## (?:The paper|Errata).*?(?=^## |\Z)", readme, re.M | re.S)
+        text[0] += _LINK.sub(r"../../offline/\1", "".join(kept))
     folder = (source / page).parent
 
     def to_file(link: re.Match[str]) -> str:

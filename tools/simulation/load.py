@@ -22,7 +22,7 @@ from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.damage import guarded, readable
 from ..io.decoded import PictureFormat
 from ..io.decoders import FORMATS
-from ..io.linear_dng import linear_dng_scene, remark_on_corrections
+from ..io.linear_dng import linear_dng_scene
 from ..io.picture import gehler_shi_scene, picture_scene
 from ..io.scene import RGB, Scene, check_size, scene_channels
 from ..io.tiff import TIFF, opened_tiff
@@ -107,9 +107,9 @@ def load_scene(
         scene = gehlers or picture_scene(picture, path.stem, linear=linear)
     else:
         with readable():
-            notes += remark_on_corrections(path) if is_dng else ()
-            linear_scene = linear_dng_scene(path, max_pixels) if is_dng else None
+            linear_scene, remarks = linear_dng_scene(path, max_pixels) if is_dng else (None, ())
             scene = linear_scene or camera_raw_scene(path, max_pixels, registered=registered)
+            notes += remarks
     return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
 
 

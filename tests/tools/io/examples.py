@@ -59,10 +59,9 @@ def encoded(rgb: FloatArray, kind: PictureKind, orientation: int = 6, **changed:
     return BytesIO(encode_picture(rgb, development(kind, rgb.shape, orientation, **changed)))
 
 
-def picture_dng(rgb: FloatArray, calibration: SensorCalibration = CALIBRATION) -> bytes:
+def picture_dng(rgb: FloatArray) -> bytes:
     """A rendered picture (H, W, 3) as a linear DNG."""
-    kind = PictureKind.of("dng")
-    return encode_picture(rgb, development(kind, rgb.shape, calibration=calibration))
+    return encoded(rgb, PictureKind.of("dng")).getvalue()
 
 
 def developed(file: str | BytesIO) -> DoubleArray:

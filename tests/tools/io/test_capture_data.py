@@ -37,7 +37,12 @@ KEPT = {
 """Fields of Exif. exiftool also computes values from these, and shows what depends on the
 pixels.
 """
-WRITTEN = {**KEPT, "Make": "Canon", "Model": "Canon EOS 5D", "Flash": "16"}
+WRITTEN = {**KEPT, "Make": "Canon", "Model": "Canon EOS 5D", "Flash": "16", "Orientation": "6"}
+ALLOWED = (
+    # Files by Google's own library have no packet wrapper: its early versions do not read one.
+    "[minor] XMP is missing xpacket wrapper",
+    "Missing required TIFF GPS tag 0x001b GPSProcessingMethod",  # nobody knows it
+)
 
 
 def shown(path: Path) -> dict[str, Any]:
@@ -48,25 +53,31 @@ def shown(path: Path) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
-def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str) -> None:
+@pytest.mark.parametrize(
+    ("suffix", "kinds"), [(".jpg", "tif png jpg uhdr jxl dng"), (".png", ""), (".tif", "tif")]
+)
+def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str, kinds: str) -> None:
     colours = np.random.default_rng(0).integers(20, 200, (6, 8, 3), np.uint8)
-    (tmp_path / "in").mkdir()
-    source = tmp_path / "in" / f"source{suffix}"
+    source = tmp_path / f"source{suffix}"
     Image.fromarray(np.kron(colours, np.ones((8, 8, 1), np.uint8))).save(source)
     written = (f"-EXIF:{name}={value}" for name, value in WRITTEN.items())
     exiftool("-q", "-n", "-overwrite_original", *written, source)
     expected = shown(source)
     assert len(expected) == len(KEPT)
-    run("simulate", source, "-o", tmp_path / "out", code=0)
-    shot = tmp_path / "out" / "source.dng"
+    run("simulate", source, "-o", tmp_path, code=0)
+    shot = tmp_path / "source.dng"
     assert shown(shot) == expected
-    # from the same shot
-    for kind in ("tif", "jpg", "png", "dng") if suffix == ".jpg" else ("tif",):
-        run("render", shot, "-o", tmp_path, f"-f {kind} --preset paper --overwrite", code=0)
-        result = tmp_path / f"source.{kind}"
+    for kind in kinds.split():
+        run("render", shot, "-o", tmp_path / kind, f"-f {kind} --preset paper", code=0)
+        (result,) = (tmp_path / kind).glob("source.*")
         assert shown(result) == expected, kind
         assert b"EOS 5D" in exiftool("-a", "-Model", result)
+        tags = fields(result, "-n", "-G0", "-validate", "-warning", "-EXIF:all")
+        assert tags["EXIF:Orientation"] == (6 if kind == "dng" else 1)
+        assert tags["EXIF:Software"].startswith("Panchroma")
+        # A raw developer would give a DNG the colours of the camera that it names.
+        assert tags["EXIF:Make"] == ("Panchroma" if kind == "dng" else "Canon")
+        assert tags.get("ExifTool:Warning") in (None, *ALLOWED), kind
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".dng"])
@@ -94,25 +105,25 @@ def test_what_a_photographer_has_noted_and_is_not_kept_is_told(
     assert notes == ([f"not kept: {lost} in the file (XMP, IPTC)"] if lost else [])
 
 
-@pytest.mark.parametrize("kind", ["shaped", "imagej", "ome"])
+CAPTION = 'The sea. {"shape": of a wave}'
+
+
+@pytest.mark.parametrize(
+    ("options", "caption"),
+    [
+        *(({kind: True}, "") for kind in ("shaped", "imagej", "ome")),
+        ({"description": CAPTION, "metadata": None}, CAPTION),
+    ],
+)
 def test_what_programs_say_of_arrays_is_no_caption(
-    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, options: Any, caption: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "a.tif"
-    options: Any = {kind: True}
     tifffile.imwrite(path, noise(60, 80, 3, dtype=np.uint8), photometric="rgb", **options)
     with tifffile.TiffFile(path) as file:
         assert file.pages.first.description
-    assert load_scene(str(path)).metadata.description == ""
+    assert load_scene(str(path)).metadata.description == caption
     run("simulate", path, "-o", tmp_path, "--truth", "--burst 2", code=0)
     for truth in tmp_path.glob("*.truth.tif"):
         assert tifffile.imread(truth).ndim == 3
     assert not [record for record in caplog.records if record.name == "tifffile"]
-
-
-def test_a_caption_is_one(tmp_path: Path) -> None:
-    path = tmp_path / "a.tif"
-    caption = 'The sea. {"shape": of a wave}'
-    samples = noise(60, 80, 3, dtype=np.uint8)
-    tifffile.imwrite(path, samples, photometric="rgb", description=caption, metadata=None)
-    assert load_scene(str(path)).metadata.description == caption

@@ -159,12 +159,17 @@ def test_exif_tells_adobe_rgb_unless_a_profile_does(
     assert scene.metadata.taken is not None
 
 
-def test_a_profile_in_parts_is_joined(tmp_path: Path) -> None:
+def test_a_profile_in_parts_is_joined_and_may_be_overruled(tmp_path: Path) -> None:
     parts = b"\2\2" + GAMMA_18[150:], b"\1\2" + GAMMA_18[:150]
     segments = ((0xE2, b"ICC_PROFILE\0" + part) for part in parts)
-    scene = load_scene(str(jpeg(tmp_path / "a.jpg", np.full((8, 8, 3), 0.25), *segments)))
+    path = str(jpeg(tmp_path / "a.jpg", np.full((8, 8, 3), 0.25), *segments))
+    scene, forced = load_scene(path), load_scene(path, linear=True)
     np.testing.assert_allclose(scene.rgb, (64 / 255) ** 1.8, atol=1e-4)
-    assert scene.notes == ()
+    np.testing.assert_allclose(forced.rgb, 64 / 255, atol=1e-6)
+    ours = (
+        "as requested, the values are taken as linear light, although the file says its ICC profile"
+    )
+    assert (scene.notes, forced.notes) == ((), (ours,))
 
 
 @pytest.mark.parametrize(

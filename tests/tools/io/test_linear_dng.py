@@ -20,21 +20,15 @@ import pytest
 import rawpy
 import tifffile
 
-from panchroma.shared import FloatArray, InputError, SensorCalibration, read_dng
-from panchroma.shared.colorimetry import SRGB_TO_XYZ, as_rows
+from panchroma.shared import FloatArray, InputError, read_dng
 from panchroma.shared.dng import codec
 from panchroma.shared.dng.tags import TAG
 from panchroma.shared.tiff import FieldType
 from tests.data import photograph
 from tests.tools.command import run
-from tests.tools.io.examples import developed, picture_dng
+from tests.tools.io.examples import picture_dng
 
 # --- linear dng -----------------------------------------------------------------------------------
-
-PATCH = 16
-# of full scale: two roundings to 16 bits, and LibRaw's matrix in floats of four digits
-QUANTISED = 1e-4
-NEUTRAL = np.array([0.5, 1.0, 0.7])
 
 
 @pytest.mark.parametrize("shape", [(22, 23), (64, 301), (520, 37), (300, 160)])
@@ -48,18 +42,6 @@ def test_libraw_reads_the_very_codes_and_black_and_white_beyond_them(
         np.testing.assert_array_equal(raw.raw_image[..., :3], codes)
         assert raw.white_level == 65535
         assert raw.sizes.flip == 6  # LibRaw's word for orientation 6
-
-
-def test_calibrated_colours_are_kept() -> None:
-    crosstalk = np.array([[1.2, -0.1, -0.1], [0.1, 0.8, 0.1], [0.0, 0.2, 0.8]])  # white to white
-    camera_to_xyz = SRGB_TO_XYZ @ crosstalk / NEUTRAL
-    patches = np.random.default_rng(3).uniform(0.3, 0.7, (6, 5, 3)) * NEUTRAL
-    camera = patches.repeat(PATCH, axis=0).repeat(PATCH, axis=1).astype(np.float32)
-    calibration = SensorCalibration(neutral=tuple(NEUTRAL), camera_to_xyz=as_rows(camera_to_xyz))
-    shown = developed(BytesIO(picture_dng(camera, calibration)))
-    middles = slice(PATCH // 2, None, PATCH)
-    expected = patches / NEUTRAL @ crosstalk.T
-    np.testing.assert_allclose(shown[middles, middles], expected, atol=QUANTISED)
 
 
 def test_a_picture_that_is_not_finite_is_refused() -> None:

@@ -4,9 +4,8 @@ Code 65535 stands for 1.0 in all files: the brightness does not depend on the pi
 spot, and raw developers find clipped highlights at the white level and make them white.
 """
 
-from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import BinaryIO, ClassVar, NamedTuple
+from collections.abc import Iterable
+from typing import BinaryIO, ClassVar
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compre
 from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
 from ..development import CAMERA, Development
-from ..display import checked_picture, display_codes, joined, quantise, regrouped
+from ..display import display_codes, joined, quantise, regrouped
 from .format import Bands, Format
 
 CHUNK_ROWS = DIGEST_TILE
@@ -35,18 +34,9 @@ _TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
 _MEMORY_OF_CHUNK = 30.0  # bytes per pixel of a chunk that waits or is compressed
 
 
-class EncodedChunk(NamedTuple):
-    """Some rows of a picture, encoded: the tiles, from left to right, and the digests of the
-    samples.
-    """
-
-    tiles: list[bytes]
-    digests: bytes
-
-
 class LinearDng(Format):
-    """Linear DNG, with the colours and the white of our own rendering. Only what is compressed, and
-    the preview, is held.
+    """Linear DNG, with the colours and the white of our own rendering; raw developers turn it. Only
+    what is compressed, and the preview, is held.
     """
 
     name = "dng"
@@ -70,34 +60,31 @@ class LinearDng(Format):
         chunks = _MEMORY_OF_CHUNK * min(CHUNK_ROWS * (threads + WAITING + 1), shape[0]) * shape[1]
         return super().memory(shape, channels, rendering, threads) + chunks
 
-    def write(
-        self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path
-    ) -> None:
-        """See `Format`; raw developers turn it."""
-        self.encode(file, (checked_picture(band, 3) for band in bands), development, threads)
-
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`. What is saturated, and not restored, gets the white level in every
         channel.
         """
-        shown, shape, chunks = development.shown, development.shape, list[EncodedChunk]()
+        shown, shape = development.shown, development.shape
+        tiles, digests = list[bytes](), list[bytes]()
 
-        def encoded(rgb: FloatArray) -> tuple[EncodedChunk, ByteArray]:
+        def encoded(rgb: FloatArray) -> tuple[list[bytes], bytes, ByteArray]:
             rgb = shown.whitened(rgb, shown.saturated(rgb))
-            return encode_chunk(rgb, shape), display_codes(rgb, shown, 8)
+            return *encode_chunk(rgb, shape), display_codes(rgb, shown, 8)
 
         def previews() -> Iterable[ByteArray]:
-            for chunk, preview in ahead(encoded, regrouped(bands, CHUNK_ROWS), threads):
-                chunks.append(chunk)
+            for chunk, digest, preview in ahead(encoded, regrouped(bands, CHUNK_ROWS), threads):
+                tiles.extend(chunk)
+                digests.append(digest)
                 yield preview
 
         preview = joined(previews(), shape[0])
-        main = linear_dng(chunks, preview, development)
+        main = linear_dng(tiles, digests, preview, development)
         write_tiff(file, main, main.strips)
 
 
-def encode_chunk(rgb: FloatArray, shape: tuple[int, int]) -> EncodedChunk:
-    """Encode some rows of a picture in camera colours; chunks are independent of each other.
+def encode_chunk(rgb: FloatArray, shape: tuple[int, int]) -> tuple[list[bytes], bytes]:
+    """Encode some rows of a picture in camera colours: return the tiles, from left to right, and
+    the digests of the samples. Chunks are independent of each other.
 
     Parameters
     ----------
@@ -115,7 +102,7 @@ def encode_chunk(rgb: FloatArray, shape: tuple[int, int]) -> EncodedChunk:
     padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
     lefts = range(0, shape[1], width)
     tiles = [encode_lossless(padded[:, left : left + width], _PICTURE_BITS) for left in lefts]
-    return EncodedChunk(tiles, tile_digests(codes))
+    return tiles, tile_digests(codes)
 
 
 def _tile(shape: tuple[int, int]) -> tuple[int, int]:
@@ -130,11 +117,12 @@ def _tile(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def linear_dng(
-    chunks: Sequence[EncodedChunk], preview: ByteArray, development: Development
+    tiles: list[bytes], digests: list[bytes], preview: ByteArray, development: Development
 ) -> Directory:
-    """Return the DNG of a picture, to be written as a TIFF, from its chunks in order.
+    """Return the DNG of a picture, to be written as a TIFF.
 
-    preview: the picture as uint8 sRGB (H, W, 3). development: of colours and capture data.
+    tiles: of all chunks, in order. digests: of each chunk. preview: the picture as uint8 sRGB
+    (H, W, 3). development: of colours and capture data.
     """
     shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
     fields = picture_fields(shape, _PICTURE_BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
@@ -143,14 +131,13 @@ def linear_dng(
         TAG["BlackLevel"]: (FieldType.SHORT, [0] * 3),
         TAG["WhiteLevel"]: (FieldType.SHORT, [_WHITE_CODE] * 3),
     }
-    if len(chunks) > 1:
+    if len(digests) > 1:
         # Tiles: of several strips LibRaw reads only the first.
         del fields[TAG["RowsPerStrip"]]
         height, width = _tile(shape[:2])
         fields[TAG["TileWidth"]] = FieldType.LONG, [width]
         fields[TAG["TileLength"]] = FieldType.LONG, [height]
-    raw = Directory(fields, strips=[tile for chunk in chunks for tile in chunk.tiles])
-    digest = md5(b"".join(chunk.digests for chunk in chunks))
+    raw, digest = Directory(fields, strips=tiles), md5(b"".join(digests))
     shown = development.shown
     main = main_directory(preview, development.noted, f"{MAKER} render", raw, digest)
     main.fields |= colour_fields(shown.space.to_xyz @ np.array(shown.matrix), shown.white)

@@ -9,9 +9,8 @@ import numpy as np
 
 from ....shared import CaptureMetadata, OutputError
 from ....shared.colorimetry import D65_XY
-from ..development import CAMERA, Development
+from ..development import CAMERA, Development, software
 from ..display import SPACES
-from ..embedded import software
 from .format import Bands, Format
 
 

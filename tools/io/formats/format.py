@@ -62,7 +62,10 @@ class Format(ABC):
         return f".{self.name}"
 
     def check(self, development: Development) -> None:
-        """Raise InputError if such a picture cannot be in this format."""
+        """Raise InputError if such a picture cannot be in this format. Call it before rendering."""
+        development.kind.check_exposure(development.exposure)
+        if development.kind.space != CAMERA:
+            _ = development.shown  # raises InputError for unknown colours
         height, width = development.shape
         if self.longest_side is not None and max(height, width) > self.longest_side:
             reason = f"a side of a {self.name} holds at most {self.longest_side}; use tif"
@@ -110,15 +113,14 @@ class Format(ABC):
             For a temporary file without a name, in which a picture in bands is turned.
         """
         turn, convert = development.turn, partial(self.samples, development=development)
-        samples = ahead(convert, bands, -(-threads // _RENDERING))
+        samples: Bands = ahead(convert, bands, -(-threads // _RENDERING))
         if self.in_bands:
             samples = turned(samples, development.shape, turn, folder)
-            self.encode(file, samples, development, threads)
         else:
             whole = joined(samples, development.shape[0])
             # A copy, even of one pixel: codecs look at the strides.
-            whole = whole if turn == 1 else upright(whole, turn).copy()
-            self.encode(file, [whole], development, threads)
+            samples = [whole if turn == 1 else upright(whole, turn).copy()]
+        self.encode(file, samples, development, threads)
 
     @abstractmethod
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:

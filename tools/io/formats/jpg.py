@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....shared import CaptureMetadata, InputError
-from ....shared.dng.tags import LONGEST_SIDE
-from ....shared.tiff import encode_tiff
-from ..development import Development
+from ....shared.dng.tags import LONGEST_SIDE, TAG
+from ....shared.tiff import Directory, FieldType, encode_tiff
+from ..development import Development, picture_directory
 from ..display import joined
-from ..embedded import jpeg_directory
 from .format import Bands, Format
 
 JFIF_ENDS = 20
@@ -36,13 +35,14 @@ class Jpeg(Format):
         """Implement `Format`."""
         quality = check_quality(development.kind.quality)
         codes = joined(bands, development.written_shape[0])
-        file.write(baseline_jpeg(codes, quality, development_segments(development)))
+        segments = jpeg_segments(development.directory, codes.shape, development.icc)
+        file.write(baseline_jpeg(codes, quality, segments))
 
 
 def encode_jpeg(
-    codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = b"", quality: int | None = None
+    codes: NDArray[Any], metadata: CaptureMetadata, quality: int | None = None
 ) -> bytes:
-    """Return a JPEG of uint8 RGB (H, W, 3), sRGB.
+    """Return a JPEG of uint8 RGB (H, W, 3), sRGB, without a profile.
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data
     64 KiB.
@@ -51,12 +51,10 @@ def encode_jpeg(
     ----------
     metadata : CaptureMetadata
         Capture data; its orientation is noted, the picture is not turned.
-    icc : bytes, optional
-        Profile; b"" = none.
     quality : int | None, optional
         1 to 100; None = 95.
     """
-    segments = jpeg_segments((codes.shape[0], codes.shape[1]), icc, metadata, srgb=True)
+    segments = jpeg_segments(picture_directory(metadata, srgb=True), codes.shape)
     return baseline_jpeg(codes, check_quality(quality), segments)
 
 
@@ -82,19 +80,20 @@ def check_quality(quality: int | None) -> int:
     return quality
 
 
-def development_segments(development: Development) -> bytes:
-    """The segments of a JPEG of a rendering."""
-    srgb = development.kind.space == "srgb"
-    return jpeg_segments(development.written_shape, development.icc, development.noted, srgb=srgb)
-
-
-def jpeg_segments(
-    shape: tuple[int, int], icc: bytes, metadata: CaptureMetadata, *, srgb: bool
-) -> bytes:
-    """The segments of a JPEG of (rows, columns) with capture data and profile; for errors see
+def jpeg_segments(directory: Directory, shape: tuple[int, ...], icc: bytes = b"") -> bytes:
+    """The segments of a JPEG of (rows, columns, ...) with capture data and profile; for errors see
     `encode_jpeg`.
+
+    directory: capture data; gets the fields that Exif requires in a JPEG.
     """
-    (height, width), exif = shape, encode_tiff(jpeg_directory(metadata, shape, srgb=srgb))
+    height, width = shape[:2]
+    directory.fields[TAG["YCbCrPositioning"]] = FieldType.SHORT, [1]
+    directory.children[TAG["ExifTag"]].fields |= {
+        TAG["ComponentsConfiguration"]: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
+        TAG["PixelXDimension"]: (FieldType.LONG, [width]),
+        TAG["PixelYDimension"]: (FieldType.LONG, [height]),
+    }
+    exif = encode_tiff(directory)
     if max(height, width) > LONGEST_SIDE:
         most = f"a side of a JPEG holds at most {LONGEST_SIDE}"
         raise InputError(f"{width} x {height} pixels: {most}; use png or tif")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ....shared.dng.container import picture_fields
 from ....shared.dng.tags import TAG, Compression
-from ....shared.tiff import Fields, FieldType, write_tiff
+from ....shared.tiff import FieldType, write_tiff
 from ..ahead import ahead
 from ..development import CAMERA, Development
 from ..display import regrouped
@@ -36,29 +36,25 @@ class Tiff(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        bits, channels = development.kind.bits, development.channels
-        shape = *development.written_shape, len(channels)
+        bits, channels = development.kind.bits, len(development.channels)
+        rgb, shape = development.channels == "RGB", (*development.written_shape, channels)
+        compression = _LZW if bits == 8 else Compression.NONE
         directory = development.directory
-        directory.fields.update(_fields(shape, bits, rgb=channels == "RGB"))
+        directory.fields |= picture_fields(
+            shape, bits, compression, _RGB if rgb else _BLACK_IS_ZERO
+        )
+        sample = _FLOAT if bits == 32 else _UNSIGNED
+        directory.fields[TAG["SampleFormat"]] = FieldType.SHORT, [sample] * channels
+        directory.fields[TAG["RowsPerStrip"]] = FieldType.LONG, [_STRIP_ROWS]
+        if bits == 8:
+            directory.fields[TAG["Predictor"]] = FieldType.SHORT, [_HORIZONTAL]
+        if extra := channels - (3 if rgb else 1):
+            directory.fields[TAG["ExtraSamples"]] = FieldType.SHORT, [0] * extra
         if development.icc:
             directory.fields[TAG["InterColorProfile"]] = FieldType.UNDEFINED, development.icc
         rows = regrouped(bands, _STRIP_ROWS)
         strips = ahead(_lzw_strip, rows, threads) if bits == 8 else map(_plain_strip, rows)
         write_tiff(file, directory, strips)
-
-
-def _fields(shape: tuple[int, int, int], bits: int, *, rgb: bool) -> Fields:
-    channels, photometric = shape[2], _RGB if rgb else _BLACK_IS_ZERO
-    compression = _LZW if bits == 8 else Compression.NONE
-    fields = picture_fields(shape, bits, compression, photometric) | {
-        TAG["RowsPerStrip"]: (FieldType.LONG, [_STRIP_ROWS]),
-        TAG["SampleFormat"]: (FieldType.SHORT, [_FLOAT if bits == 32 else _UNSIGNED] * channels),
-    }
-    if bits == 8:
-        fields[TAG["Predictor"]] = FieldType.SHORT, [_HORIZONTAL]
-    if extra := channels - (3 if rgb else 1):
-        fields[TAG["ExtraSamples"]] = FieldType.SHORT, [0] * extra
-    return fields
 
 
 def _plain_strip(rows: NDArray[Any]) -> memoryview:

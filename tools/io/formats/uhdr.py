@@ -30,7 +30,7 @@ from ....shared.arrays import ByteArray, FloatArray, strips
 from ..development import Development
 from ..display import ColourTransform, joined
 from .format import Bands
-from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, check_quality, development_segments, segment
+from .jpg import JFIF_ENDS, Jpeg, baseline_jpeg, check_quality, jpeg_segments, segment
 
 OFFSET = 1 / 64
 """Offset added to both pictures before their ratio is taken, so that the gain of black stays
@@ -143,10 +143,10 @@ class UltraHdr(Jpeg):
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
         quality = check_quality(development.kind.quality)
-        segments = development_segments(development)
         gains = GainMap(development.shown, development.exposure)
         # Copies, even of one pixel: the codec looks at the strides.
         samples = joined(bands, development.written_shape[0])
+        segments = jpeg_segments(development.directory, samples.shape, development.icc)
         capacity = gains.capacity(int(samples[..., 3].max()))
         described = _described(_xmp(gains, capacity), _iso(gains, capacity))
         gain_map = baseline_jpeg(samples[..., 3].copy(), _GAIN_QUALITY, described)

@@ -14,8 +14,7 @@ from .shared import CaptureMetadata, SensorCalibration
 from .shared.arrays import ByteArray, FloatArray
 from .shared.errors import InputError
 from .shared.reading import File, file_name
-from .shared.tiff import encode_tiff
-from .shared.writing import write_durably
+from .shared.writing import durable_file
 from .tools.io.colour import encode_srgb
 from .tools.io.display import ColourTransform, checked_picture
 
@@ -79,22 +78,19 @@ class Image:
         overwrite : bool, optional
             Replace an existing file.
         """
-        from .tools.io.embedded import picture_directory
-        from .tools.io.formats.jpg import encode_jpeg
-        from .tools.io.formats.png import encode_png
-        from .tools.io.icc import icc_profile
+        from .tools.io.development import Development
+        from .tools.io.kind import PictureKind
 
-        metadata, ending = CaptureMetadata(), _ending(path)
-        name = (format or ending).lower()
-        if name in ("jpg", "jpeg") and ending in ("", "jpg", "jpeg"):
-            data = encode_jpeg(self.pixels, metadata, icc=icc_profile("srgb"), quality=quality)
-        elif name == "png" and ending in ("", "png"):
-            exif = encode_tiff(picture_directory(metadata, srgb=True))
-            data = encode_png(self.pixels, "srgb", exif)
-        else:
+        endings = {"png": "png", "jpg": "jpg", "jpeg": "jpg"}
+        ending = _ending(path)
+        name = endings.get((format or ending).lower())
+        if name is None or (ending and endings.get(ending) != name):
             what = f"{ending!r} by its name, `format` is {format!r}"
             raise InputError(f"{file_name(path)}: {what}; an image is saved as .png or .jpg")
-        write_durably(path, data, overwrite=checked_flag(overwrite))
+        kind = PictureKind(name, 8, "srgb", quality if name == "jpg" else None)
+        development = Development(kind, self.shape, SensorCalibration(), CaptureMetadata())
+        with durable_file(path, overwrite=checked_flag(overwrite)) as file:
+            kind.kept_as.encode(file, [self.pixels], development, threads=1)
 
     def __repr__(self) -> str:
         return f"<Image {self.shape[1]} x {self.shape[0]}, 8-bit sRGB>"
