@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from panchroma.shared import CaptureMetadata
-from panchroma.shared.dng import decode_dng, encode_dng, metadata_directory, read_metadata
+from panchroma.shared.dng import encode_dng, metadata_directory, read_dng, read_metadata
 from panchroma.shared.dng.exif import TEXTS, text
 from panchroma.shared.dng.tags import GPS, TAG
 from panchroma.shared.tiff import Directory, Fields, FieldType, encode_tiff
@@ -26,7 +26,7 @@ def exif_block(metadata: CaptureMetadata) -> bytes:
 
 
 def survivor(metadata: CaptureMetadata) -> CaptureMetadata:
-    return decode_dng(encode_dng(mosaic(metadata=metadata), preview())).metadata
+    return read_dng(BytesIO(encode_dng(mosaic(metadata=metadata), preview()))).metadata
 
 
 def test_everything_survives() -> None:

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -6,8 +7,7 @@ import numpy as np
 import pytest
 
 from panchroma import shared
-from panchroma.shared.dng import decode_preview, encode_dng
-from panchroma.shared.dng.file import read_dng, read_preview, verify_dng, write_dng
+from panchroma.shared.dng import encode_dng, read_dng, read_preview, verify_dng, write_dng
 from panchroma.shared.errors import InputError, OutputError
 from panchroma.shared.pattern import CfaPattern
 from tests.shared.dng.examples import METADATA, mosaic, preview, same
@@ -22,7 +22,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="read-only"):
         read.samples[0, 0] = np.uint16(1)
     assert path.read_bytes() == encode_dng(mosaic(), preview())
-    assert read_preview(path) == decode_preview(path.read_bytes())
+    assert read_preview(path) == read_preview(BytesIO(path.read_bytes()))
     assert verify_dng(path) == read.shape
     with pytest.raises(OutputError, match=r"shot\.dng: exists already"):
         write_dng(path, read, preview())
@@ -48,7 +48,7 @@ WHOLE = encode_dng(mosaic(), preview())
         (b"\x89PNG", "not a DNG"),
         (b"II*\0", "damaged"),
         (b"II*\0\x08\0\0\0\0\0\0\0\0\0", ""),
-        (decode_preview(WHOLE), "a JPEG picture, not a DNG"),
+        (read_preview(BytesIO(WHOLE)), "a JPEG picture, not a DNG"),
         (WHOLE[: len(WHOLE) // 2], "damaged: the file ends after"),
     ],
 )
