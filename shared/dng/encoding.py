@@ -11,7 +11,7 @@ from ..pattern import CfaPattern
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields, has_colours
 from .container import main_directory, raw_digest, raw_directory
-from .record import encode_record, record_id
+from .record import encode_record
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, TAG, Photometric
 
 _RECTANGULAR = 1
@@ -55,9 +55,9 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
         known = calibration.camera_to_xyz, calibration.neutral, calibration.gamma
         main.fields.update(colour_fields(*known, pattern.channels, calibration.lights))
     raw.fields.update(_noise(calibration, photometric))
-    record = encode_record(mosaic, digest, main.strips[0])
+    record, identity = encode_record(mosaic, digest, main.strips[0])
     main.fields[TAG["DNGPrivateData"]] = FieldType.BYTE, record
-    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, record_id(record).encode()
+    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, identity.encode()
     return encode_tiff(main)
 
 
