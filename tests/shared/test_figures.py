@@ -86,8 +86,8 @@ def test_documents_are_refused_with_the_reason() -> None:
     assert parsed_json(b'{"a": [1, -2.5e3]}') == {"a": [1, -2500.0]}
     wrong: dict[str | bytes, str] = {
         **dict.fromkeys(("[", b"\xff", "[" * 100_000), "is not JSON"),
-        "-" + "9" * 5000: "a number of 5000 digits",
-        "1e999": "holds '1e999'",
+        "-" + "9" * 5000: "^holds a number of 5000 digits",
+        "1e999": "^holds '1e999'",
         "[NaN]": "holds 'NaN'",
     }
     for text, words in wrong.items():
