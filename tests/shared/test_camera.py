@@ -16,7 +16,6 @@ from panchroma.shared import (
     Mosaic,
     NoiseModel,
     SensorCalibration,
-    Shading,
     read_camera,
     read_dng,
     write_dng,
@@ -38,7 +37,6 @@ CALIBRATION = SensorCalibration(
     defects=((1, 2),),
     sensor="bench",
 )
-TILE = {"tile": ["RGW", "GBW", "WWW"]}
 CAMERA = Camera(CALIBRATION, CfaPattern.bayer(6), {"gamma": {"shots": ["a.dng"]}})
 
 
@@ -55,27 +53,11 @@ def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
     assert replace(CAMERA.calibration, noise=None).camera == CALIBRATION.id
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"pattern": 7}, "pattern: 7 is not an object with tile, origin and channels"),
-        ({"pattern": {"tile": 3}}, "pattern: .* is not an object with tile"),
-        ({"pattern": {**TILE, "origin": [0]}}, "pattern: .* is not an object with tile"),
-        ({"pattern": {**TILE, "origin": [0, 0.5]}}, "origin is 0.5, expected a whole number"),
-        ({"pattern": {**TILE, "size": 1}}, "pattern: .* is not an object with tile"),
-        ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "RGB.*XYZ"),
-        ({"size": [0, 24]}, "size is .*, expected .rows, columns."),
-        ({"measured": []}, "measured"),
-        ({"measured": {"taste": {}}}, "unknown entry 'taste'"),
-        ({"measured": {"gamma": 1}}, "measured.gamma"),
-    ],
-)
-def test_what_a_file_has_wrong_is_named(change: dict[str, Any], words: str, tmp_path: Path) -> None:
+def test_a_wrong_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
-    path.write_text(json.dumps({**CAMERA.to_json(), **change}))
-    with pytest.raises(InputError, match=words) as caught:
+    path.write_text(json.dumps({**CAMERA.to_json(), "pattern": 7}))
+    with pytest.raises(InputError, match=f"{path}: pattern: 7 is not"):
         read_camera(path)
-    assert str(path) in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -125,8 +107,6 @@ PATTERN = CfaPattern.bayer(6, origin=(4, 1))
 BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
 DARKER = darker_corners(SHAPE)
 SHADED = replace(BARE, shading=DARKER)
-EVEN = [[[1.0] * 4] * 4] * 4
-FIGURES: dict[str, Any] = {"gain": EVEN, "size": SHAPE}
 
 
 def scene() -> FloatArray:
@@ -150,7 +130,7 @@ def test_files_keep_it(tmp_path: Path) -> None:
 
 
 def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:
-    shading = Shading(**FIGURES | {"size": (600, 900)})
+    shading = replace(DARKER, size=(600, 900))
     for shape in ((600, 900), (300, 450), (1200, 1800), (200, 299)):
         shading.check(shape)
     for shape in ((600, 896), (597, 900)):
@@ -158,26 +138,6 @@ def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:
             shading.check(shape)
     with pytest.raises(InputError, match="frames of 90 x 61 pixels, and the frame has 90 x 90"):
         Mosaic(np.zeros((90, 90), np.float32), PATTERN, SHADED)
-
-
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
-        ({"gain": [[1.0] * 4] * 4}, "gain is 1.0, expected a list of numbers"),
-        ({"gain": [[[1.0] * 3] * 4] * 4}, "4 to 32 rows and columns"),
-        ({"gain": [[[1.0, 2.0], [1.0]]] * 4}, "gain is not"),
-        ({"gain": [[[2e4] * 4] * 4] * 4}, "control points of -10000 to 10000"),
-        ({"gain": [[[-1.0] * 4] * 4] * 4}, "the gains are -1 to -1"),
-        ({"gain": [[[1.1] * 4] * 4] * 4}, "in the middle of the frame"),
-        ({"gain": EVEN[:3]}, r"shading has 3 planes, expected 4 \(RGBW\)"),
-        ({"residual": -1.0}, "residual is -1"),
-        *(({"size": size}, "size is .*, expected .rows, columns.") for size in ((0, 5), 5)),
-        ({"more": 1}, "shading is .*, expected an object with gain, size, focal_length, residual"),
-    ],
-)
-def test_what_is_no_shading_is_refused(changed: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        SensorCalibration.from_json({**BARE.to_json(), "shading": {**FIGURES, **changed}})
 
 
 def test_a_shot_at_another_focal_length_is_remarked_on() -> None:

@@ -145,24 +145,6 @@ def test_json_and_back() -> None:
     assert "lights" not in SensorCalibration().to_json()
     assert SensorCalibration.from_json(document) == replace(CAMERA, neutral=SHOT)
     assert replace(CAMERA, lights=LIGHTS[::-1]) == CAMERA
-    one, other = document["lights"]
-    wrong: tuple[tuple[Any, str], ...] = (
-        ([one], "two lights"),
-        ([one, one], "A and A are alike"),
-        ([one, {**one, "illuminant": "3000"}], "A and 3000 are alike"),
-        ([one, {**other, "illuminant": "F11"}], "the light is 'F11'"),
-        ([one, {**other, "neutral": [1, 1]}], "expected 3 rows of 2"),
-        ([one, {**other, "neutral": [1, 0, 1]}], "lights.neutral is"),
-        *(
-            (lights, "lights is .*, expected an object with illuminant, camera")
-            for lights in (7, [one, {"illuminant": "D65"}])
-        ),
-    )
-    for lights, why in wrong:
-        with pytest.raises(InputError, match=why):
-            SensorCalibration.from_json({**document, "lights": lights})
-    with pytest.raises(InputError, match="leave one of them out"):
-        SensorCalibration.from_json({**document, "camera_to_xyz": one["camera_to_xyz"]})
     with pytest.raises(InputError, match="other channels than CMYK"):
         SensorCalibration(channels="CMYK", lights=LIGHTS)
 
@@ -189,8 +171,3 @@ def test_gamma_of_two_lights_is_mixed_for_the_neutral_and_beyond_them_the_nearer
     taken = Mosaic(np.zeros((12, 12), np.uint16), PATTERN, shot)
     assert own.calibrated(taken).calibration.gamma == (0.7, 0.8, 0.9)
     assert "gamma" not in CAMERA.to_json()["lights"][0]
-    for wrong in ({"gamma": None}, {"gamma": (1.0, 1.0)}):
-        with pytest.raises(InputError, match=r"gamma, the other has none|other channels"):
-            replace(known, lights=(replace(warm, **wrong), cold))
-    with pytest.raises(InputError, match=r"lights\.gamma is .*, expected 0\.001 to 1000"):
-        replace(warm, gamma=(0.0, 1.0, 1.0))

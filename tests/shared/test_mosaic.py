@@ -109,27 +109,6 @@ def test_another_calibration_has_to_fit_too() -> None:
         mosaic.calibrated(SensorCalibration.of_bits(10))
 
 
-@pytest.mark.parametrize(
-    ("samples", "words"),
-    [
-        (np.zeros(9, np.uint16), "shape"),
-        (np.zeros((2, 9), np.uint16), "no whole colour block"),
-        (np.zeros(SHAPE, np.uint8), "uint8, expected uint16 codes"),
-        (np.zeros(SHAPE, complex), "complex128, expected uint16 codes"),
-        (np.full(SHAPE, 4096, np.uint16), "4096, more than the calibration's 12 bits"),
-        (np.full(SHAPE, np.nan), "117 of 117 samples are not finite"),
-        (np.full(SHAPE, -np.inf, np.float32), "not finite"),
-        ([[1, 2], [3, 4]], "int64"),
-    ],
-)
-def test_other_samples_are_refused(samples: Any, words: str) -> None:
-    pattern = PATTERN if np.shape(samples) != (2, 2) else CfaPattern.bayer(4)
-    with pytest.raises(InputError, match=words):
-        Mosaic(samples, pattern, CALIBRATION)
-    with pytest.raises(InputError, match="different sensors"):
-        Mosaic(codes(), CfaPattern.with_block(("XY",), 4), CALIBRATION)
-
-
 def test_metadata_travels_along_and_is_checked() -> None:
     assert Mosaic(codes(), PATTERN, CALIBRATION, CaptureMetadata(iso=400)).metadata.iso == 400
     wrong: dict[str, Any] = {

@@ -109,43 +109,10 @@ def test_all_named_channels_may_have_filters() -> None:
             CfaPattern.of_letters("RW/WB", channels=channels)
 
 
-@pytest.mark.parametrize(
-    ("tile", "words"),
-    [
-        (("RG", "BW"), "2 rows"),
-        (("RGWW", "GBWW", "WWWW", "WWW"), "has 3 letters"),
-        (("RGWW", "GBWW", "WWWW", "WW1W"), "letters A to Z"),
-        (("RÜWW", "GBWW", "WWWW", "WWWW"), "letters A to Z"),
-        (("NNW", "NNW", "WWW"), "two or more"),
-        (("RGBRGB", *["GGGGGG"] * 4, "WWWWWW"), r"row 3, column 1 of the tile: luminance there"),
-        (("RGWW" * 2, "GBWW" * 2, "W" * 8, "W" * 8) * 2, "smallest tile .*: RGWW/GBWW/WWWW/WWWW"),
-        (("RRRR", "GGGG", "BBBB", "RGBB"), "no panchromatic pixel"),
-    ],
-)
-def test_impossible_tiles_are_refused(tile: tuple[str, ...], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        CfaPattern(tile)
-
-
-def test_impossible_arguments_are_refused() -> None:
-    with pytest.raises(InputError, match="do not name"):
-        CfaPattern(CfaPattern.bayer(4).tile, channels="RGBB")
-    with pytest.raises(InputError, match="RGGB"):
-        CfaPattern.bayer(6, "RGBG")
-    for period in (2, 17):
-        with pytest.raises(InputError, match="period"):
-            CfaPattern.bayer(period)
-
-
 def test_letters_make_square_tiles() -> None:
     assert CfaPattern.of_letters("RGW GBW WWW", (1, 2)) == CfaPattern.bayer(3, origin=(1, 2))
     assert CfaPattern.of_letters("RG/BW").tile == ("RGRG", "BWBW") * 2
     assert CfaPattern.of_letters("CMWW/YWWW", channels="YMC").channels == "YMC"
-    for letters in ("RGW/GB/WWW", "", "/", "RGW/GBW/"):
-        with pytest.raises(InputError, match="row by row"):
-            CfaPattern.of_letters(letters)
-    with pytest.raises(InputError, match="3 x 7 letters repeats in squares of 21"):
-        CfaPattern.of_letters("ABCDEFG/WWWWWWW/WWWWWWW")
 
 
 def test_scattered_sites_have_the_tile_for_a_block() -> None:
