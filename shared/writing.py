@@ -43,9 +43,11 @@ _CANNOT_SYNC = {
 }
 
 
-def write_durably(path: File, data: bytes, *, overwrite: bool = False) -> None:
+def write_durably(
+    path: File, data: bytes, *, overwrite: bool = False, on_complete: OnComplete | None = None
+) -> None:
     """Write the content of `path` atomically and durably; see `durable_file`."""
-    with durable_file(path, overwrite=overwrite) as file:
+    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
         file.write(data)
 
 
