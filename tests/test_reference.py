@@ -86,19 +86,6 @@ def test_block_solution_is_the_constrained_minimum(random: np.random.Generator) 
     assert_close(chromaticity.solve_block(samples, lights, gamma, sigma), found, 1e-6)
 
 
-def test_medians_are_those_of_ndimage(random: np.random.Generator) -> None:
-    coarse = random.uniform(size=(6, 9, 2))
-    middle, diagonal = np.arange(5) == 2, np.eye(5, dtype=bool)
-    lines = middle[:, None] & np.ones(5, bool), middle & np.ones((5, 1), bool)
-    theirs = [
-        ndimage.median_filter(coarse, footprint=line[..., None], mode="mirror")
-        for line in (*lines, diagonal, diagonal[::-1])
-    ]
-    for row, column in np.ndindex(6, 9):
-        ours = chromaticity.proposals(coarse, row, column)
-        np.testing.assert_array_equal(ours, [value[row, column] for value in theirs])
-
-
 def test_medians_remove_an_outlier_and_keep_a_line() -> None:
     gamma = (1.0, 1.0)
     coarse = np.full((9, 9, 2), 0.5)

@@ -3,6 +3,7 @@ everywhere.
 """
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,37 +34,21 @@ DOCUMENT = {
 DOCUMENT.pop("camera")
 
 
-def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """The paths to all numbers of a document, one for each list of numbers."""
-    if isinstance(value, dict):
-        return [found for key, each in value.items() for found in places(each, (*path, key))]
-    if isinstance(value, list | tuple) and value:
-        return places(value[-1], (*path, len(value) - 1))
-    return [path] if isinstance(value, int | float) and not isinstance(value, bool) else []
+TEXT = json.dumps(DOCUMENT)
+NUMBERS = [number.span() for number in re.finditer(r"-?\b\d[\d.e+-]*", TEXT)]
 
 
-def with_figure(document: Any, path: tuple[Any, ...], figure: Any) -> Any:
-    changed = json.loads(json.dumps(document))
-    inner = changed
-    for key in path[:-1]:
-        inner = inner[key]
-    inner[path[-1]] = figure
-    return changed
-
-
-@pytest.mark.parametrize("path", places(DOCUMENT), ids=lambda path: ".".join(map(str, path)))
 @pytest.mark.parametrize("figure", [HUGE, -HUGE, float("nan"), float("inf"), "1", True])
-def test_whatever_is_no_number_in_a_camera_file_is_refused(
-    path: tuple[Any, ...], figure: Any, tmp_path: Path
-) -> None:
-    file = tmp_path / "camera.json"
-    file.write_text(json.dumps(DOCUMENT))
+def test_whatever_is_no_number_in_a_camera_file_is_refused(figure: Any, tmp_path: Path) -> None:
+    file, notes = tmp_path / "camera.json", TEXT.index('"measured"')
+    file.write_text(TEXT)
     read_camera(file)
-    file.write_text(json.dumps(with_figure(DOCUMENT, path, figure)))
-    if path[0] == "measured" and isinstance(figure, str | bool):
-        return  # these are notes for people
-    with pytest.raises(InputError, match=r"camera\.json: "):
-        read_camera(file)
+    for start, end in NUMBERS:
+        if start > notes and isinstance(figure, str | bool):
+            continue  # these are for people
+        file.write_text(TEXT[:start] + json.dumps(figure) + TEXT[end:])
+        with pytest.raises(InputError, match=r"camera\.json: "):
+            read_camera(file)
 
 
 @pytest.mark.parametrize("figure", [HUGE, "1", True, None, [1]])

@@ -6,7 +6,6 @@ import pytest
 
 from panchroma.shared.calibration import SensorCalibration
 from panchroma.shared.errors import InputError
-from panchroma.shared.metadata import CaptureMetadata
 from panchroma.shared.mosaic import Mosaic
 from panchroma.shared.pattern import CfaPattern
 from tests.reference import geometry
@@ -107,17 +106,3 @@ def test_another_calibration_has_to_fit_too() -> None:
         mosaic.calibrated(SensorCalibration.of_bits(12, channels="XY", gamma=(1.0, 1.0)))
     with pytest.raises(InputError, match="more than the calibration's 10 bits"):
         mosaic.calibrated(SensorCalibration.of_bits(10))
-
-
-def test_metadata_travels_along_and_is_checked() -> None:
-    assert Mosaic(codes(), PATTERN, CALIBRATION, CaptureMetadata(iso=400)).metadata.iso == 400
-    wrong: dict[str, Any] = {
-        "orientation": 9,
-        "iso": 0,
-        "exposure_time": -1.0,
-        "f_number": float("nan"),
-        "zone": "CET",
-    }
-    for name, value in {**wrong, "place": (91.0, 0.0), "altitude": 1e10}.items():
-        with pytest.raises(InputError, match=name):
-            replace(CaptureMetadata(), **{name: value})

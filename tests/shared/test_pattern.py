@@ -23,7 +23,6 @@ PATTERNS = [
     CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (3, 2)),  # scattered: Kodak's
     CfaPattern.of_letters("RGW/WWW/WWW/WWW/WWX/WWW", (1, 4)),  # two blocks
 ]
-SHAPES = [(17, 18), (17, 31), (40, 27)]
 
 with_patterns = pytest.mark.parametrize(
     "pattern", PATTERNS, ids=lambda pattern: f"{pattern.channels}{pattern.period}{pattern.origin}"
@@ -122,47 +121,6 @@ def test_scattered_sites_have_the_tile_for_a_block() -> None:
         assert pattern.block_origin == (1, 2)
         assert pattern.block_shape == (pattern.period, pattern.period)
     assert not any(pattern.is_scattered for pattern in PATTERNS[:-2])
-
-
-@with_patterns
-@pytest.mark.parametrize("shape", SHAPES)
-def test_patches_cover_the_frame_from_the_middle_of_a_block_to_the_next(
-    pattern: CfaPattern, shape: tuple[int, int]
-) -> None:
-    grid = pattern.grid(shape)
-    top, left = geometry.first_patch(pattern)
-    assert grid.patches == geometry.patch_counts(pattern, shape)
-    (above, below), (before, after) = grid.padding
-    assert (above, before) == (-top, -left)
-    assert above + shape[0] + below == pattern.period * grid.patches[0]
-    assert before + shape[1] + after == pattern.period * grid.patches[1]
-    assert all(0 <= pad < pattern.period for pad in (above, below, before, after))
-    assert grid.shape == (len(grid.rows), len(grid.columns)) == grid.inside.shape
-    planes = pattern.filter_map(shape)
-    for i, row in enumerate(grid.rows.tolist()):
-        for j, column in enumerate(grid.columns.tolist()):
-            assert (row, column) == geometry.block_corner(pattern, (i, j))
-            assert grid.inside[i, j] == geometry.is_whole(pattern, shape, (i, j))
-            for down, right, channel in pattern.sites if grid.inside[i, j] else ():
-                assert planes[row + down, column + right] == channel
-    assert (planes < len(pattern.channels)).sum() >= grid.inside.sum() * len(pattern.sites)
-
-
-@with_patterns
-@pytest.mark.parametrize("shape", SHAPES)
-def test_outer_blocks_take_their_nearest_whole_one(
-    pattern: CfaPattern, shape: tuple[int, int]
-) -> None:
-    grid = pattern.grid(shape)
-    whole = np.argwhere(grid.inside)
-    values = np.arange(2 * len(whole), dtype=np.float32)
-    rows, columns = (len(set(whole[:, axis].tolist())) for axis in (0, 1))
-    extended = grid.extend(values.reshape(rows, columns, 2))
-    assert extended.shape == (*grid.shape, 2)
-    for i, j in np.ndindex(grid.shape):
-        nearest = int(np.argmin(((whole - (i, j)) ** 2).sum(axis=1)))
-        assert extended[i, j].tolist() == [2 * nearest, 2 * nearest + 1]
-    assert np.array_equal(grid.extend(np.ones((rows, columns), np.float32)), np.ones(grid.shape))
 
 
 def test_the_least_frames_that_hold_a_block() -> None:

@@ -8,12 +8,14 @@ import pytest
 
 from panchroma.shared import (
     Camera,
+    CaptureMetadata,
     CfaPattern,
     InputError,
     Mosaic,
     SensorCalibration,
 )
 from panchroma.shared.calibration import SCHEMA
+from panchroma.shared.dng import encode_dng
 
 PLAIN = SensorCalibration().to_json()
 TILE = {"tile": ["RGW", "GBW", "WWW"]}
@@ -23,6 +25,7 @@ WARM, COLD = (
     for name in ("A", "D65")
 )
 SHAPE = (13, 9)
+PREVIEW = np.zeros((4, 4, 3), np.uint8)
 SMALLEST = "whose largest figure is not 1e-06"
 LIGHT_FIELDS = "lights is .*, expected an object with illuminant, camera"
 OF_A_PATTERN = "is not an object with tile, origin and channels"
@@ -149,6 +152,16 @@ def test_what_is_not_a_calibration_is_refused(document: Any) -> None:
             lambda: CfaPattern.of_letters("ABCD/EWWW/WWWW/WWWW/WWWW"),
             "5 x 4 letters repeats in squares of 20",
         ),
+        (lambda: CaptureMetadata(orientation=9), "orientation"),
+        (lambda: CaptureMetadata(iso=0), "iso"),
+        (lambda: CaptureMetadata(exposure_time=-1.0), "exposure_time"),
+        (lambda: CaptureMetadata(f_number=float("nan")), "f_number"),
+        (lambda: CaptureMetadata(zone="CET"), "zone"),
+        (lambda: CaptureMetadata(place=(91.0, 0.0)), "place"),
+        (lambda: CaptureMetadata(altitude=1e10), "altitude"),
+        (lambda: encode_dng(mosaic(np.zeros((6, 65501))), PREVIEW), "at most 65500"),
+        (lambda: encode_dng(mosaic(np.zeros(SHAPE)), PREVIEW / 2), "expected a uint8 picture"),
+        (lambda: encode_dng(mosaic(np.zeros(SHAPE)), PREVIEW[:0]), "expected a uint8 picture"),
         (lambda: mosaic(np.zeros(9, np.uint16)), "shape"),
         (lambda: mosaic(np.zeros((1, 9), np.uint16)), "no whole colour block"),
         (lambda: mosaic(np.zeros(SHAPE, np.uint8)), "uint8, expected uint16 codes"),
