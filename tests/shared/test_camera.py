@@ -28,30 +28,22 @@ from panchroma.shared.shading import basis
 from panchroma.shared.white_balance import estimate_neutral
 from panchroma.tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 from tests.scenes import darker_corners
+from tests.shared.dng.examples import calibration
 from tests.walking import one_field_changed
 
 # --- calibration ---------------------------------------------------------------------------------
 
-FULL = SensorCalibration(
-    "RGB",
-    gamma=(0.9, 1.1, 1.2),
-    noise=NoiseModel((1e-4, 2e-4, 3e-4, 4e-4), (0.01, 0.02, 0.03, 0.04)),
-    black_level=(60.0, 61.5, 62.0, 64.0),
-    white_level=4000,
-    camera_to_xyz=((0.4, 0.3, 0.2), (0.2, 0.7, 0.1), (0.0, 0.1, 0.7)),
-    neutral=(0.5, 1.0, 0.7),
-    sensor="bench camera",
-)
+FULL = calibration()
 
 
 @pytest.mark.parametrize("bits", BITS)
 def test_levels_of_bits_leave_room_at_both_ends(bits: int) -> None:
-    calibration = SensorCalibration.of_bits(bits)
+    roomy = SensorCalibration.of_bits(bits)
     clipping = SensorCalibration.of_bits(bits, headroom=False)
     black, highest = 2**bits // 16, 2**bits - 1
-    assert calibration.black_level == clipping.black_level == (black,) * 4
-    assert (calibration.white_level, clipping.white_level) == (highest - black, highest)
-    assert calibration.bits == clipping.bits == bits
+    assert roomy.black_level == clipping.black_level == (black,) * 4
+    assert (roomy.white_level, clipping.white_level) == (highest - black, highest)
+    assert roomy.bits == clipping.bits == bits
 
 
 def test_noise_is_poisson_plus_gaussian_per_plane() -> None:
@@ -87,20 +79,13 @@ def test_id_depends_on_every_field_but_the_camera() -> None:
 
 # --- camera ---------------------------------------------------------------------------------------
 
-CALIBRATION = SensorCalibration(
-    gamma=(0.9, 1.1, 0.8),
-    noise=NoiseModel.gaussian(0.01, 4),
-    black_level=(250.0,) * 4,
-    white_level=4095,
-    defects=((1, 2),),
-    sensor="bench",
-)
+CALIBRATION = replace(FULL, camera_to_xyz=None, neutral=None, defects=((1, 2),))
 CAMERA = Camera(CALIBRATION, CfaPattern.bayer(6), {"gamma": {"shots": ["a.dng"]}})
 
 
 def mosaic(pattern: CfaPattern, **changes: Any) -> Mosaic:
-    calibration = replace(SensorCalibration.of_bits(12, headroom=False), **changes)
-    return Mosaic(np.full((24, 24), 500, np.uint16), pattern, calibration)
+    plain = replace(SensorCalibration.of_bits(12, headroom=False), **changes)
+    return Mosaic(np.full((24, 24), 500, np.uint16), pattern, plain)
 
 
 def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
@@ -134,7 +119,7 @@ def test_channels_that_only_one_part_names_are_those_of_both(
 @pytest.mark.parametrize(
     ("pattern", "changes", "words"),
     [
-        (CfaPattern.bayer(6), {"sensor": "other"}, "'other'.*'bench'"),
+        (CfaPattern.bayer(6), {"sensor": "other"}, "'other'.*'Prüfling 7'"),
         (CfaPattern.bayer(8), {}, "period 8.*period 6"),
         (CfaPattern.bayer(6, "BGGR"), {}, "BGWWWW.*RGWWWW"),
         (CfaPattern.bayer(6), {"white_level": 60000}, "16 bits.*12"),
@@ -183,8 +168,8 @@ def test_files_keep_it(tmp_path: Path) -> None:
     (tmp_path / "camera.json").write_text(json.dumps(known.to_json()))
     camera = read_camera(tmp_path / "camera.json")
     stated = camera.calibrated(replace(taken, calibration=BARE)), Camera(BARE).calibrated(taken)
-    for calibration in (camera.calibration, *(shot.calibration for shot in stated)):
-        assert calibration.shading == DARKER
+    for each in (camera, *stated):
+        assert each.calibration.shading == DARKER
 
 
 def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:

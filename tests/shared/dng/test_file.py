@@ -434,13 +434,8 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
     """
     original = mosaic(CfaPattern.bayer(9), shape)
     rows, columns = shape
-    others = (
-        (columns, rows),
-        (rows * 2, columns // 2),
-        (rows // 2, columns * 2),
-        (rows - 1, columns),
-    )
-    for changed in (*others, (1, rows * columns)):
+    halves = (rows * 2, columns // 2), (rows // 2, columns * 2)
+    for changed in (*halves, (columns, rows), (rows - 1, columns), (1, rows * columns)):
         fields = sides(*changed) | long(Compression=1, BitsPerSample=16)
         data = tampered(fields, [original.codes.tobytes()], original)
         assert_refused(data, "damaged: the samples")
