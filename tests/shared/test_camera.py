@@ -116,23 +116,6 @@ def test_channels_that_only_one_part_names_are_those_of_both(
     assert (camera.calibration.channels, camera.pattern.channels) == (expected, expected)
 
 
-@pytest.mark.parametrize(
-    ("pattern", "changes", "words"),
-    [
-        (CfaPattern.bayer(6), {"sensor": "other"}, "'other'.*'Prüfling 7'"),
-        (CfaPattern.bayer(8), {}, "period 8.*period 6"),
-        (CfaPattern.bayer(6, "BGGR"), {}, "BGWWWW.*RGWWWW"),
-        (CfaPattern.bayer(6), {"white_level": 60000}, "16 bits.*12"),
-        (CfaPattern.bayer(6), {"white_level": 1000}, "10 bits.*12"),
-    ],
-)
-def test_another_camera_is_refused_and_both_are_named(
-    pattern: CfaPattern, changes: dict[str, Any], words: str
-) -> None:
-    with pytest.raises(InputError, match=words):
-        CAMERA.calibrated(mosaic(pattern, **changes))
-
-
 def test_a_calibrated_shot_keeps_what_the_camera_does_not_know() -> None:
     shot = mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7), defects=((3, 4),))
     expected = replace(CAMERA.calibration, neutral=(0.5, 1.0, 0.7))

@@ -31,7 +31,9 @@ WARM, COLD = (
     {"illuminant": name, "camera_to_xyz": np.eye(3).tolist(), "neutral": [1.0] * 3}
     for name in ("A", "D65")
 )
-SHAPE = (13, 9)
+SHAPE, CODES = (13, 9), np.full((24, 24), 500, np.uint16)
+PAPER = CfaPattern.bayer(6)
+CAMERA = Camera(calibration(), PAPER)
 PREVIEW = np.zeros((4, 4, 3), np.uint8)
 SMALLEST = "whose largest figure is not 1e-06"
 LIGHT_FIELDS = "lights is .*, expected an object with illuminant, camera"
@@ -46,8 +48,8 @@ def shading(**changed: Any) -> dict[str, Any]:
     return {"shading": {**EVEN, **changed}}
 
 
-def mosaic(samples: Any) -> Mosaic:
-    return Mosaic(samples, CfaPattern.bayer(4), SensorCalibration.of_bits(12))
+def mosaic(samples: Any, pattern: CfaPattern = PAPER, **fields: Any) -> Mosaic:
+    return Mosaic(samples, pattern, SensorCalibration.of_bits(12, **fields))
 
 
 @pytest.mark.parametrize(
@@ -162,6 +164,11 @@ def test_what_is_not_a_calibration_is_refused(document: Any) -> None:
         (lambda: CaptureMetadata(zone="CET"), "zone"),
         (lambda: CaptureMetadata(place=(91.0, 0.0)), "place"),
         (lambda: CaptureMetadata(altitude=1e10), "altitude"),
+        (lambda: CAMERA.calibrated(mosaic(CODES, sensor="other")), "'other'.*'Prüfling 7'"),
+        (lambda: CAMERA.calibrated(mosaic(CODES, CfaPattern.bayer(8))), "period 8.*period 6"),
+        (lambda: CAMERA.calibrated(mosaic(CODES, CfaPattern.bayer(6, "BGGR"))), "BGW.*RGW"),
+        (lambda: CAMERA.calibrated(mosaic(CODES, white_level=60000)), "16 bits.*12"),
+        (lambda: CAMERA.calibrated(mosaic(CODES, white_level=1000)), "10 bits.*12"),
         (lambda: encode_dng(mosaic(np.zeros((6, 65501))), PREVIEW), "at most 65500"),
         (lambda: encode_dng(mosaic(np.zeros(SHAPE)), PREVIEW / 2), "expected a uint8 picture"),
         (lambda: encode_dng(mosaic(np.zeros(SHAPE)), PREVIEW[:0]), "expected a uint8 picture"),

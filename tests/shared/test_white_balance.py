@@ -72,12 +72,9 @@ def test_a_balanced_calibration_shows_its_neutral_as_grey(
         assert white / white[1] == pytest.approx(D50, abs=1e-3)
 
 
-def test_an_estimate_is_marked_and_older_calibrations_keep_their_ids() -> None:
+def test_an_estimate_is_marked_and_can_be_left_out() -> None:
     marked = balanced(CAMERA, np.array(LIGHT), estimated=True)
-    assert SensorCalibration.from_json(marked.to_json()) == marked
-    assert marked.without_estimates() == CAMERA
-    assert marked.id != balanced(CAMERA, np.array(LIGHT)).id
-    assert "neutral_estimated" not in CAMERA.to_json()
+    assert marked.without_estimates() == CAMERA != marked
 
 
 SKIN, WALL = (0.60, 0.36, 0.26), (0.55, 0.45, 0.33)
