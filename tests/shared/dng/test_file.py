@@ -250,32 +250,24 @@ def test_a_refused_mosaic_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-WHOLE = encode_dng(mosaic(), preview())
-
-
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
+@pytest.mark.parametrize("read", [read_dng, read_preview, verify_dng])
+def test_what_cannot_be_read_is_named_once(tmp_path: Path, read: Callable[[Path], Any]) -> None:
+    whole, path = encode_dng(mosaic(), preview()), tmp_path / "shot.dng"
+    for content, reason in (
         (None, "there is no such file"),
         (b"", "the file is empty"),
         (b"\x89PNG", "not a DNG"),
         (b"II*\0", "damaged"),
         (b"II*\0\x08\0\0\0\0\0\0\0\0\0", ""),
-        (read_preview(BytesIO(WHOLE)), "a JPEG picture, not a DNG"),
-        (WHOLE[: len(WHOLE) // 2], "damaged: the file ends after"),
-    ],
-)
-@pytest.mark.parametrize("read", [read_dng, read_preview, verify_dng])
-def test_what_cannot_be_read_is_named_once(
-    tmp_path: Path, content: bytes | None, reason: str, read: Callable[[Path], Any]
-) -> None:
-    path = tmp_path / "shot.dng"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(InputError) as caught:
-        read(path)
-    assert str(caught.value).startswith(f"{path}: {reason}")
-    assert str(caught.value).count("shot.dng") == 1
+        (read_preview(BytesIO(whole)), "a JPEG picture, not a DNG"),
+        (whole[: len(whole) // 2], "damaged: the file ends after"),
+    ):
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(InputError) as caught:
+            read(path)
+        assert str(caught.value).startswith(f"{path}: {reason}")
+        assert str(caught.value).count("shot.dng") == 1
 
 
 def test_a_file_larger_than_a_tiff_is_not_read(tmp_path: Path) -> None:
