@@ -50,13 +50,10 @@ PUBLISHED = {
 }  # fmt: skip
 # Matrices to XYZ (D50) by the iteration of the specification, with Robertson's temperatures
 # (colour-science 0.4.7); largest 1.
+WARMER = (0.9, 1.0, 0.35)
 BETWEEN: dict[tuple[float, ...], list[list[float]]] = {
     SHOT: [[1.0, -0.04259, 0.11427], [0.48526, 0.30432, -0.06793], [0.06469, -0.08211, 0.67374]],
-    (0.9, 1.0, 0.35): [
-        [0.35806, -0.03264, 0.14389],
-        [0.16931, 0.22329, -0.06595],
-        [0.05322, -0.10704, 1.0],
-    ],
+    WARMER: [[0.35806, -0.03264, 0.14389], [0.16931, 0.22329, -0.06595], [0.05322, -0.10704, 1.0]],
 }
 
 

@@ -36,13 +36,6 @@ def test_the_estimate_is_the_light_wherever_the_blocks_lie(
     assert estimate_neutral(shot(period=period, origin=origin)) == pytest.approx(LIGHT, abs=0.05)
 
 
-def test_codes_and_scene_units_give_the_same_estimate() -> None:
-    mosaic = shot()
-    codes = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
-    expected = estimate_neutral(codes.in_scene_units())
-    assert estimate_neutral(codes) == pytest.approx(expected, abs=1e-5)
-
-
 def test_hot_pixels_are_not_the_light() -> None:
     mosaic = shot()
     samples = mosaic.signal.copy()

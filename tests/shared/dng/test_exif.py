@@ -95,9 +95,8 @@ def read(main: Fields, exif: Fields | None = None, gps: Fields | None = None) ->
         fields(FocalLength=(FieldType.DOUBLE, [math.inf]), DateTimeOriginal=(ASCII, "yesterday")),
         fields(FocalLength=(FieldType.DOUBLE, [2.0**40]), DateTimeOriginal=(ASCII, "0000:00:00")),
         fields(OffsetTimeOriginal=(ASCII, "local"), OffsetTime=(SHORT, [1])),
-        fields(
-            ISOSpeedRatings=(SHORT, [0]), SubsecTimeOriginal=(SHORT, [7]), LensModel=(SHORT, [3])
-        ),
+        fields(ISOSpeedRatings=(SHORT, [0]), SubsecTimeOriginal=(SHORT, [7])),
+        fields(LensModel=(SHORT, [3])),
     ],
 )
 def test_odd_fields_count_as_not_there_and_cost_no_other(odd: Fields) -> None:
@@ -108,9 +107,8 @@ def test_odd_fields_count_as_not_there_and_cost_no_other(odd: Fields) -> None:
     assert read(nonsense | fine, odd) == CaptureMetadata(artist="J", taken=taken)
 
 
-@pytest.mark.parametrize(
-    ("data", "expected"),
-    [
+def test_texts_are_read_as_they_were_meant() -> None:
+    for data, expected in (
         ("Jürgen Müller".encode(), "Jürgen Müller"),
         ("Jürgen Müller".encode("cp1252"), "Jürgen Müller"),
         ("山田\u3000太郎".encode(), "山田\u3000太郎"),
@@ -120,11 +118,8 @@ def test_odd_fields_count_as_not_there_and_cost_no_other(odd: Fields) -> None:
         (b"\xed\xa0\x80half a pair", "\u00ed\xa0\u20achalf a pair"),
         (b"x" + "ä".encode() * 10**6, "x" + "ä" * 2047),
         (b"\0" * 10**6, ""),
-    ],
-    ids=lambda value: repr(value)[:30],
-)
-def test_texts_are_read_as_they_were_meant(data: bytes, expected: str) -> None:
-    assert read(fields(Copyright=(ASCII, data))) == CaptureMetadata(copyright=expected)
+    ):
+        assert read(fields(Copyright=(ASCII, data))) == CaptureMetadata(copyright=expected)
 
 
 def test_a_place_is_whole_or_not_there() -> None:

@@ -17,28 +17,15 @@ import numpy as np
 import pytest
 from tifffile import TiffFile, TiffPage
 
-from panchroma.shared import (
-    CfaPattern,
-    InputError,
-    Mosaic,
-    NoiseModel,
-    OutputError,
-    SensorCalibration,
-)
+from panchroma.shared import CfaPattern, InputError, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.calibration import BITS
 from panchroma.shared.colorimetry import D50
-from panchroma.shared.dng import (
-    encode_dng,
-    read_dng,
-    read_preview,
-    record,
-    verify_dng,
-    write_dng,
-)
+from panchroma.shared.dng import encode_dng, read_dng, read_preview, record, verify_dng, write_dng
 from panchroma.shared.dng.container import main_directory, raw_digest, raw_directory
 from panchroma.shared.dng.lossless_jpeg import encode_lossless
 from panchroma.shared.dng.record import RECORD_ID, decode_record, encode_record
 from panchroma.shared.dng.tags import TAG, Photometric
+from panchroma.shared.errors import OutputError
 from panchroma.shared.pattern import BAYER_ORDERS, PERIODS
 from panchroma.shared.tiff import Directory, Fields, FieldType, encode_tiff
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
