@@ -89,9 +89,10 @@ class DngReader:
         """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
         return read_metadata(self._stream)
 
-    def stored(self, tag: int) -> bytes:
-        """The bytes of a field in the first directory; empty when there is none."""
-        return self._stored(self._main, tag)
+    def stored(self, tag: int, page: TiffPage | None = None) -> bytes:
+        """The bytes of a field in a directory, None = the first; empty when there is none."""
+        field = (page or self._main).tags.get(tag)
+        return b"" if field is None else self._bytes(field.valueoffset, field.valuebytecount)
 
     def preview(self) -> bytes:
         """The JPEG of the first directory, unchanged."""
@@ -123,7 +124,7 @@ class DngReader:
             raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric}")
         with library():
             rows, columns = map(int, page.tags.valueof(TAG["CFARepeatPatternDim"]))
-        codes = self._stored(page, TAG["CFAPattern"])
+        codes = self.stored(TAG["CFAPattern"], page)
         if len(codes) != rows * columns or not codes:
             raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
         letters = {code: letter for letter, code in CFA_CODES.items()}
@@ -205,10 +206,6 @@ class DngReader:
     def _segments(self, page: TiffPage) -> Iterator[bytes]:
         for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True):
             yield self._bytes(offset, size)
-
-    def _stored(self, page: TiffPage, tag: int) -> bytes:
-        field = page.tags.get(tag)
-        return b"" if field is None else self._bytes(field.valueoffset, field.valuebytecount)
 
     def _bytes(self, offset: int, size: int) -> bytes:
         self._stream.seek(offset)

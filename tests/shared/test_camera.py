@@ -83,24 +83,12 @@ CALIBRATION = replace(FULL, camera_to_xyz=None, neutral=None, defects=((1, 2),))
 CAMERA = Camera(CALIBRATION, CfaPattern.bayer(6), {"gamma": {"shots": ["a.dng"]}})
 
 
-def mosaic(pattern: CfaPattern, **changes: Any) -> Mosaic:
-    plain = replace(SensorCalibration.of_bits(12, headroom=False), **changes)
-    return Mosaic(np.full((24, 24), 500, np.uint16), pattern, plain)
-
-
 def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(CAMERA.to_json()))
     assert read_camera(path) == CAMERA
     assert CAMERA.calibration.camera == CALIBRATION.id
     assert replace(CAMERA.calibration, noise=None).camera == CALIBRATION.id
-
-
-def test_a_wrong_file_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "camera.json"
-    path.write_text(json.dumps({**CAMERA.to_json(), "pattern": 7}))
-    with pytest.raises(InputError, match=f"{path}: pattern: 7 is not"):
-        read_camera(path)
 
 
 def test_channels_that_only_one_part_names_are_those_of_both() -> None:
@@ -113,7 +101,8 @@ def test_channels_that_only_one_part_names_are_those_of_both() -> None:
 
 
 def test_a_calibrated_shot_keeps_what_the_camera_does_not_know() -> None:
-    shot = mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7), defects=((3, 4),))
+    plain = SensorCalibration.of_bits(12, neutral=(0.5, 1.0, 0.7), defects=((3, 4),))
+    shot = Mosaic(np.full((24, 24), 500, np.uint16), CfaPattern.bayer(6), plain)
     expected = replace(CAMERA.calibration, neutral=(0.5, 1.0, 0.7))
     assert CAMERA.calibrated(shot).calibration == expected
     coloured = replace(CALIBRATION, neutral=(0.6, 1.0, 0.6), defects=())

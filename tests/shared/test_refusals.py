@@ -26,7 +26,7 @@ from tests.shared.dng.examples import calibration
 
 PLAIN = SensorCalibration().to_json()
 TILE = {"tile": ["RGW", "GBW", "WWW"]}
-EVEN = {"gain": [[[1.0] * 4] * 4] * 4, "size": (61, 90)}
+EVEN: Any = {"gain": [[[1.0] * 4] * 4] * 4, "size": (61, 90)}
 WARM, COLD = (
     {"illuminant": name, "camera_to_xyz": np.eye(3).tolist(), "neutral": [1.0] * 3}
     for name in ("A", "D65")
@@ -34,7 +34,7 @@ WARM, COLD = (
 SHAPE, CODES = (13, 9), np.full((24, 24), 500, np.uint16)
 PAPER = CfaPattern.bayer(6)
 CAMERA = Camera(calibration(), PAPER)
-PREVIEW = np.zeros((4, 4, 3), np.uint8)
+PREVIEW: Any = np.zeros((4, 4, 3), np.uint8)
 SMALLEST = "whose largest figure is not 1e-06"
 LIGHT_FIELDS = "lights is .*, expected an object with illuminant, camera"
 OF_A_PATTERN = "is not an object with tile, origin and channels"

@@ -328,7 +328,7 @@ def test_a_flipped_bit_is_told_or_harmless(letters: str) -> None:
 
 
 def test_absurd_sizes_and_other_kinds_of_samples_are_refused_before_they_are_decoded() -> None:
-    wrong = (
+    for fields, words in (
         (sides(60000, 60000), "declares 60000 x 60000 pixels; the limit is 268435456"),
         (sides(16000, 16000), "its .* bytes of samples cannot hold them"),
         (sides(2**32 - 1, 2**32 - 1), "the limit is"),
@@ -336,8 +336,7 @@ def test_absurd_sizes_and_other_kinds_of_samples_are_refused_before_they_are_dec
         (long(ImageDepth=10**6), "expected whole numbers"),
         (long(PhotometricInterpretation=2), "PhotometricInterpretation of the raw samples is 2"),
         (long(NewSubfileType=1), "no raw picture"),
-    )
-    for fields, words in wrong:
+    ):
         assert_refused(tampered(fields), words)
 
 
