@@ -85,9 +85,8 @@ def test_under_either_light_it_is_its_matrix_and_white_is_always_white(planes: i
     mixed = np.vstack([np.eye(3), [[0.4, 0.5, 0.1]]])[:planes]
     lights: Lights = (light("3000", mixed @ WARM), light("6500", mixed @ COLD))
     for known in lights:
-        np.testing.assert_allclose(
-            colours_under(lights, known.neutral), known.camera_to_xyz, atol=1e-6
-        )
+        matrix = np.array(colours_under(lights, known.neutral))
+        np.testing.assert_allclose(matrix, known.camera_to_xyz, atol=1e-6)
     # Most of these are no colour of light.
     for neutral in 10.0 ** np.random.default_rng(0).uniform(-3, 3, (50, planes)):
         matrix = np.array(colours_under(lights, tuple(neutral)))
@@ -153,9 +152,8 @@ def test_gamma_of_two_lights_is_mixed_for_the_neutral_and_beyond_them_the_nearer
 
     np.testing.assert_allclose(under(3 * np.array(warm.neutral)), gammas[0])
     np.testing.assert_allclose(under(cold.neutral), gammas[1])
-    np.testing.assert_allclose(
-        under(np.sqrt(np.multiply(warm.neutral, cold.neutral))), (0.9, 1.1, 0.95)
-    )
+    between = np.sqrt(np.multiply(warm.neutral, cold.neutral))
+    np.testing.assert_allclose(under(between), (0.9, 1.1, 0.95))
     np.testing.assert_allclose(under((0.1, 1.0, 1.0)), gammas[1])
     assert 0.81 < known.gamma[0] < 0.99  # of D50, where no white is known
     shot = balanced(known, np.array(SHOT))

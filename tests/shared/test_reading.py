@@ -65,12 +65,10 @@ def test_errors_are_those_of_python_too(tmp_path: Path) -> None:
     """Programs that know nothing of Panchroma catch them, and they pass between processes."""
     with pytest.raises(FileNotFoundError, match="no such file"):
         read_whole(tmp_path / "missing", 9, "a text")
+    of_input = dict.fromkeys((InputError, MissingFileError), ValueError)
     for kind, base in (
-        (InputError, ValueError),
-        (MissingFileError, ValueError),
-        (OutputError, OSError),
-        (ConvergenceError, ArithmeticError),
-    ):
+        of_input | {OutputError: OSError, ConvergenceError: ArithmeticError}
+    ).items():
         passed = pickle.loads(pickle.dumps(kind("x: is odd")))
         assert isinstance(passed, base)
         assert (type(passed), str(passed)) == (kind, "x: is odd")

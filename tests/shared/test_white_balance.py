@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, xyz
+from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, xyz
 from panchroma.shared.lights import illuminant_xy
 from panchroma.shared.white_balance import balanced, estimate_neutral
 from panchroma.tools.io.display import ColourTransform
@@ -51,9 +51,7 @@ def test_a_frame_that_shows_no_light_has_no_estimate(level: float) -> None:
 
 
 @pytest.mark.parametrize("matrix", [None, tuple(map(tuple, SRGB_TO_XYZ / np.array(LIGHT)))])
-def test_a_balanced_calibration_shows_its_neutral_as_grey(
-    matrix: tuple[tuple[float, ...], ...] | None,
-) -> None:
+def test_a_balanced_calibration_shows_its_neutral_as_grey(matrix: Matrix | None) -> None:
     known = SensorCalibration.of_bits(12, camera_to_xyz=matrix, neutral=LIGHT if matrix else None)
     other = balanced(known, np.array((0.9, 0.6, 0.3)))
     transform = ColourTransform.to_space(other, "linear-srgb")
@@ -74,7 +72,7 @@ SKIN, WALL = (0.60, 0.36, 0.26), (0.55, 0.45, 0.33)
 TUNGSTEN, DAYLIGHT, SHADE = ("2850", "5500", "8000")
 
 
-def read_by(matrix: tuple[tuple[float, ...], ...], kelvin: str) -> np.ndarray:
+def read_by(matrix: Matrix, kelvin: str) -> np.ndarray:
     """What a camera with this matrix reads of white under a light, largest channel 1."""
     reading = np.linalg.solve(np.array(matrix), xyz(*illuminant_xy(kelvin)))
     return np.asarray(reading / reading.max())
@@ -102,7 +100,7 @@ MATRICES = [SRGB_TO_XYZ, tuple(map(tuple, (SRGB_TO_XYZ @ OWN).tolist()))]
 @pytest.mark.parametrize("matrix", MATRICES)
 @pytest.mark.parametrize("kelvin", [TUNGSTEN, DAYLIGHT, SHADE])
 def test_a_face_that_fills_the_picture_is_not_taken_for_a_light_that_there_is_not(
-    kelvin: str, matrix: tuple[tuple[float, ...], ...]
+    kelvin: str, matrix: Matrix
 ) -> None:
     light = read_by(matrix, kelvin)
     known = SensorCalibration.of_bits(12, camera_to_xyz=matrix)
