@@ -92,13 +92,15 @@ def test_letters_make_square_tiles() -> None:
     assert CfaPattern.of_letters("CMWW/YWWW", channels="YMC").channels == "YMC"
 
 
-def test_scattered_sites_have_the_tile_for_a_block() -> None:
+def test_scattered_sites_have_the_tile_for_a_block_others_the_rectangle_around_them() -> None:
     for letters in ("WBWG/BWGW/WGWR/GWRW", "RGW/WWW/WWW/WWW/WWX/WWW", "RGB/WWW/WWW", "RWW/GWW/BWW"):
         pattern = CfaPattern.of_letters(letters, (1, 2))
         assert pattern.is_scattered
         assert pattern.block_origin == (1, 2)
         assert pattern.block_shape == (pattern.period, pattern.period)
     assert not any(pattern.is_scattered for pattern in PATTERNS[:-2])
+    inner = CfaPattern.of_letters("WWWWW/WRGWW/WGBWW/WWWWW/WWWWW")
+    assert (inner.block_origin, inner.block_shape) == ((1, 1), (2, 2))
 
 
 def test_the_least_frames_that_hold_a_block() -> None:

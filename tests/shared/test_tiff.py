@@ -125,9 +125,7 @@ def directory(*fields: tuple[int, int, int, int]) -> bytes:
 )
 @pytest.mark.parametrize("pages", [1, 2])
 def test_pictures_pass_and_a_second_one_is_seen(options: dict[str, object], pages: int) -> None:
-    file = tiff(pages, **options)
-    assert check_directories(file) == (pages > 1)
-    assert file.tell() == 0
+    assert check_directories(tiff(pages, **options)) == (pages > 1)
 
 
 def test_what_no_picture_has_is_refused_where_it_would_be_read() -> None:
