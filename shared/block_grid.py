@@ -54,11 +54,10 @@ class BlockGrid:
 
     def __post_init__(self) -> None:
         if not self.inside.any():
-            raise InputError(
-                f"a frame of {self.frame[1]} x {self.frame[0]} pixels holds no whole colour "
-                "block of this pattern "
-                f"(period {self.period}); {2 * self.period} x {2 * self.period} pixels always do"
-            )
+            (rows, columns), side = self.frame, 2 * self.period
+            found = f"a frame of {columns} x {rows} pixels holds no whole colour block"
+            always = f"{side} x {side} pixels always do"
+            raise InputError(f"{found} of this pattern (period {self.period}); {always}")
 
     @cached_property
     def padding(self) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -17,7 +17,7 @@ from .figures import parsed_json, shown, size
 from .lights import without_gamma
 from .mosaic import Mosaic
 from .pattern import CfaPattern
-from .reading import MAX_DOCUMENT, File, file_name, read_text
+from .reading import MAX_DOCUMENT, File, naming, read_text
 from .white_balance import balanced, estimate_neutral
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading")
@@ -208,10 +208,8 @@ def read_camera(path: File) -> Camera:
     >>> read_camera("camera.json").calibration.gamma
     (0.9, 1.1, 0.8)
     """
-    try:
+    with naming(path):
         return Camera.from_json(parsed_json(read_text(path, MAX_DOCUMENT, "a camera file")))
-    except InputError as error:
-        raise type(error)(f"{file_name(path)}: {error}") from None
 
 
 def _shown(pattern: CfaPattern) -> str:

@@ -104,11 +104,8 @@ def nominal_to_xyz(channels: str, neutral: Sequence[float] | None) -> DoubleArra
         channels, where white reads 1.
     """
     balance = 1.0 if neutral is None else max(neutral) / np.array(neutral)
+    columns = dict(zip("RGB", np.array(SRGB_TO_XYZ).T, strict=True))
     if is_pair(channels):
-        red_green_blue = np.array(SRGB_TO_XYZ)
-        columns = {letter: red_green_blue[:, [i]] for i, letter in enumerate("RGB")}
-        rest = {
-            COMPLEMENTS[own]: red_green_blue.sum(axis=1)[:, None] - columns[own] for own in "RGB"
-        }
-        return np.hstack([(columns | rest)[letter] for letter in channels]) * balance
-    return np.asarray(among(SRGB_TO_XYZ, channels) * balance)
+        columns |= {COMPLEMENTS[own]: sum(columns.values()) - columns[own] for own in "RGB"}
+    known = [columns.get(letter, np.zeros(3)) for letter in channels]
+    return np.asarray(np.stack(known, axis=1) * balance)

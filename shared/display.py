@@ -64,11 +64,9 @@ def display_white(
     white = neutral / neutral.max()
     xyz = camera_to_xyz @ white
     if min(white) <= 0 or min(BRADFORD @ xyz) <= 0:
-        raise InputError(
-            f"calibration: camera_to_xyz maps the white reading {_figures(white)} to XYZ "
-            f"{_figures(xyz)}, which is no colour "
-            'of light; calibrate again, or use `space="camera"`'
-        )
+        mapped = f"camera_to_xyz maps the white reading {_figures(white)} to XYZ {_figures(xyz)}"
+        remedy = 'calibrate again, or use `space="camera"`'
+        raise InputError(f"calibration: {mapped}, which is no colour of light; {remedy}")
     rgb_to_xyz = np.array(SRGB_TO_XYZ) if to_xyz is None else to_xyz
     return white, np.linalg.solve(rgb_to_xyz, adaptation(xyz) @ camera_to_xyz)
 
@@ -81,11 +79,9 @@ def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
     if calibration.camera_to_xyz is not None:
         return np.array(calibration.camera_to_xyz)
     if not (set("RGB") <= set(channels) or is_pair(channels)):
-        raise InputError(
-            f"no colour matrix for the channels {channels}: calibrate the camera (panchroma "
-            "calibrate), "
-            'or render with `space="camera"`, as tif, exr or npy'
-        )
+        remedy = "calibrate the camera (panchroma calibrate), or render with"
+        how = '`space="camera"`, as tif, exr or npy'
+        raise InputError(f"no colour matrix for the channels {channels}: {remedy} {how}")
     return nominal_to_xyz(channels, calibration.neutral)
 
 

@@ -9,7 +9,7 @@ import struct
 from dataclasses import dataclass
 
 from .errors import InputError
-from .limits import check_count, limit
+from .limits import LIMITS, check_count
 
 LOSSLESS = 0xC3
 _PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
@@ -20,7 +20,7 @@ _APPLICATIONS = range(0xE0, 0xF0)
 # Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start,
 # TEM.
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]", re.DOTALL)
-_LONG_RUN = b"\xff" * (limit("filling bytes") + 1)
+_LONG_RUN = b"\xff" * (LIMITS["filling bytes"] + 1)
 
 
 @dataclass(frozen=True)

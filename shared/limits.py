@@ -4,7 +4,7 @@ a reader busy.
 
 from .errors import InputError
 
-_LIMITS = {
+LIMITS = {
     # TIFF
     "directories": 64,  # a camera RAW has about ten
     "fields in a directory": 1024,  # the largest in use have a hundred
@@ -20,11 +20,7 @@ _LIMITS = {
     "filling bytes": 1 << 16,
     "scans": 32,  # of a progressive JPEG; encoders make about ten
 }
-
-
-def limit(things: str) -> int:
-    """Return the largest number of these things that a file may declare."""
-    return _LIMITS[things]
+"""Things -> the largest number of them that a file may declare."""
 
 
 def check_count(number: int, things: str, place: str = "") -> None:
@@ -35,6 +31,6 @@ def check_count(number: int, things: str, place: str = "") -> None:
     place : str, optional
         Where, for the message.
     """
-    if number > _LIMITS[things]:
+    if number > LIMITS[things]:
         declared = f"the file declares {number} {things}{place}, more than any picture has"
         raise InputError(f"{declared}: it is damaged or malicious; copy it again")

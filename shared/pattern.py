@@ -376,11 +376,9 @@ class CfaPattern:
         far = self._colour & ~_spread(~self._colour, _FARTHEST)
         if self.is_scattered and far.any():
             row, column = np.argwhere(far)[0].tolist()
-            raise InputError(
-                f"pattern: no panchromatic pixel (W) within {_FARTHEST} pixels of the colour "
-                f"site in row {row + 1}, column "
-                f"{column + 1} of the tile: luminance there would be a guess"
-            )
+            site = f"the colour site in row {row + 1}, column {column + 1} of the tile"
+            lacks = f"no panchromatic pixel (W) within {_FARTHEST} pixels of {site}"
+            raise InputError(f"pattern: {lacks}: luminance there would be a guess")
 
 
 def _span(occupied: BoolArray) -> tuple[int, int]:

@@ -57,6 +57,15 @@ def file_object(file: Any, method: str) -> IO[bytes]:
 
 
 @contextmanager
+def naming(file: File) -> Iterator[None]:
+    """Begin the message of an InputError of the `with` block with the name of the file."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(f"{file_name(file)}: {error}") from error
+
+
+@contextmanager
 def opened_file(path: File, largest: int, kind: str) -> Iterator[IO[bytes]]:
     """Open a file of 1 to `largest` bytes for reading, in a `with` block; a file object is read
     from its beginning, and stays open.

@@ -79,9 +79,7 @@ class Shading:
                 f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and "
                 f"columns of control points of -{_LARGEST_GAIN:g} to {_LARGEST_GAIN:g}"
             )
-        object.__setattr__(
-            self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist())
-        )
+        object.__setattr__(self, "gain", gain)
         object.__setattr__(self, "size", size("shading: size", self.size))
         focal_length: Any = 0 if self.focal_length is None else self.focal_length
         for name, value in {"residual": self.residual, "focal_length": focal_length}.items():

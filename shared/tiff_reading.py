@@ -11,7 +11,7 @@ from contextlib import suppress
 from io import SEEK_END
 from typing import IO, NamedTuple
 
-from .limits import limit
+from .limits import LIMITS
 from .tiff import RATIOS, number_format, value_bytes
 
 BYTES = (1, 2, 6, 7)
@@ -92,7 +92,7 @@ class Structure:
         if len(counted) < self._count.size:
             raise EOFError
         (count,), start = self._count.unpack(counted), offset + len(counted)
-        table = self.read(start, min(count, limit("fields in a directory")) * size)
+        table = self.read(start, min(count, LIMITS["fields in a directory"]) * size)
         entries = map(Entry._make, self._entry.iter_unpack(table[: len(table) // size * size]))
         after = self.read(start + count * size, self._offset.size)
         following = self._offset.unpack(after)[0] if len(after) == self._offset.size else 0

@@ -41,16 +41,9 @@ class Browser:
         self._answers, answers = os.pipe()
         # Chromium reads commands from descriptor 3 and writes answers to 4: a shell puts the pipes
         # there.
-        line = [
-            "bash",
-            "-c",
-            f'exec "$@" 3<&{commands} 4>&{answers}',
-            "bash",
-            _CHROMIUM,
-            *_OPTIONS.split(),
-        ]
+        shell = ["bash", "-c", f'exec "$@" 3<&{commands} 4>&{answers}', "bash"]
         self._process = subprocess.Popen(
-            [*line, f"--user-data-dir={profile}", "about:blank"],
+            [*shell, _CHROMIUM, *_OPTIONS.split(), f"--user-data-dir={profile}", "about:blank"],
             pass_fds=(commands, answers),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -63,26 +56,15 @@ class Browser:
         self._session: dict[str, str] = {}
         self.errors: list[str] = []
         self.requests: list[str] = []
-        page = next(
-            target
-            for target in self.call("Target.getTargets")["targetInfos"]
-            if target["type"] == "page"
-        )
-        self._session = {
-            "sessionId": self.call(
-                "Target.attachToTarget", targetId=page["targetId"], flatten=True
-            )["sessionId"]
-        }
+        targets = self.call("Target.getTargets")["targetInfos"]
+        page = next(target["targetId"] for target in targets if target["type"] == "page")
+        attached = self.call("Target.attachToTarget", targetId=page, flatten=True)
+        self._session = {"sessionId": attached["sessionId"]}
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         phone = width < 700
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=phone,
-        )
+        size = {"width": width, "height": height, "deviceScaleFactor": 1}
+        self.call("Emulation.setDeviceMetricsOverride", mobile=phone, **size)
         self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
@@ -124,20 +106,14 @@ class Browser:
 
     def key(self, name: str) -> None:
         """Press the key that KeyboardEvent.key calls `name`."""
+        key = {"key": name, "code": name, "windowsVirtualKeyCode": _KEYS[name]}
         for kind in ("keyDown", "keyUp"):
-            self.call(
-                "Input.dispatchKeyEvent",
-                type=kind,
-                key=name,
-                code=name,
-                windowsVirtualKeyCode=_KEYS[name],
-            )
+            self.call("Input.dispatchKeyEvent", type=kind, **key)
 
     def screenshot(self, clip: dict[str, float]) -> bytes:
         """A part of the page, as PNG; clip: x, y, width, height and scale."""
-        return base64.b64decode(
-            self.call("Page.captureScreenshot", format="png", clip=clip)["data"]
-        )
+        picture = self.call("Page.captureScreenshot", format="png", clip=clip)
+        return base64.b64decode(picture["data"])
 
     def call(self, method: str, **parameters: Any) -> Any:
         """The result of one command; events that arrive before it are recorded."""

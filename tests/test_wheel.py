@@ -95,23 +95,16 @@ def test_the_description_of_the_package_links_to_no_file(sources: Path) -> None:
 def test_every_file_that_the_program_needs_is_in_the_wheel(wheel: Path) -> None:
     wanted = {*_CARD}
     for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*")):
-        place = path.relative_to(ROOT)
-        place = "panchroma" / (
-            place.relative_to(_FACADE) if place.is_relative_to(_FACADE) else place
-        )
+        base = ROOT / _FACADE if path.is_relative_to(ROOT / _FACADE) else ROOT
+        place = "panchroma" / path.relative_to(base)
         if path.is_file() and path.suffix not in _READ and "__pycache__" not in place.parts:
             wanted.add(place)
     wanted = {path for path in wanted if not str(path).startswith(_LEFT_OUT)}
     with ZipFile(wheel) as archive:
         found = {Path(name) for name in archive.namelist()}
     assert {path for path in found if not path.parts[0].endswith(".dist-info")} == wanted
-    assert {path.parts[0] for path in found if not path.parts[0].endswith(".dist-info")} == {
-        "panchroma"
-    }
-    assert {path.parent.name for path in found if path.name == "py.typed"} == {
-        *PACKAGES,
-        "panchroma",
-    }
+    typed = {path.parent.name for path in found if path.name == "py.typed"}
+    assert typed == {*PACKAGES, "panchroma"}
     licences = {path.name for path in found if "licenses" in path.parts}
     assert licences == {"LICENSE", "README.md"}
 
@@ -156,40 +149,28 @@ def test_advice_in_a_clone_names_its_folder() -> None:
 def test_the_wheel_renders_in_an_environment_of_its_own(wheel: Path, tmp_path: Path) -> None:
     environment, folder = tmp_path / "environment", tmp_path / "elsewhere"
     folder.mkdir()
-    subprocess.run([sys.executable, "-m", "venv", environment], check=True)
-    python = environment / "bin/python"
-    install = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--no-index", str(wheel)]
-    subprocess.run(install, check=True)
-    place = [str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
-    own = Path(subprocess.run(place, check=True, capture_output=True, text=True).stdout.strip())
-    # The packages that it needs are those of this environment, without its installation of ours.
-    (own / "needed.pth").write_text(str(Path(np.__file__).parents[1]))
     clean = {name: text for name, text in os.environ.items() if name != "PYTHONPATH"}
-    for line in (
-        "simulate builtin:96x72 --sigma 0.01 -o shots",
-        "preview shots -o .",
-        "render shots -o pictures --preset paper",
-    ):
+
+    def output(*line: str | Path) -> str:
         done = subprocess.run(
-            [environment / "bin/panchroma", *line.split()],
-            cwd=folder,
-            env=clean,
-            capture_output=True,
-            text=True,
-            check=False,
+            line, cwd=folder, env=clean, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    output(sys.executable, "-m", "venv", environment)
+    python, program = environment / "bin/python", environment / "bin/panchroma"
+    output(python, "-m", "pip", "install", "-q", "--no-deps", "--no-index", wheel)
+    own = Path(output(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"))
+    # The packages that it needs are those of this environment, without its installation of ours.
+    (own / "needed.pth").write_text(str(Path(np.__file__).parents[1]))
+    output(program, *["simulate", "builtin:96x72", "--sigma", "0.01", "-o", "shots"])
+    output(program, *["preview", "shots", "-o", "."])
+    output(program, *["render", "shots", "-o", "pictures", "--preset", "paper"])
     for made in ("shots/builtin-96x72.dng", "builtin-96x72.jpg", "pictures/builtin-96x72.tif"):
         assert (folder / made).stat().st_size > 1000
-    where = subprocess.run(
-        [python, "-c", "import panchroma.offline as p; print(p.__file__)"],
-        cwd=folder,
-        env=clean,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert Path(where.stdout.strip()).is_relative_to(own)
+    where = output(python, "-c", "import panchroma.offline as p; print(p.__file__)")
+    assert Path(where).is_relative_to(own)
 
 
 @pytest.mark.parametrize("found", ["a file", "nothing"])

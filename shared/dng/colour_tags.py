@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..colorimetry import D50, D65_XY, SRGB_TO_XYZ, adaptation, xyz
-from ..lights import Lights, to_one
+from ..lights import Lights, illuminant_xy, to_one
 from ..tiff import Fields, FieldType
 from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHT_SOURCES, OTHER_SOURCE, TAG
 
@@ -68,22 +68,21 @@ def colour_fields(
     to_camera = np.linalg.inv(np.asarray(camera_to_xyz, np.float64))
     white = _planes(to_camera @ D50 if white is None else white, panchromatic)
     to_camera = _planes(to_camera, panchromatic)
-    from_d65 = to_camera @ adaptation(xyz(*D65_XY))
     brightest, most = np.abs(to_camera @ D50).max(), np.abs(white).max()  # become 1, as is usual
-    fields: Fields = {
-        TAG["ColorMatrix1"]: (FieldType.SRATIONAL, (to_camera / brightest).ravel().tolist()),
-        TAG["ColorMatrix2"]: (FieldType.SRATIONAL, (from_d65 / brightest).ravel().tolist()),
-        TAG["CalibrationIlluminant1"]: (FieldType.SHORT, [LIGHT_SOURCES["D50"]]),
-        TAG["CalibrationIlluminant2"]: (FieldType.SHORT, [LIGHT_SOURCES["D65"]]),
-        # A matrix may make white negative in a channel; AsShotNeutral must not be.
-        TAG["AsShotNeutral"]: (FieldType.RATIONAL, (white / most).clip(1e-6).tolist()),
-    }
-    for light, (color_matrix, illuminant, data) in zip(lights or (), _TAGS, strict=False):
-        matrix = to_one(_planes(light.xyz_to_camera, panchromatic))
+    from_d65 = to_camera @ adaptation(xyz(*D65_XY))
+    matrices = {"D50": to_camera / brightest, "D65": from_d65 / brightest}
+    if lights:
+        under = {each.illuminant: _planes(each.xyz_to_camera, panchromatic) for each in lights}
+        matrices = {illuminant: to_one(matrix) for illuminant, matrix in under.items()}
+    # A matrix may make white negative in a channel; AsShotNeutral must not be.
+    as_shot = (white / most).clip(1e-6).tolist()
+    fields: Fields = {TAG["AsShotNeutral"]: (FieldType.RATIONAL, as_shot)}
+    for (illuminant, matrix), tags in zip(matrices.items(), _TAGS, strict=True):
+        color_matrix, source, data = tags
         fields[color_matrix] = FieldType.SRATIONAL, matrix.ravel().tolist()
-        fields[illuminant] = FieldType.SHORT, [LIGHT_SOURCES.get(light.illuminant, OTHER_SOURCE)]
-        if light.illuminant not in LIGHT_SOURCES:
-            x, y = (round(each * _MILLION) for each in light.white)
+        fields[source] = FieldType.SHORT, [LIGHT_SOURCES.get(illuminant, OTHER_SOURCE)]
+        if illuminant not in LIGHT_SOURCES:
+            x, y = (round(each * _MILLION) for each in illuminant_xy(illuminant))
             fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _MILLION, y, _MILLION)
             fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
     return fields

@@ -14,7 +14,7 @@ from ..arrays import ByteArray
 from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
-from .exif import metadata_directory, printable, resolution_fields
+from .exif import metadata_directory, printable
 from .lossless_jpeg import encode_lossless
 from .tags import DNG_VERSION, LONGEST_SIDE, MAKER, TAG, Compression, Photometric
 
@@ -73,7 +73,6 @@ def main_directory(
     jpeg = imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420")
     main.strips = [bytes(jpeg)]
     main.fields |= picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR) | {
-        **resolution_fields(),
         TAG["NewSubfileType"]: (FieldType.LONG, [1]),
         TAG["YCbCrSubSampling"]: (FieldType.SHORT, [2, 2]),
         TAG["YCbCrPositioning"]: (FieldType.SHORT, [_CENTRED]),

@@ -22,6 +22,7 @@ from ..tiff_reading import StoredDirectories, StoredField, StoredFields, read_di
 from .tags import GPS, MAKER, TAG, tags_of
 
 LARGEST_SHORT = 65535
+_RESOLUTION = tags_of("XResolution YResolution")
 _INCH = 2  # ResolutionUnit
 _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 
@@ -61,6 +62,9 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
     """
     main = Directory({TAG["Software"]: (FieldType.ASCII, MAKER)})
     main.fields[TAG["Orientation"]] = FieldType.SHORT, [metadata.orientation]
+    # TIFF and Exif require a resolution; Exif prescribes this one if it is unknown.
+    main.fields |= dict.fromkeys(_RESOLUTION, (FieldType.RATIONAL, [72]))
+    main.fields[TAG["ResolutionUnit"]] = FieldType.SHORT, [_INCH]
     exif = Directory({TAG["ExifVersion"]: (FieldType.UNDEFINED, b"0232")})
     for name, tag in TEXTS.items():
         if text := getattr(metadata, name):
@@ -106,17 +110,6 @@ def _gps_fields(metadata: CaptureMetadata) -> Fields:
         fields[GPS["GPSAltitudeRef"]] = FieldType.BYTE, bytes([metadata.altitude < 0])
         fields[GPS["GPSAltitude"]] = FieldType.RATIONAL, [abs(metadata.altitude)]
     return fields
-
-
-def resolution_fields() -> Fields:
-    """Fields of the resolution, which TIFF and Exif require: 72 pixels per inch, as Exif prescribes
-    if it is unknown.
-    """
-    return {
-        TAG["XResolution"]: (FieldType.RATIONAL, [72]),
-        TAG["YResolution"]: (FieldType.RATIONAL, [72]),
-        TAG["ResolutionUnit"]: (FieldType.SHORT, [_INCH]),
-    }
 
 
 def read_metadata(file: IO[bytes]) -> CaptureMetadata:

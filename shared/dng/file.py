@@ -2,18 +2,23 @@
 with the name of the file.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import imagecodecs
 
-from ..arrays import ByteArray
-from ..errors import InputError
+from ..arrays import ByteArray, CodeArray
+from ..errors import ForeignFileError, InputError
+from ..jpeg_check import read_header
 from ..mosaic import Mosaic
-from ..reading import MAX_PIXELS, File, file_name, opened_file
+from ..reading import MAX_PIXELS, File, naming
 from ..writing import write_durably
-from .codec import decode_dng, decode_preview, encode_dng, verify
+from .container import picture_id, raw_digest
+from .encoding import encode_dng
+from .reader import DngReader, damaged, library, opened
+from .record import Record, decode_record, is_record, preview_digest
+from .tags import MAKER, PICTURE_PLANES, TAG
 
-_LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
-_KIND = "a DNG of Panchroma"
+_SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
+# any of them names us in a file of ours
+_WRITER = (TAG["UniqueCameraModel"], TAG["Make"], TAG["Software"])
 
 
 def write_dng(path: File, mosaic: Mosaic, preview: ByteArray, *, overwrite: bool = False) -> None:
@@ -47,7 +52,7 @@ def write_dng(path: File, mosaic: Mosaic, preview: ByteArray, *, overwrite: bool
     >>> bool((read_dng("shot.dng").codes == mosaic.codes).all())
     True
     """
-    with _naming(path):
+    with naming(path):
         data = encode_dng(mosaic, preview)
     write_durably(path, data, overwrite=overwrite)
 
@@ -79,20 +84,43 @@ def read_dng(path: File, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
     >>> mosaic.shape, mosaic.pattern.period, mosaic.calibration.bits
     ((12, 18), 4, 12)
     """
-    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
-        return decode_dng(file, max_pixels=max_pixels)
+    with opened(path) as dng:
+        return _mosaic(dng, max_pixels)[0]
 
 
 def verify_dng(path: File, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
-    """Check a DNG of Panchroma completely, see `codec.verify`; returns (rows, columns).
+    """Check a DNG of Panchroma, mosaic or rendered picture, completely; returns its (rows,
+    columns).
+
+    One digest binds size, samples, pattern and calibration of a mosaic together; one of a picture
+    size and samples. The mosaic's preview is compared with its digest, and any preview must be
+    decodable.
 
     Raises
     ------
+    ForeignFileError
+        For the DNG of another program.
     InputError
-        If it is damaged.
+        For any other file and a damaged one.
     """
-    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
-        return verify(file, max_pixels=max_pixels)
+    with opened(path) as dng:
+        recorded = is_record(dng.stored(TAG["DNGPrivateData"]))
+        if not (recorded or any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER)):
+            raise ForeignFileError("not a DNG of Panchroma: it has no digest that could be checked")
+        if not recorded and dng.raw().samplesperpixel == PICTURE_PLANES:
+            samples, preview = dng.samples(max_pixels, PICTURE_PLANES), None
+            _check_digest(dng, samples)
+            _check_identity(dng, picture_id(samples.shape, dng.stored(TAG["NewRawImageDigest"])))
+        elif not recorded:
+            raise damaged("the record of pattern and calibration (DNGPrivateData) is missing")
+        else:
+            mosaic, record = _mosaic(dng, max_pixels)
+            samples, preview = mosaic.codes, record.preview
+        jpeg = dng.preview()
+        _check_preview(jpeg, samples.shape[0] * samples.shape[1])
+        if preview not in (None, preview_digest(jpeg)):
+            raise damaged("the preview is not the one that was written")
+        return samples.shape[0], samples.shape[1]
 
 
 def read_preview(path: File) -> bytes:
@@ -103,13 +131,50 @@ def read_preview(path: File) -> bytes:
     InputError
         When there is none.
     """
-    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
-        return decode_preview(file)
+    with opened(path) as dng:
+        return dng.preview()
 
 
-@contextmanager
-def _naming(path: File) -> Iterator[None]:
+def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
+    stored = dng.stored(TAG["DNGPrivateData"])
+    if not is_record(stored):
+        remedy = "`panchroma simulate` makes one from a camera's RAW or a picture"
+        raise ForeignFileError(f"not a mosaic of Panchroma; {remedy}")
+    record = decode_record(stored)
+    letters, cfa = record.pattern.letters_from(), dng.cfa()
+    if cfa not in (None, letters):
+        recorded = f"the record in DNGPrivateData says {' '.join(letters)}"
+        raise damaged(f"CFAPattern says {' '.join(cfa or ())}, {recorded}")
+    samples = dng.samples(max_pixels)
+    _check_digest(dng, samples)
+    if samples.shape != record.shape:
+        rows, columns = record.shape
+        written = f"{columns} x {rows} were written"
+        raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {written}")
+    if dng.stored(TAG["NewRawImageDigest"]).hex() != record.samples:
+        raise damaged(
+            "the record of pattern and calibration (DNGPrivateData) is that of another shot"
+        )
+    _check_identity(dng, record.id)
+    return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
+
+
+def _check_identity(dng: DngReader, identity: str) -> None:
+    """Raise InputError if the file states another identity."""
+    if dng.stored(TAG["RawDataUniqueID"]) != identity.encode():
+        raise damaged("its parts are not all from the same file (RawDataUniqueID)")
+
+
+def _check_preview(jpeg: bytes, pixels: int) -> None:
+    """Raise InputError unless the JPEG is whole. pixels: of the shot; a preview has no more."""
     try:
-        yield
+        read_header(jpeg).check(max(pixels, _SMALL_PREVIEW))
     except InputError as error:
-        raise type(error)(f"{file_name(path)}: {error}") from error
+        raise damaged(f"the preview: {error}") from None
+    with library("the preview is not a whole JPEG"):
+        imagecodecs.jpeg8_decode(jpeg)
+
+
+def _check_digest(dng: DngReader, samples: CodeArray) -> None:
+    if dng.stored(TAG["NewRawImageDigest"]) != raw_digest(samples):
+        raise damaged("the samples differ from those that were written (NewRawImageDigest)")

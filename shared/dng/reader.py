@@ -7,7 +7,7 @@ compared with the size of the file.
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import SEEK_END, BytesIO
+from io import SEEK_END
 from itertools import product
 from typing import IO
 
@@ -19,6 +19,8 @@ from ..arrays import CodeArray
 from ..errors import InputError, is_program_fault
 from ..jpeg_check import LOSSLESS, read_header
 from ..metadata import CaptureMetadata
+from ..reading import File, naming, opened_file
+from ..tiff import LARGEST_TIFF
 from ..tiff_check import PLAIN, check_directories, check_page
 from .exif import read_metadata
 from .tags import CFA_CODES, TAG, Compression, Photometric
@@ -34,20 +36,20 @@ _LARGEST_PREVIEW = 256 << 20
 
 
 @contextmanager
-def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
-    """Parse a DNG for the duration of a `with` block. Raises InputError for a damaged file."""
-    stream = BytesIO(data) if isinstance(data, bytes) else data
-    start = stream.read(4)
-    if not start:
-        raise InputError("the file is empty; copy it again")
-    if start.startswith(_JPEG_START):
-        raise InputError("a JPEG picture, not a DNG; `panchroma simulate` makes a shot of it")
-    if start not in _TIFF_STARTS:
-        raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
-    check_directories(stream)
-    with library():
-        file = TiffFile(stream, name="DNG", **PLAIN)  # a temporary file is called by a number
-    with file:
+def opened(path: File) -> Iterator["DngReader"]:
+    """Parse a DNG for the duration of a `with` block. Raises InputError that names the file when it
+    is damaged.
+    """
+    with naming(path), opened_file(path, LARGEST_TIFF, "a DNG of Panchroma") as stream:
+        start = stream.read(4)
+        if start.startswith(_JPEG_START):
+            raise InputError("a JPEG picture, not a DNG; `panchroma simulate` makes a shot of it")
+        if start not in _TIFF_STARTS:
+            starts = "it does not begin like a TIFF file; give a shot of Panchroma"
+            raise InputError(f"not a DNG: {starts}")
+        check_directories(stream)
+        with library():
+            file = TiffFile(stream, name="DNG", **PLAIN)  # a temporary file is called by a number
         yield DngReader(stream, file)
 
 
@@ -87,9 +89,10 @@ class DngReader:
         """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
         return read_metadata(self._stream)
 
-    def stored(self, tag: int) -> bytes:
-        """The bytes of a field in the first directory; empty when there is none."""
-        return self._stored(self._main, tag)
+    def stored(self, tag: int, page: TiffPage | None = None) -> bytes:
+        """The bytes of a field in a directory, None = the first; empty when there is none."""
+        field = (page or self._main).tags.get(tag)
+        return b"" if field is None else self._bytes(field.valueoffset, field.valuebytecount)
 
     def preview(self) -> bytes:
         """The JPEG of the first directory, unchanged."""
@@ -121,7 +124,7 @@ class DngReader:
             raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric}")
         with library():
             rows, columns = map(int, page.tags.valueof(TAG["CFARepeatPatternDim"]))
-        codes = self._stored(page, TAG["CFAPattern"])
+        codes = self.stored(TAG["CFAPattern"], page)
         if len(codes) != rows * columns or not codes:
             raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
         letters = {code: letter for letter, code in CFA_CODES.items()}
@@ -203,10 +206,6 @@ class DngReader:
     def _segments(self, page: TiffPage) -> Iterator[bytes]:
         for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True):
             yield self._bytes(offset, size)
-
-    def _stored(self, page: TiffPage, tag: int) -> bytes:
-        field = page.tags.get(tag)
-        return b"" if field is None else self._bytes(field.valueoffset, field.valuebytecount)
 
     def _bytes(self, offset: int, size: int) -> bytes:
         self._stream.seek(offset)

@@ -51,8 +51,8 @@ class Record:
     preview: str
 
 
-def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
-    """The content of DNGPrivateData: RECORD_ID, then a JSON object in UTF-8.
+def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> tuple[bytes, str]:
+    """The content of DNGPrivateData, RECORD_ID, then a JSON object in UTF-8; and its `Record.id`.
 
     Parameters
     ----------
@@ -73,15 +73,9 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
         "calibration": calibration,
         "calibration_id": mosaic.calibration.id,
     }
-    document["digest"] = _digest(document)
-    return RECORD_ID + json.dumps(document, ensure_ascii=False).encode(errors="backslashreplace")
-
-
-def record_id(record: bytes) -> str:
-    """`Record.id` of what `encode_record` returned. Nothing is checked: decoding would cost a
-    camera time for every frame.
-    """
-    return json.loads(record[len(RECORD_ID) :])["digest"]
+    identity = document["digest"] = _digest(document)
+    text = json.dumps(document, ensure_ascii=False).encode(errors="backslashreplace")
+    return RECORD_ID + text, identity
 
 
 def is_record(data: bytes) -> bool:

@@ -5,6 +5,7 @@ Runs with nothing but the base dependencies: python -m tests.arm.probe RESULT.np
 """
 
 import sys
+from io import BytesIO
 from itertools import product
 
 import numpy as np
@@ -15,7 +16,7 @@ from panchroma.device.capture.frames import FrameLayout, RawFrame
 from panchroma.device.preview.geometry import Geometry
 from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration, runtime
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
-from panchroma.shared.dng import decode_dng, encode_dng
+from panchroma.shared.dng import encode_dng, read_dng
 
 PATTERNS = {
     "K6": CfaPattern.bayer(6),
@@ -59,7 +60,7 @@ def probe() -> dict[str, np.ndarray]:
                 for (scale, linear), each in pictures.items()
             }
             shot = encode_dng(mosaic, np.asarray(pictures[1, False], np.uint8))
-            made[f"{name} {layout.format} samples"] = decode_dng(shot).codes
+            made[f"{name} {layout.format} samples"] = read_dng(BytesIO(shot)).codes
     return made
 
 

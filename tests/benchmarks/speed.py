@@ -21,6 +21,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -29,7 +30,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from panchroma.shared import read_dng, write_dng
-from panchroma.shared.dng import decode_dng, encode_dng
+from panchroma.shared.dng import encode_dng
 from panchroma.shared.processors import processors
 from panchroma.shared.progress import Progress
 from panchroma.tools.batch.parallel import THREAD_VARIABLES
@@ -103,7 +104,7 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
         works[f"{name}, DNG to 16-bit TIFF"] = partial(render_file, saved, name)
     works |= {
         "DNG, writing": partial(encode_dng, frame.shot, picture),
-        "DNG, reading": partial(decode_dng, data),
+        "DNG, reading": partial(read_dng, BytesIO(data)),
     }
     others = rivals(frame)
     seconds = alternate(works | others, rounds)

@@ -50,23 +50,10 @@ PUBLISHED = {
 }  # fmt: skip
 # Matrices to XYZ (D50) by the iteration of the specification, with Robertson's temperatures
 # (colour-science 0.4.7); largest 1.
+WARMER = (0.9, 1.0, 0.35)
 BETWEEN: dict[tuple[float, ...], list[list[float]]] = {
     SHOT: [[1.0, -0.04259, 0.11427], [0.48526, 0.30432, -0.06793], [0.06469, -0.08211, 0.67374]],
-    (0.9, 1.0, 0.35): [
-        [0.35806, -0.03264, 0.14389],
-        [0.16931, 0.22329, -0.06595],
-        [0.05322, -0.10704, 1.0],
-    ],
-    (0.55, 1.0, 0.5): [
-        [0.84733, -0.03588, 0.13624],
-        [0.40624, 0.34376, -0.10085],
-        [0.07584, -0.11543, 1.0],
-    ],
-    (0.35, 1.0, 0.8): [
-        [1.0, -0.03807, 0.08703],
-        [0.48484, 0.27363, -0.0595],
-        [0.04464, -0.05227, 0.45385],
-    ],
+    WARMER: [[0.35806, -0.03264, 0.14389], [0.16931, 0.22329, -0.06595], [0.05322, -0.10704, 1.0]],
 }
 
 
@@ -98,9 +85,8 @@ def test_under_either_light_it_is_its_matrix_and_white_is_always_white(planes: i
     mixed = np.vstack([np.eye(3), [[0.4, 0.5, 0.1]]])[:planes]
     lights: Lights = (light("3000", mixed @ WARM), light("6500", mixed @ COLD))
     for known in lights:
-        np.testing.assert_allclose(
-            colours_under(lights, known.neutral), known.camera_to_xyz, atol=1e-6
-        )
+        matrix = np.array(colours_under(lights, known.neutral))
+        np.testing.assert_allclose(matrix, known.camera_to_xyz, atol=1e-6)
     # Most of these are no colour of light.
     for neutral in 10.0 ** np.random.default_rng(0).uniform(-3, 3, (50, planes)):
         matrix = np.array(colours_under(lights, tuple(neutral)))
@@ -152,29 +138,8 @@ def test_where_nobody_has_measured_the_light_it_is_estimated() -> None:
 def test_json_and_back() -> None:
     document = replace(CAMERA, neutral=SHOT).to_json()
     assert "camera_to_xyz" not in document
-    assert "lights" not in SensorCalibration().to_json()
     assert SensorCalibration.from_json(document) == replace(CAMERA, neutral=SHOT)
     assert replace(CAMERA, lights=LIGHTS[::-1]) == CAMERA
-    one, other = document["lights"]
-    wrong: tuple[tuple[Any, str], ...] = (
-        ([one], "two lights"),
-        ([one, one], "A and A are alike"),
-        ([one, {**one, "illuminant": "3000"}], "A and 3000 are alike"),
-        ([one, {**other, "illuminant": "F11"}], "the light is 'F11'"),
-        ([one, {**other, "neutral": [1, 1]}], "expected 3 rows of 2"),
-        ([one, {**other, "neutral": [1, 0, 1]}], "lights.neutral is"),
-        *(
-            (lights, "lights is .*, expected an object with illuminant, camera")
-            for lights in (7, [one, {"illuminant": "D65"}])
-        ),
-    )
-    for lights, why in wrong:
-        with pytest.raises(InputError, match=why):
-            SensorCalibration.from_json({**document, "lights": lights})
-    with pytest.raises(InputError, match="leave one of them out"):
-        SensorCalibration.from_json({**document, "camera_to_xyz": one["camera_to_xyz"]})
-    with pytest.raises(InputError, match="other channels than CMYK"):
-        SensorCalibration(channels="CMYK", lights=LIGHTS)
 
 
 def test_gamma_of_two_lights_is_mixed_for_the_neutral_and_beyond_them_the_nearer_holds() -> None:
@@ -187,9 +152,8 @@ def test_gamma_of_two_lights_is_mixed_for_the_neutral_and_beyond_them_the_nearer
 
     np.testing.assert_allclose(under(3 * np.array(warm.neutral)), gammas[0])
     np.testing.assert_allclose(under(cold.neutral), gammas[1])
-    np.testing.assert_allclose(
-        under(np.sqrt(np.multiply(warm.neutral, cold.neutral))), (0.9, 1.1, 0.95)
-    )
+    between = np.sqrt(np.multiply(warm.neutral, cold.neutral))
+    np.testing.assert_allclose(under(between), (0.9, 1.1, 0.95))
     np.testing.assert_allclose(under((0.1, 1.0, 1.0)), gammas[1])
     assert 0.81 < known.gamma[0] < 0.99  # of D50, where no white is known
     shot = balanced(known, np.array(SHOT))
@@ -199,8 +163,3 @@ def test_gamma_of_two_lights_is_mixed_for_the_neutral_and_beyond_them_the_nearer
     taken = Mosaic(np.zeros((12, 12), np.uint16), PATTERN, shot)
     assert own.calibrated(taken).calibration.gamma == (0.7, 0.8, 0.9)
     assert "gamma" not in CAMERA.to_json()["lights"][0]
-    for wrong in ({"gamma": None}, {"gamma": (1.0, 1.0)}):
-        with pytest.raises(InputError, match=r"gamma, the other has none|other channels"):
-            replace(known, lights=(replace(warm, **wrong), cold))
-    with pytest.raises(InputError, match=r"lights\.gamma is .*, expected 0\.001 to 1000"):
-        replace(warm, gamma=(0.0, 1.0, 1.0))

@@ -6,7 +6,6 @@ import pytest
 
 from panchroma.shared.calibration import SensorCalibration
 from panchroma.shared.errors import InputError
-from panchroma.shared.metadata import CaptureMetadata
 from panchroma.shared.mosaic import Mosaic
 from panchroma.shared.pattern import CfaPattern
 from tests.reference import geometry
@@ -107,38 +106,3 @@ def test_another_calibration_has_to_fit_too() -> None:
         mosaic.calibrated(SensorCalibration.of_bits(12, channels="XY", gamma=(1.0, 1.0)))
     with pytest.raises(InputError, match="more than the calibration's 10 bits"):
         mosaic.calibrated(SensorCalibration.of_bits(10))
-
-
-@pytest.mark.parametrize(
-    ("samples", "words"),
-    [
-        (np.zeros(9, np.uint16), "shape"),
-        (np.zeros((2, 9), np.uint16), "no whole colour block"),
-        (np.zeros(SHAPE, np.uint8), "uint8, expected uint16 codes"),
-        (np.zeros(SHAPE, complex), "complex128, expected uint16 codes"),
-        (np.full(SHAPE, 4096, np.uint16), "4096, more than the calibration's 12 bits"),
-        (np.full(SHAPE, np.nan), "117 of 117 samples are not finite"),
-        (np.full(SHAPE, -np.inf, np.float32), "not finite"),
-        ([[1, 2], [3, 4]], "int64"),
-    ],
-)
-def test_other_samples_are_refused(samples: Any, words: str) -> None:
-    pattern = PATTERN if np.shape(samples) != (2, 2) else CfaPattern.bayer(4)
-    with pytest.raises(InputError, match=words):
-        Mosaic(samples, pattern, CALIBRATION)
-    with pytest.raises(InputError, match="different sensors"):
-        Mosaic(codes(), CfaPattern.with_block(("XY",), 4), CALIBRATION)
-
-
-def test_metadata_travels_along_and_is_checked() -> None:
-    assert Mosaic(codes(), PATTERN, CALIBRATION, CaptureMetadata(iso=400)).metadata.iso == 400
-    wrong: dict[str, Any] = {
-        "orientation": 9,
-        "iso": 0,
-        "exposure_time": -1.0,
-        "f_number": float("nan"),
-        "zone": "CET",
-    }
-    for name, value in {**wrong, "place": (91.0, 0.0), "altitude": 1e10}.items():
-        with pytest.raises(InputError, match=name):
-            replace(CaptureMetadata(), **{name: value})

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, xyz
+from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, xyz
 from panchroma.shared.lights import illuminant_xy
 from panchroma.shared.white_balance import balanced, estimate_neutral
 from panchroma.tools.io.display import ColourTransform
@@ -36,13 +36,6 @@ def test_the_estimate_is_the_light_wherever_the_blocks_lie(
     assert estimate_neutral(shot(period=period, origin=origin)) == pytest.approx(LIGHT, abs=0.05)
 
 
-def test_codes_and_scene_units_give_the_same_estimate() -> None:
-    mosaic = shot()
-    codes = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
-    expected = estimate_neutral(codes.in_scene_units())
-    assert estimate_neutral(codes) == pytest.approx(expected, abs=1e-5)
-
-
 def test_hot_pixels_are_not_the_light() -> None:
     mosaic = shot()
     samples = mosaic.signal.copy()
@@ -58,9 +51,7 @@ def test_a_frame_that_shows_no_light_has_no_estimate(level: float) -> None:
 
 
 @pytest.mark.parametrize("matrix", [None, tuple(map(tuple, SRGB_TO_XYZ / np.array(LIGHT)))])
-def test_a_balanced_calibration_shows_its_neutral_as_grey(
-    matrix: tuple[tuple[float, ...], ...] | None,
-) -> None:
+def test_a_balanced_calibration_shows_its_neutral_as_grey(matrix: Matrix | None) -> None:
     known = SensorCalibration.of_bits(12, camera_to_xyz=matrix, neutral=LIGHT if matrix else None)
     other = balanced(known, np.array((0.9, 0.6, 0.3)))
     transform = ColourTransform.to_space(other, "linear-srgb")
@@ -72,36 +63,27 @@ def test_a_balanced_calibration_shows_its_neutral_as_grey(
         assert white / white[1] == pytest.approx(D50, abs=1e-3)
 
 
-def test_an_estimate_is_marked_and_older_calibrations_keep_their_ids() -> None:
+def test_an_estimate_is_marked_and_can_be_left_out() -> None:
     marked = balanced(CAMERA, np.array(LIGHT), estimated=True)
-    assert SensorCalibration.from_json(marked.to_json()) == marked
-    assert marked.without_estimates() == CAMERA
-    assert marked.id != balanced(CAMERA, np.array(LIGHT)).id
-    assert "neutral_estimated" not in CAMERA.to_json()
+    assert marked.without_estimates() == CAMERA != marked
 
 
 SKIN, WALL = (0.60, 0.36, 0.26), (0.55, 0.45, 0.33)
 TUNGSTEN, DAYLIGHT, SHADE = ("2850", "5500", "8000")
 
 
-def read_by(matrix: tuple[tuple[float, ...], ...], kelvin: str) -> np.ndarray:
+def read_by(matrix: Matrix, kelvin: str) -> np.ndarray:
     """What a camera with this matrix reads of white under a light, largest channel 1."""
     reading = np.linalg.solve(np.array(matrix), xyz(*illuminant_xy(kelvin)))
     return np.asarray(reading / reading.max())
 
 
-def portrait(light: np.ndarray, *, greys: bool) -> np.ndarray:
-    """A face before a warm wall, with hair, and perhaps a white collar and a grey book."""
-    y, x = np.mgrid[-1:1:240j, -1:1:240j]
-    rgb = np.array(WALL) * (0.8 + 0.2 * x[..., None])
-    apart = 1 - (x / 0.75) ** 2 - (y / 0.9) ** 2
-    rgb = np.where(
-        apart[..., None] > 0, np.array(SKIN) * (0.3 + np.sqrt(apart.clip(0)))[..., None], rgb
-    )
-    rgb[(apart > 0) & (y < -0.55)] = (0.12, 0.07, 0.04)
-    if greys:
-        rgb[200:, 60:180], rgb[20:60, 200:225] = 0.8, 0.4
-    return (0.8 * rgb * light).astype(np.float32)
+def portrait(light: np.ndarray) -> np.ndarray:
+    """A round face before a warm wall."""
+    y, x = np.mgrid[-1:1:240j, -1:1:240j][..., None]
+    depth = 1 - (x / 0.75) ** 2 - (y / 0.9) ** 2
+    face, wall = np.array(SKIN) * (0.3 + np.sqrt(depth.clip(0))), np.array(WALL) * (0.8 + 0.2 * x)
+    return (0.8 * light * np.where(depth > 0, face, wall)).astype(np.float32)
 
 
 def apart(one: ArrayLike, other: ArrayLike) -> float:
@@ -116,17 +98,14 @@ MATRICES = [SRGB_TO_XYZ, tuple(map(tuple, (SRGB_TO_XYZ @ OWN).tolist()))]
 
 
 @pytest.mark.parametrize("matrix", MATRICES)
-@pytest.mark.parametrize("greys", [False, True])
 @pytest.mark.parametrize("kelvin", [TUNGSTEN, DAYLIGHT, SHADE])
 def test_a_face_that_fills_the_picture_is_not_taken_for_a_light_that_there_is_not(
-    kelvin: str, greys: bool, matrix: tuple[tuple[float, ...], ...]
+    kelvin: str, matrix: Matrix
 ) -> None:
     light = read_by(matrix, kelvin)
     known = SensorCalibration.of_bits(12, camera_to_xyz=matrix)
     random = np.random.default_rng(1)
-    mosaic = simulate_additive(
-        portrait(light, greys=greys), CfaPattern.bayer(), known, 0.01, random
-    )
+    mosaic = simulate_additive(portrait(light), CfaPattern.bayer(), known, 0.01, random)
     blind = Mosaic(mosaic.codes, mosaic.pattern, CAMERA)
     limited, free = estimate_neutral(mosaic), estimate_neutral(blind)
     assert apart(limited, light) <= apart(free, light) + 1

@@ -12,7 +12,14 @@ from unittest.mock import Mock
 import pytest
 
 from panchroma.shared.errors import DurabilityWarning, OutputError
-from panchroma.shared.writing import durable_file, own_file, sweep, sync_folder, write_durably
+from panchroma.shared.writing import (
+    durable_file,
+    own_file,
+    partial_path,
+    sweep,
+    sync_folder,
+    write_durably,
+)
 from tests.data import ROOT
 
 WORDS = {
@@ -157,21 +164,8 @@ def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
 
 
-def left_behind(folder: Path) -> Path:
-    """The temporary file of a process that was killed while it wrote."""
-    script = (
-        "import os, signal, sys\nfrom panchroma.shared.writing import durable_file\n"
-        "with durable_file(sys.argv[1]) as file:\n"
-        "    file.write(b'half')\n    file.flush()\n    os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    subprocess.run([sys.executable, "-c", script, str(folder / "shot.dng")], cwd=ROOT, check=False)
-    (partial,) = folder.iterdir()
-    return partial
-
-
 def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
-    partial = left_behind(tmp_path)
-    assert partial.read_bytes() == b"half"
+    partial_path(tmp_path / "shot.dng").write_bytes(b"half")
     others = [".shot.dng.part", "shot.dng.12345678.panchroma.part", ".x.1234567.panchroma.part"]
     for name in others:
         (tmp_path / name).write_bytes(b"theirs")

@@ -5,7 +5,6 @@ from functools import cached_property
 
 from ...shared import ByteArray, CaptureMetadata, FloatArray, InputError, SensorCalibration
 from ...shared.dng import metadata_directory
-from ...shared.dng.exif import resolution_fields
 from ...shared.dng.tags import MAKER, TAG
 from ...shared.tiff import Directory, FieldType
 from .display import ColourTransform, check_exposure
@@ -131,7 +130,6 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
     space.
     """
     directory = metadata_directory(metadata)
-    directory.fields.update(resolution_fields())
     directory.fields[TAG["Software"]] = FieldType.ASCII, software()
     directory.children[TAG["ExifTag"]].fields |= {
         TAG["ColorSpace"]: (FieldType.SHORT, [_SRGB if srgb else _UNCALIBRATED]),

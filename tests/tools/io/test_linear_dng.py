@@ -21,7 +21,7 @@ import rawpy
 import tifffile
 
 from panchroma.shared import FloatArray, InputError, read_dng
-from panchroma.shared.dng import codec
+from panchroma.shared.dng import verify_dng
 from panchroma.shared.dng.tags import TAG
 from panchroma.shared.tiff import FieldType
 from tests.data import photograph
@@ -51,14 +51,14 @@ def test_a_picture_that_is_not_finite_is_refused() -> None:
 
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
     data = picture_dng(np.random.default_rng(4).random((8, 12, 3), np.float32))
-    assert codec.verify(data) == (8, 12)
+    assert verify_dng(BytesIO(data)) == (8, 12)
     turned = data
     for name, old, new in (("ImageWidth", 12, 8), ("ImageLength", 8, 12), ("RowsPerStrip", 8, 12)):
         entry = struct.pack("<HHI", TAG[name], FieldType.LONG, 1)
         turned = turned.replace(entry + struct.pack("<I", old), entry + struct.pack("<I", new))
     assert turned != data
     with pytest.raises(InputError, match="damaged"):
-        codec.verify(turned)
+        verify_dng(BytesIO(turned))
 
 
 # --- raw developers -------------------------------------------------------------------------------
