@@ -266,7 +266,7 @@ def attempt(
     """
     output = job.output
     if not (order.dry_run or order.folder.is_dir()):
-        raise OutputError(f"{order.folder}: is not there; every machine has to see this folder")
+        raise OutputError(f"{order.folder}: is not there any more; run again when it is")
     read = partial(order.open, job, memory, listener.note)
     if not any(map(file_status, job.files)):
         read()  # says what is wrong with it, before a folder is made for its picture

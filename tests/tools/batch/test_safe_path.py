@@ -16,11 +16,13 @@ import OpenEXR
 import pytest
 
 from panchroma.tools.batch.progress import StageProgress
-from tests.dask_cluster import SOURCE
+from tests.data import ROOT
 from tests.python import run_python
 from tests.tools.batch.examples import save_shot
 
 # --- safe path ------------------------------------------------------------------------------------
+
+SOURCE = ROOT / "tools" / "notebook"  # where the package `panchroma` is
 
 # What Python and the packages import, and some that nothing does.
 NAMES = {*sys.stdlib_module_names, "numpy", "PIL", "cv2", "rawpy", "OpenEXR", "pebble", "panchroma"}
