@@ -8,8 +8,7 @@ from functools import cache
 
 from ...shared.errors import OutputError
 from .memory import available_memory
-from .parallel import one_by_one, possible_processes
-from .parallel import processes as worker_processes
+from .parallel import in_processes, one_by_one, possible_processes
 from .progress import Note, StageProgress
 
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
@@ -69,8 +68,8 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
         yield from one_by_one(_compile, names, lambda _: StageProgress(note=note))
         return
     possible = min(processes, available_memory() // _PROCESS_BYTES)
-    with worker_processes(max(1, possible), _REMEDY) as executor:
-        yield from executor.run(_compile, names, note)
+    with in_processes(_compile, names, max(1, possible), note, _REMEDY) as results:
+        yield from results
 
 
 def _compile(name: str, listener: StageProgress) -> None:

@@ -34,14 +34,9 @@ class StandardOutputError(Exception):
 
 
 class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was foreseen)
-    """An exception that nobody foresaw in a worker process.
-
-    message: that of `fault` there, the text of this exception. trace: its traceback there.
+    """An exception that nobody foresaw in a worker process: the message of `fault` there, and its
+    traceback as a note.
     """
-
-    def __str__(self) -> str:
-        """Return the message alone."""
-        return str(self.args[0])
 
 
 class Console:
@@ -171,8 +166,6 @@ def traceback_of(error: BaseException) -> str:
     """
     from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
 
-    if isinstance(error, WorkerFault):
-        return str(error.args[1])
     if notes := getattr(error, "__notes__", None):
         return "\n".join(notes)
     cause: BaseException | None = error

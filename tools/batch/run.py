@@ -16,8 +16,7 @@ from .console import Console
 from .jobs import Job, State, do_jobs, file_status
 from .memory import allowed_memory
 from .order import Order, attempt
-from .parallel import follow, one_by_one, possible_processes
-from .parallel import processes as worker_processes
+from .parallel import follow, in_processes, one_by_one, possible_processes
 from .progress import REMARKS, Note, StageProgress
 
 _MANY = 2  # shots per processor from which on one process per processor pays
@@ -66,8 +65,9 @@ def render_all(
         if count > 1:
             compile_ahead(count, StageProgress(note=note))
             remedy = "render it again with `resume=True`, and fewer processes"
-            executor = stack.enter_context(worker_processes(count, remedy, threads_each))
-            results = executor.run(partial(attempt, order, allowed // count, 1), shots, note)
+            work = partial(attempt, order, allowed // count, 1)
+            pool = in_processes(work, shots, count, note, remedy, threads_each)
+            results = stack.enter_context(pool)
         else:
             show = console.progress if not several else partial(StageProgress, note=console.note)
             work = partial(attempt, order, allowed, threads_each)

@@ -22,7 +22,7 @@ from ...shared.writing import own_file, write_durably
 from ..batch.console import Console
 from ..batch.jobs import output_folder, reason
 from ..batch.memory import format_bytes
-from ..batch.parallel import follow, one_by_one, possible_processes, processes
+from ..batch.parallel import follow, in_processes, one_by_one, possible_processes
 from ..batch.progress import StageProgress
 from ..simulation.protocols import Protocol
 from .cameras import CameraPair, Method, Tile
@@ -354,8 +354,8 @@ class Team:
             if count == 1:
                 results = one_by_one(call, items, lambda _: StageProgress(note=note))
             else:
-                pool = stack.enter_context(processes(count, _REMEDY))
-                results = pool.run(call, items, note)
+                pool = in_processes(call, items, count, note, _REMEDY)
+                results = stack.enter_context(pool)
             for item, result in follow(results, items, progress, title):
                 if isinstance(result, Exception) and not isinstance(result, _FAILURES):
                     raise result

@@ -20,7 +20,7 @@ from panchroma.tools.batch.checks import needed_memory
 from panchroma.tools.batch.compilation import compile_all
 from panchroma.tools.batch.console import Console, WorkerFault, fault
 from panchroma.tools.batch.journal import NAME
-from panchroma.tools.batch.parallel import duration, follow, one_by_one, processes
+from panchroma.tools.batch.parallel import duration, follow, in_processes, one_by_one
 from panchroma.tools.batch.progress import Note, StageProgress
 from panchroma.tools.io.kind import PictureKind
 from tests.tools.batch.examples import save_shot, without_semaphores
@@ -55,8 +55,8 @@ def linger(folder: Path, item: int, listener: StageProgress) -> None:
 def pool(
     function: Callable[[Any, StageProgress], Any], items: Iterable[Any], note: Note = print
 ) -> Iterator[tuple[Any, Any]]:
-    with processes(2, "use fewer `jobs`") as executor:
-        yield from executor.run(function, list(items), note)
+    with in_processes(function, list(items), 2, note, "use fewer `jobs`") as results:
+        yield from results
 
 
 def test_items_are_shared_by_processes_that_stay_and_an_error_stops_no_other() -> None:
@@ -101,11 +101,11 @@ def test_a_process_that_is_killed_costs_one_item() -> None:
 
 
 def test_processes_that_die_before_they_have_an_item_are_started_again() -> None:
-    with processes(2, "") as executor:
+    with in_processes(double, range(1, 5), 2, print, "") as results:
         for child in multiprocessing.active_children():
             child.kill()
-        results: dict[int, Any] = dict(executor.run(double, range(1, 5), print))
-    assert {item: result[0] for item, result in results.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
+        ended: dict[int, Any] = dict(results)
+    assert {item: result[0] for item, result in ended.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
 def test_a_fault_in_a_process_is_told_with_traceback(capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,7 +148,7 @@ def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.Mo
             signal.setitimer(signal.ITIMER_REAL, 0)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("panchroma.tools.batch.parallel._POLL_EXECUTOR", 60)
+    monkeypatch.setattr("panchroma.tools.batch.parallel._POLL_POOL", 60)
     before = signal.signal(signal.SIGALRM, when_both_work)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.05, 0.05)

@@ -161,15 +161,15 @@ if __name__ == "__main__":
     import panchroma
     from tests.tools.batch.test_safe_path import threads_of
     from panchroma.tools.io.ahead import ahead
-    from panchroma.tools.batch.parallel import processes
+    from panchroma.tools.batch.parallel import in_processes
 
     shot = panchroma.simulate("builtin:200x120", sigma=0.01)
     panchroma.preview(shot)
     panchroma.render(shot).save(Path(sys.argv[1], "a.jpg"))
     seen.append(surroundings())
     list(ahead(lambda _: seen.append(surroundings()), range(4), 2))
-    with processes(2, "", threads=3) as executor:
-        for _, result in executor.run(threads_of, [1, 2, 3], print):
+    with in_processes(threads_of, [1, 2, 3], 2, print, "", threads=3) as results:
+        for _, result in results:
             seen.append(surroundings())
             assert result == ["3", "3"], result
     seen.append(surroundings())
