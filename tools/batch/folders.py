@@ -196,9 +196,7 @@ def _search(
     if not fitting and not errors:
         kind = " or ".join(endings) if len(endings) < 3 else "fitting"
         result.failures.append((top, f"no {kind} file is in this folder or below it"))
-    remarks = []
-    for why, names in files_left_out.items():
-        remarks.append(f"{_listed(names, 'files')}{why}")
+    remarks = [f"{_listed(names, 'files')}{why}" for why, names in files_left_out.items()]
     for kind, count in folders_left_out.items():
         remarks.append(f"{count} {kind} {'folder' if count == 1 else 'folders'}")
     if remarks:

@@ -16,7 +16,7 @@ from itertools import chain, islice
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .console import LOG, StandardOutputError, WorkerFault, fault, shown_by, traceback_of
+from .console import LOG, WorkerFault, fault, shown_by, traceback_of
 from .signals import raise_lost_signal
 
 if TYPE_CHECKING:  # it loads NumPy, before a worker process has set the number of its threads
@@ -249,14 +249,11 @@ def _call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]
 def _result_or_error(
     function: "Function[P, R]", item: P, listener: "StageProgress"
 ) -> R | Exception:
-    """Call the function; return its result, or the exception that it raises.
-
-    Only an unwritable standard output is raised, and what is no `Exception`: an interrupt.
+    """Call the function; return its result, or the exception that it raises. An interrupt, which is
+    no `Exception`, is raised.
     """
     try:
         return function(item, listener)
-    except StandardOutputError:
-        raise
     except Exception as error:
         return error
 
