@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch.burst_files import series, series_stem
@@ -16,9 +15,8 @@ from panchroma.tools.batch.folders import DNGS, Source, search
 from panchroma.tools.batch.journal import NAME as JOURNAL
 from panchroma.tools.evaluation.scene_sets import expand
 from tests.tools.batch.examples import save_shot
-from tests.tools.command import assert_refused, contents, names, run
+from tests.tools.command import assert_refused, contents, run
 from tests.tools.io.examples import picture_dng
-from tests.tools.io.files import write_dng
 
 # --- folders --------------------------------------------------------------------------------------
 
@@ -135,11 +133,6 @@ def test_a_disk_may_take_other_names_for_the_same(
     assert search([name, other], DNGS).sources == [Source(name)]
 
 
-def test_a_drawn_scene_is_simulated_once(out: Path) -> None:
-    run("simulate builtin:60x60 builtin:60x60 chart:240x160", "-o", out, code=0)
-    assert names(out) - {JOURNAL} == {"builtin-60x60.dng", "chart-240x160.dng"}
-
-
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
 def test_a_folder_that_cannot_be_read_has_failed(tmp_path: Path) -> None:
     touch(tmp_path, "a.dng", "closed/b.dng")
@@ -167,25 +160,6 @@ COMMANDS = pytest.mark.parametrize(
 
 
 @COMMANDS
-def test_commands_take_a_file_once(shots: Path, out: Path, command: str, ending: str) -> None:
-    output = ("-o", out) if ending else ()
-    (shots / "latest.dng").symlink_to("a.dng")
-    (shots / "linear.dng").unlink()
-    more = (shots / "a.dng", shots / "sub" / "..", shots / "latest.dng")
-    outcome = run(command, shots, *more, *output, "--json", code=0)
-    assert [record["source"] for record in outcome.records] == [
-        f"{shots}/a.dng",
-        f"{shots}/sub/a.dng",
-    ]
-
-
-def test_a_burst_of_one_file_named_twice_is_one_frame(shots: Path, out: Path) -> None:
-    outcome = run("burst", shots / "a.dng", f"{shots}/sub/../a.dng", "-o", out)
-    assert f"{shots}/a.dng: is one frame, expected two or more" in outcome.err
-    assert names(out) == set()
-
-
-@COMMANDS
 def test_commands_take_a_folder_of_shots_alike(
     shots: Path, out: Path, command: str, ending: str
 ) -> None:
@@ -209,25 +183,15 @@ def test_commands_take_a_folder_of_shots_alike(
 def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_it_is_named(
     tmp_path: Path, out: Path
 ) -> None:
-    folder = tmp_path / "photographs"
-    folder.mkdir()
-    for number in range(4):
-        write_dng(folder / f"DSC_{number}.NEF", np.full((108, 108), 300 + number, np.uint16))
-        Image.new("RGB", (54, 54), (number, 9, 9)).save(folder / f"DSC_{number}.JPG")
-    Image.new("RGB", (54, 54)).save(folder / "DSC_0_edited.tif")
+    pairs = (f"DSC_{number}.{ending}" for number in range(4) for ending in ("NEF", "JPG"))
+    touch(tmp_path, *pairs, "DSC_0_edited.tif")
     left_out = "DSC_0.JPG, DSC_1.JPG, DSC_2.JPG and 1 more files"
-    note = f"{folder}: left out {left_out} beside a camera RAW of the same name"
+    note = f"{tmp_path}: left out {left_out} beside a camera RAW of the same name"
+    assert note in run("simulate", tmp_path, "-o", out, code=1).err
+    scenes, (remark,) = expand([str(tmp_path), str(tmp_path / "DSC_1.JPG")], out)
+    assert remark.startswith(note)
     raws = {f"DSC_{number}.NEF" for number in range(4)}
-    stems = {"DSC_0_edited", *(Path(raw).stem for raw in raws)}
-    # What simulate has written is no scene, also where it lies beside its scenes.
-    outcome = run("simulate", folder, "-o", folder, "--truth", code=0)
-    assert outcome.err.count("JPG") == 3
-    assert note in outcome.err
-    endings = ("dng", "truth.tif", "truth.png")
-    assert {f"{stem}.{ending}" for stem in stems for ending in endings} <= names(folder)
-    scenes, _ = expand([str(folder), str(folder / "DSC_1.JPG")], out)
     assert {Path(name).name for name in scenes} == raws | {"DSC_0_edited.tif", "DSC_1.JPG"}
-    run("simulate", folder / "DSC_1.JPG", "-o", out, code=0)
 
 
 # --- burst files ----------------------------------------------------------------------------------
