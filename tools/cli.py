@@ -105,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                     from .batch import jobs  # not at the top: it imports NumPy
 
                     jobs.remove_unused_folders()
-                console.close()
+                to_stdout()  # what is left in its buffer
     except KeyboardInterrupt as stop:
         console.error("interrupted; finished files are complete, and no partial file is left")
         code = stop.code if isinstance(stop, Terminated) else INTERRUPTED

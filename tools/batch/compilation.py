@@ -2,7 +2,7 @@
 it in a first run.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 
@@ -13,6 +13,10 @@ from .progress import Note, StageProgress
 
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
 _REMEDY = "close other programs, or let the first render compile"
+_COMPILING = (
+    "compiling the renderer for this processor; it takes about half a minute, once "
+    "(if it comes again: panchroma doctor)"
+)
 
 
 @contextmanager
@@ -24,8 +28,13 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
     """
     from ...offline import compilation
 
-    tell = _teller(progress)
-    with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
+    note_once = cache(progress.note)
+
+    def tell(number: int, most: int) -> None:
+        note_once(_COMPILING)
+        progress.remark(f"compiling kernel {number} of at most {most}")
+
+    with compilation(tell):
         yield
 
 
@@ -50,12 +59,12 @@ def compile_ahead(processes: int, progress: StageProgress) -> None:
     except OutputError:  # there is no folder to keep any in
         return
     if min(processes, len(names)) > 1:
-        tell = _teller(progress)
         progress.stage("compiling", len(names))
-        tell("compiling")
+        progress.note(_COMPILING)
+        progress.remark("compiling")
         for number, _ in enumerate(compile_all(names, processes, progress.note), 1):
             progress.advance()
-            tell(f"compiled kernel {number} of {len(names)}")
+            progress.remark(f"compiled kernel {number} of {len(names)}")
 
 
 def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:
@@ -76,17 +85,3 @@ def _compile(name: str, listener: StageProgress) -> None:
     from ...offline import compile_kernel
 
     compile_kernel(name)
-
-
-def _teller(progress: StageProgress) -> Callable[[str], None]:
-    """A function that says once that the renderer is being compiled, and shows how far it is."""
-    note_once = cache(progress.note)
-
-    def tell(how_far: str) -> None:
-        note_once(
-            "compiling the renderer for this processor; it takes about half a minute, once "
-            "(if it comes again: panchroma doctor)"
-        )
-        progress.remark(how_far)
-
-    return tell

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 from ..io.versions import install_command
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as RichProgress
-
     from .progress import StageProgress
 
 _PACKAGE = __name__.partition(".")[0]
@@ -64,7 +62,6 @@ class Console:
         spell: Callable[[str], str] = str,
     ) -> None:
         self.json, self.quiet, self.verbose, self.spell = json, quiet, verbose, spell
-        self._display: RichProgress | None = None
 
     def say(self, *lines: str) -> None:
         """Print the lines of a result, to stdout unless that is for machines.
@@ -73,9 +70,8 @@ class Console:
         """
         if not self.json:
             to_stdout(*(one_line(self.spell(line)) for line in lines))
-        elif not self.quiet:
-            for line in lines:
-                to_stderr(self.spell(line))
+        else:
+            self.note(*lines)
 
     def note(self, *texts: str) -> None:
         """Print remarks to stderr."""
@@ -120,27 +116,15 @@ class Console:
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
         # Imported here, because it loads NumPy, which `panchroma --help` does not need.
-        from .progress import BarProgress, LineProgress, StageProgress, rich_display
+        from .progress import BarProgress, LineProgress, StageProgress
 
         if self.quiet:
             return StageProgress(note=self.note)
         title = one_line(title)
-        if self._display is None and sys.stderr.isatty() and not self.verbose:
+        if sys.stderr.isatty() and not self.verbose:
             with suppress(ImportError):  # a camera has no package rich
-                self._display = rich_display()
-        if self._display is None:
-            return LineProgress(title, self.note)
-        return BarProgress(title, self.note, self._display)
-
-    def close(self) -> None:
-        """Restore the terminal and flush stdout.
-
-        Raises StandardOutputError.
-        """
-        if self._display is not None:
-            self._display.stop()
-            self._display = None
-        to_stdout()
+                return BarProgress(title, self.note)
+        return LineProgress(title, self.note)
 
 
 def fault(error: BaseException) -> str:

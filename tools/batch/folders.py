@@ -50,12 +50,6 @@ class Source:
         """True for one found in a folder, where it may turn out to be something else."""
         return self.below is not None
 
-    def output(self, folder: Path, name: str) -> Path:
-        """Path of a result called `name` in `folder`, below which subfolders of a searched folder
-        are mirrored.
-        """
-        return folder / name if self.below is None else folder / self.below.parent / name
-
 
 @dataclass(frozen=True)
 class Search:
@@ -231,15 +225,16 @@ def plan(
     *,
     dry_run: bool = False,
 ) -> list[Job]:
-    """One job per source, with outputs in `folder` (see `Source.output`) under the names that
-    `names(source.name)` returns.
+    """One job per source, with outputs in `folder`, below which subfolders of a searched folder are
+    mirrored, under the names that `names(source.name)` returns.
 
     Subfolders that exist already are freed of what killed processes have left half written, but for
     a dry run.
     """
     jobs = []
     for source in sources:
-        outputs = tuple(source.output(folder, name) for name in names(source.name))
+        place = folder if source.below is None else folder / source.below.parent
+        outputs = tuple(place / name for name in names(source.name))
         jobs.append(Job(source.name, outputs, source.from_folder))
     if not dry_run:
         for below in {output.parent for job in jobs for output in job.outputs} - {folder}:

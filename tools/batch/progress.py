@@ -80,9 +80,10 @@ class LineProgress(StageProgress):
 class BarProgress(StageProgress):
     """A bar per file that shows the current stage."""
 
-    def __init__(self, title: str, note: Note, display: "RichProgress") -> None:
+    def __init__(self, title: str, note: Note) -> None:
         super().__init__(title, note)
-        self._display, self._task = display, display.add_task(title, total=None)
+        self._display = _rich_display()
+        self._task = self._display.add_task(title, total=None)
 
     def __enter__(self) -> Self:
         self._display.start()
@@ -103,12 +104,11 @@ class BarProgress(StageProgress):
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         super().__exit__(kind)
-        self._display.remove_task(self._task)
         self._display.stop()
 
 
-def rich_display() -> "RichProgress":
-    """The display of all bars of a terminal, not yet started."""
+def _rich_display() -> "RichProgress":
+    """The display of a bar on a terminal, not yet started."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

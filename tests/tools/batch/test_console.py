@@ -80,7 +80,6 @@ def test_a_terminal_shows_a_bar_whatever_the_file_is_called_and_results_go_elsew
         progress.stage("luminance", 3)
         progress.advance(3)
         shown.record(source="a.dng", ok=True)
-    shown.close()
     assert "[/shot] [bold]x.dng: luminance" in terminal.getvalue()
     assert file.getvalue() == '{"source": "a.dng", "ok": true}\n'
     assert "a.dng" not in terminal.getvalue()
