@@ -37,20 +37,27 @@ PIXELS = np.zeros((8, 8, 3), np.uint8)
 
 
 class Outline(HTMLParser):
-    """The elements of a page, each with the names of its attributes, and its texts."""
+    """The elements of a page, each with the names of its attributes, its attributes, and its
+    texts.
+    """
 
     def __init__(self, page: str) -> None:
         super().__init__()
         self.elements: list[tuple[str, ...]] = []
+        self.attributes: list[tuple[str, str]] = []
         self.texts: list[str] = []
         self.feed(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.elements.append((tag, *(name for name, _ in attrs)))
-        self.texts += [value or "" for _, value in attrs]
+        self.attributes += [(name, value or "") for name, value in attrs]
 
     def handle_data(self, data: str) -> None:
         self.texts.append(data)
+
+    def stated(self, *names: str) -> set[str]:
+        """The values of attributes of these names."""
+        return {value for name, value in self.attributes if name in names and value}
 
 
 def of_evaluation(folder: Path, text: str) -> bytes:
@@ -86,7 +93,8 @@ def of_calibration(_: Path, text: str) -> bytes:
 def test_a_text_stays_a_text(tmp_path: Path, make: Callable[[Path, str], bytes]) -> None:
     harmless, hostile = (Outline(make(tmp_path, text).decode()) for text in ("a", HOSTILE))
     assert hostile.elements == harmless.elements
-    assert sum(HOSTILE in text for text in hostile.texts) >= 4
+    shown = [*hostile.texts, *(value for _, value in hostile.attributes)]
+    assert sum(HOSTILE in text for text in shown) >= 4
 
 
 SETTINGS = """text.usetex: True
