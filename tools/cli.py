@@ -83,12 +83,11 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
             verb, *words = arguments[len(common) :] or [""]
             try:
                 parser, own = build_parser(verb)
-                _refuse_misspelt(parser, common, _options(parser))
+                _refuse_misspelt(parser, common)
                 if verb and verb not in VERBS:
                     parser.error(f"there is no verb {verb}{_likeliest(verb, VERBS)}")
-                options = _options(own)
-                console = Console(verbose=console.verbose, spell=partial(spelled, options=options))
-                _refuse_misspelt(own, words, options)
+                console.spell = partial(spelled, options=_options(own))
+                _refuse_misspelt(own, words)
                 parsed, unexpected = parser.parse_known_args(arguments)
                 if unexpected:
                     own.error(f"unexpected argument: {unexpected[0]!r}")
@@ -177,12 +176,11 @@ def _options(parser: argparse.ArgumentParser) -> list[str]:
     return [option for line in listed for option in re.findall(r"(?:^|, )(--?[\w-]+)", line)]
 
 
-def _refuse_misspelt(
-    parser: argparse.ArgumentParser, words: Sequence[str], options: Sequence[str]
-) -> None:
-    """End with usage, and the likeliest option, if one of the words is an option that is not among
-    these. Nothing else is complained of before.
+def _refuse_misspelt(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
+    """End with usage, and the likeliest option, if one of the words is an option that the parser
+    has not. Nothing else is complained of before.
     """
+    options = _options(parser)
     before = list(takewhile(lambda word: word != "--", words))
     if {"-h", "--help"} & {*before}:
         return
