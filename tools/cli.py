@@ -14,7 +14,7 @@ from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from .batch.console import Console, StandardOutputError, fault, one_line, shown_by, to_stdout
 from .batch.signals import INTERRUPTED, Terminated, orderly_end
@@ -50,8 +50,12 @@ environment variables:
 
 class _Parser(argparse.ArgumentParser):
     """An ArgumentParser whose errors are one line whatever the arguments contain, and whose reader
-    may leave.
+    may leave. Options are written in full.
     """
+
+    def __init__(self, **settings: Any) -> None:
+        formatter = argparse.RawDescriptionHelpFormatter
+        super().__init__(formatter_class=formatter, allow_abbrev=False, **settings)
 
     def print_help(self, file: object = None) -> None:
         to_stdout(self.format_help().rstrip("\n"))
@@ -134,21 +138,13 @@ def build_parser(
         description="Software of a sparse-colour camera: simulate it, calibrate it, render its "
         "shots.",
         epilog=f"panchroma help VERB shows the options of a verb.\n{_ENVIRONMENT}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     _add_common(parser, quiet=False, verbose=False)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, prog="panchroma")
     own: argparse.ArgumentParser = parser
     for name, summary in VERBS.items():
-        child = verbs.add_parser(
-            name,
-            help=summary,
-            allow_abbrev=False,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            usage=f"panchroma {name} ...",
-        )
+        child = verbs.add_parser(name, help=summary, usage=f"panchroma {name} ...")
         if name in used:
             own = child
             if store:

@@ -129,9 +129,8 @@ def search(
     if total := folders.total():
         number = f"{total}{' or more' * (total == _COUNTED)} file{'s' * (total > 1)}"
         where = f"{_listed(list(folders), 'folders')}, hidden or of other programs"
-        result.left_out.append(
-            f"left out {number} in {where}; name such a folder to take its files"
-        )
+        remark = f"left out {number} in {where}; name such a folder to take its files"
+        result.left_out.append(remark)
     return result
 
 
