@@ -8,6 +8,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,7 @@ class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was f
     """
 
 
+@dataclass(kw_only=True, eq=False)
 class Console:
     """Lines for people, with `json` also one object per line for machines, and a progress bar where
     a terminal can show one.
@@ -53,15 +55,10 @@ class Console:
         An error is followed by the traceback of what caused it; there is a line for each stage.
     """
 
-    def __init__(
-        self,
-        *,
-        json: bool = False,
-        quiet: bool = False,
-        verbose: bool = False,
-        spell: Callable[[str], str] = str,
-    ) -> None:
-        self.json, self.quiet, self.verbose, self.spell = json, quiet, verbose, spell
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    spell: Callable[[str], str] = str
 
     def say(self, *lines: str) -> None:
         """Print the lines of a result, to stdout unless that is for machines.
