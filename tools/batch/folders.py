@@ -94,7 +94,8 @@ class Search:
         below = partial(os.path.relpath, start=top)
         for place, folders, files in os.walk(top, onerror=errors.append):
             kinds = {name: _kind_left_out(place, name, output) for name in sorted(folders)}
-            self.others += [_joined(place, name) for name, kind in kinds.items() if kind == _OTHER]
+            foreign = [name for name, kind in kinds.items() if kind == _OTHER]
+            self.others.extend(_joined(place, name) for name in foreign)
             folders_left_out.update(kind for kind in kinds.values() if kind not in ("", _OTHER))
             folders[:] = [name for name, kind in kinds.items() if not kind]
             taken, aside = [], dict[str, str]()
