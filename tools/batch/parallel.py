@@ -190,7 +190,7 @@ def possible_processes(count: int, note: "Note") -> int:
     spawn = _SafeSpawn()
     try:
         with _safe_path():  # of the process that looks after semaphores
-            _ = count > 1 and [spawn.RLock(), spawn.RLock()]  # as many as an executor has
+            _ = count > 1 and [spawn.RLock(), spawn.RLock()]  # as many as a pool has
     except (ImportError, OSError) as error:
         reason = getattr(error, "strerror", error)
         note(f"one process does all the work: no semaphore can be made in /dev/shm ({reason})")
