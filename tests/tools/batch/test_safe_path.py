@@ -69,10 +69,9 @@ SCENES = "builtin:80x70 builtin:70x80 in/scene.exr"
 def test_a_command_executes_no_file_of_the_user(
     line: str, variables: dict[str, str], folder: Path
 ) -> None:
-    program, environment = [sys.executable, folder / "bin/panchroma"], {**os.environ, **variables}
-    done = subprocess.run(
-        [*program, *line.split()], cwd=folder, env=environment, capture_output=True, check=False
-    )
+    words = [sys.executable, str(folder / "bin/panchroma"), *line.split()]
+    environment = {**os.environ, **variables}
+    done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, check=False)
     assert not (folder / "executed").exists(), (folder / "executed").read_text()
     assert done.returncode == 0, done.stderr
 
