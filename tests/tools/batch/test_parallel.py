@@ -143,6 +143,17 @@ def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.Mo
         assert not Path(f"/proc/{path.stem}").exists()
 
 
+def test_an_interrupt_leaves_no_file_of_processes_that_it_kills(tmp_path: Path, out: Path) -> None:
+    for seed in range(2):
+        save_shot(tmp_path / "in" / f"{seed}.dng", seed, (900, 900))
+    rendering = start("render -j 2 --preset paper", tmp_path / "in", "-o", out)
+    while not list(out.glob("*.part")):
+        assert rendering.poll() is None
+        time.sleep(0.01)
+    ended(rendering, signal.SIGINT, code=130)
+    assert not list(out.glob("*.part"))
+
+
 def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
     words = {0.2: "1 s", 40: "40 s", 700: "12 min", 12000: "3 h 20 min"}
     assert {seconds: duration(seconds) for seconds in words} == words

@@ -22,8 +22,10 @@ from panchroma.shared.calibration import NoiseModel
 from panchroma.tools.batch import order as attempt
 from panchroma.tools.batch.burst_files import BurstOrder
 from panchroma.tools.batch.chosen_white import WhiteBalance
+from panchroma.tools.batch.jobs import Job
 from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, output_lock
 from panchroma.tools.batch.order import Order
+from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.kind import PictureKind
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import Outcome, assert_refused, contents, results, run
@@ -154,6 +156,15 @@ def test_a_run_cut_off_between_journal_and_picture_goes_on(
     assert contents(out) | {NAME: b""} == old | {NAME: b""}
     assert current(render(shots, out, "--resume", "--exposure", "1")) == set()
     assert set(contents(out)) == set(old)  # no copies: what was replaced was ours
+
+
+def test_what_a_process_has_made_before_it_was_killed_is_no_failure(shots: Path, out: Path) -> None:
+    """Another process of the same run is given its shot."""
+    order = Order(**WHOLE | {"folder": out, "camera": None, "white": WhiteBalance()})
+    job = Job(str(shots / "a.dng"), (out / "a.jpg",))
+    outcomes = [attempt.attempt(order, 2**40, 1, job, StageProgress()) for _ in range(2)]
+    found = [(made.state, made.facts.get("current")) for made in outcomes]
+    assert found == [("made", None), ("made", True)]
 
 
 def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(
