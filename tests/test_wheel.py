@@ -113,7 +113,7 @@ _ADVICE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from panchroma.tools.io.versions import install_command
-print(install_command(), install_command(""), install_command("all,cluster"), sep="\\n")
+print(install_command(), install_command(""), install_command("all,rivals"), sep="\\n")
 """
 _WHEEL = "file:///home/me/panchroma-0.1.0-py3-none-any.whl"
 
@@ -138,7 +138,7 @@ def test_advice_installs_from_where_this_one_came(
     if origin:
         (record / "direct_url.json").write_text(json.dumps(origin))
     lines = run_python(_ADVICE, installed, folder=tmp_path).splitlines()
-    names = [f"panchroma{extra}{source}" for extra in ("[all]", "", "[all,cluster]")]
+    names = [f"panchroma{extra}{source}" for extra in ("[all]", "", "[all,rivals]")]
     assert lines == [f"pip install {quote(name)}" for name in names]
 
 

@@ -14,7 +14,7 @@ from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from .batch.console import Console, StandardOutputError, fault, one_line, shown_by, to_stdout
 from .batch.signals import INTERRUPTED, Terminated, orderly_end
@@ -50,8 +50,12 @@ environment variables:
 
 class _Parser(argparse.ArgumentParser):
     """An ArgumentParser whose errors are one line whatever the arguments contain, and whose reader
-    may leave.
+    may leave. Options are written in full.
     """
+
+    def __init__(self, **settings: Any) -> None:
+        formatter = argparse.RawDescriptionHelpFormatter
+        super().__init__(formatter_class=formatter, allow_abbrev=False, **settings)
 
     def print_help(self, file: object = None) -> None:
         to_stdout(self.format_help().rstrip("\n"))
@@ -83,12 +87,11 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
             verb, *words = arguments[len(common) :] or [""]
             try:
                 parser, own = build_parser(verb)
-                _refuse_misspelt(parser, common, _options(parser))
+                _refuse_misspelt(parser, common)
                 if verb and verb not in VERBS:
                     parser.error(f"there is no verb {verb}{_likeliest(verb, VERBS)}")
-                options = _options(own)
-                console = Console(verbose=console.verbose, spell=partial(spelled, options=options))
-                _refuse_misspelt(own, words, options)
+                console.spell = partial(spelled, options=_options(own))
+                _refuse_misspelt(own, words)
                 parsed, unexpected = parser.parse_known_args(arguments)
                 if unexpected:
                     own.error(f"unexpected argument: {unexpected[0]!r}")
@@ -105,7 +108,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                     from .batch import jobs  # not at the top: it imports NumPy
 
                     jobs.remove_unused_folders()
-                console.close()
+                to_stdout()  # what is left in its buffer
     except KeyboardInterrupt as stop:
         console.error("interrupted; finished files are complete, and no partial file is left")
         code = stop.code if isinstance(stop, Terminated) else INTERRUPTED
@@ -135,21 +138,13 @@ def build_parser(
         description="Software of a sparse-colour camera: simulate it, calibrate it, render its "
         "shots.",
         epilog=f"panchroma help VERB shows the options of a verb.\n{_ENVIRONMENT}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     _add_common(parser, quiet=False, verbose=False)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, prog="panchroma")
     own: argparse.ArgumentParser = parser
     for name, summary in VERBS.items():
-        child = verbs.add_parser(
-            name,
-            help=summary,
-            allow_abbrev=False,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            usage=f"panchroma {name} ...",
-        )
+        child = verbs.add_parser(name, help=summary, usage=f"panchroma {name} ...")
         if name in used:
             own = child
             if store:
@@ -177,12 +172,11 @@ def _options(parser: argparse.ArgumentParser) -> list[str]:
     return [option for line in listed for option in re.findall(r"(?:^|, )(--?[\w-]+)", line)]
 
 
-def _refuse_misspelt(
-    parser: argparse.ArgumentParser, words: Sequence[str], options: Sequence[str]
-) -> None:
-    """End with usage, and the likeliest option, if one of the words is an option that is not among
-    these. Nothing else is complained of before.
+def _refuse_misspelt(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
+    """End with usage, and the likeliest option, if one of the words is an option that the parser
+    has not. Nothing else is complained of before.
     """
+    options = _options(parser)
     before = list(takewhile(lambda word: word != "--", words))
     if {"-h", "--help"} & {*before}:
         return

@@ -2,19 +2,18 @@
 [FIGURE]...
 
 small    1,000 small shots in one command with one process, and again with --resume. workers
-throughput of 1 and 2 processes of one thread each, shots of 1 MP. cluster  throughput of 1 and 2
-dask workers of one thread each, the same shots. plan     processor time, bytes in and bytes out of
-one shot of 24 MP, extrapolated to a million shots.
+throughput of 1 and 2 processes of one thread each, shots of 1 MP. plan     processor time, bytes in
+and bytes out of one shot of 24 MP, extrapolated to a million shots.
 """
 
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,6 @@ from panchroma.shared import Mosaic, SensorCalibration, write_dng
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.benchmarks.harness import PATTERN
-from tests.dask_cluster import cluster
 from tests.tools.command import start
 
 SMALL, COUNT = (300, 200), 1000
@@ -45,11 +43,11 @@ def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
 
 
 def seconds(*arguments: str | Path) -> tuple[float, float]:
-    """(wall-clock seconds, processor seconds) of one command; the processor time of a scheduler's
-    workers is not included.
-    """
+    """(wall-clock seconds, processor seconds) of one command, whose processes have one thread."""
     begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    process = start("render", *arguments, "--json", stderr=subprocess.DEVNULL)
+    environment = {**os.environ, "PANCHROMA_THREADS": "1"}
+    words = ("render", *arguments, "--json")
+    process = start(*words, stderr=subprocess.DEVNULL, env=environment)
     output, _ = process.communicate()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if process.returncode or not all(json.loads(line)["ok"] for line in output.splitlines()):
@@ -66,7 +64,7 @@ def fresh(top: Path, name: str) -> Path:
 def small(top: Path) -> None:
     """Measure one process."""
     save_shots(top / "small", COUNT, SMALL)
-    options = (top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
+    options = (top / "small", "-o", fresh(top, "whole"), "-j", "1")
     (wall, used), (again, _) = seconds(*options), seconds(*options, "--resume")
     print(
         f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: {wall:.1f} s ({used:.1f} s of a processor); "
@@ -74,47 +72,20 @@ def small(top: Path) -> None:
     )
 
 
-def workers(top: Path) -> None:
+def workers(top: Path, count: int = 24) -> None:
     """Measure processes of this machine."""
-
-    def by(count: int, out: Path) -> tuple[float, float]:
-        return seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1")
-
-    _throughput(top, "processes", by)
-
-
-def on_cluster(top: Path) -> None:
-    """Measure workers of a dask scheduler."""
-
-    def by(count: int, out: Path) -> tuple[float, float]:
-        with cluster(out, count) as (address, _):
-            target = fresh(out, "pictures")
-            _warm(top, target, "--scheduler", address, count=count)
-            return seconds(top / "large", "-o", target, "--scheduler", address, "-j", "1")
-
-    _throughput(top, "dask workers", by)
-
-
-def _warm(top: Path, out: Path, *options: str | Path, count: int) -> None:
-    """Make every worker load its libraries before the measurement, as in a cluster that is already
-    running.
-    """
-    save_shots(top / "warm", 8, SMALL)
-    seconds(top / "warm", "-o", fresh(out.parent, f"warm{count}"), *options, "-j", "1")
-
-
-def _throughput(
-    top: Path, who: str, by: Callable[[int, Path], tuple[float, float]], count: int = 24
-) -> None:
     save_shots(top / "large", count, MEGAPIXEL)
     megapixels = count * MEGAPIXEL[0] * MEGAPIXEL[1] / 1e6
-    taken = {number: by(number, fresh(top, f"{who[0]}{number}")) for number in (1, 2)}
+    taken = {
+        number: seconds(top / "large", "-o", fresh(top, f"p{number}"), "-j", str(number))
+        for number in (1, 2)
+    }
     rates = ", ".join(
         f"{number}: {wall:.1f} s ({used:.1f} s of processors), {megapixels / wall:.2f} MP/s"
         for number, (wall, used) in taken.items()
     )
     print(
-        f"{count} shots of {MEGAPIXEL[0]} x {MEGAPIXEL[1]}, {who} of one thread: {rates}; "
+        f"{count} shots of {MEGAPIXEL[0]} x {MEGAPIXEL[1]}, processes of one thread: {rates}; "
         f"{taken[1][0] / taken[2][0]:.2f} x"
     )
 
@@ -123,7 +94,7 @@ def plan(top: Path) -> None:
     """Extrapolate from one shot of 24 MP to a million."""
     save_shots(top / "full", 1, (6000, 4000))
     out = fresh(top, "planned")
-    _, used = seconds(top / "full", "-o", out, "-j", "1", "--workers", "1")
+    _, used = seconds(top / "full", "-o", out, "-j", "1")
     paths = top / "full" / "0000.dng", out / "0000.tif"
     size_in, size_out = (path.stat().st_size for path in paths)
     hours, cores = MILLION * used / 3600, 64
@@ -137,7 +108,7 @@ def plan(top: Path) -> None:
     )
 
 
-MEASURED = {"small": small, "workers": workers, "cluster": on_cluster, "plan": plan}
+MEASURED = {"small": small, "workers": workers, "plan": plan}
 
 
 def main() -> None:

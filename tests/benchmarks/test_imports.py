@@ -13,7 +13,7 @@ OTHER_NAMES = {"pytest-xdist": "xdist", "PyWavelets": "pywt"}
 
 def test_no_benchmark_needs_what_only_tests_need() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    extras = ("dev", "cluster", "rivals", "training")
+    extras = ("dev", "rivals", "training")
     packages = chain(*map(project["optional-dependencies"].__getitem__, extras))
     missing = {package.split(">")[0].split("[")[0] for package in packages}
     blocked = {OTHER_NAMES.get(name, name) for name in missing}

@@ -116,11 +116,8 @@ def shots(folder: Path) -> list[Path]:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Path below the folder -> bytes, of every file, hidden ones too."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def results(folder: Path) -> set[str]:

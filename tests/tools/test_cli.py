@@ -175,15 +175,6 @@ def test_verbose_shows_the_traceback_of_a_fault(
     assert "Traceback" not in run(*words, code=1).err
 
 
-@pytest.mark.parametrize("options", ["-q", "-v"])
-def test_verbose_shows_the_cause_of_damage(options: str, tmp_path: Path) -> None:
-    (tmp_path / "cut.npy").write_bytes(b"\x93NUMPY\1\0\x10\0{'descr': '<f4',")
-    outcome = run("simulate", tmp_path / "cut.npy", "-o", tmp_path / "out", options, code=1)
-    assert "the file is cut short or damaged; copy it again" in outcome.errors[0]
-    assert ("Traceback" in outcome.err) == ("-v" in options)
-    assert "a fault of Panchroma" not in outcome.err
-
-
 def test_options_of_every_verb_may_stand_before_it(shots: Path) -> None:
     quiet = run("inspect", shots, "--quiet", code=0)
     assert run("-q -v inspect", shots, code=0).out == quiet.out

@@ -6,7 +6,6 @@ import ast
 import shutil
 import subprocess
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -14,6 +13,7 @@ import pytest
 
 from tests.data import ROOT
 from tests.test_examples import PUBLIC
+from tests.tools.test_pages import Outline
 
 EXAMPLES = sorted((ROOT / "tools/pages/gallery").glob("*.py"))
 
@@ -25,29 +25,15 @@ def code_lines(path: Path) -> int:
     return sum(bool(line.strip()) and line[0] != "#" for line in text.splitlines()[head:])
 
 
-class Anchors(HTMLParser):
-    """The anchors of a page, and what it links to or shows."""
-
-    def __init__(self, page: Path) -> None:
-        super().__init__()
-        self.anchors, self.links = set[str](), set[str]()
-        self.feed(page.read_text("utf-8"))
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        found = {name: value for name, value in attrs if value}
-        self.anchors |= {found[name] for name in ("id", "name") if name in found}
-        self.links |= {found[name] for name in ("href", "src") if name in found}
-
-
 def dead_links(site: Path) -> list[str]:
     """Return a line for each link within a site to a file or an anchor that is not there."""
-    pages = {path: Anchors(path) for path in site.rglob("*.html")}
-    dead = []
+    pages = {path: Outline(path.read_text("utf-8")) for path in site.rglob("*.html")}
+    anchors, dead = {path: page.stated("id", "name") for path, page in pages.items()}, []
     for path, page in pages.items():
-        for link in map(urlsplit, page.links):
+        for link in map(urlsplit, page.stated("href", "src")):
             target = (path.parent / unquote(link.path)).resolve() if link.path else path
-            anchors = pages[target].anchors if target in pages else {unquote(link.fragment)}
-            leads = target.exists() and unquote(link.fragment) in {"", *anchors}
+            known = anchors.get(target, {unquote(link.fragment)})
+            leads = target.exists() and unquote(link.fragment) in {"", *known}
             if not (link.scheme or leads):
                 dead.append(f"{path.relative_to(site)}: {link.geturl()}")
     return dead
@@ -84,6 +70,6 @@ def test_the_site_builds_with_warnings_as_errors(tmp_path: Path) -> None:
     assert len(list((tmp_path / "build/gallery/images").glob("*_001.png"))) == len(EXAMPLES)
     site = tmp_path.resolve() / "build/pages"
     assert dead_links(site) == []
-    pages = (site / "tools/pages/api").glob("*.html")
-    documented = set[str]().union(*(Anchors(page).anchors for page in pages))
+    api = (Outline(page.read_text("utf-8")) for page in (site / "tools/pages/api").glob("*.html"))
+    documented = set[str]().union(*(page.stated("id", "name") for page in api))
     assert {f"{module.__name__}.{name}" for module, name in PUBLIC} <= documented

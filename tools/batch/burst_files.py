@@ -259,10 +259,8 @@ class BurstSubject(Subject):
 
     def facts(self) -> dict[str, Any]:
         """Verdict on each frame, for machines."""
-        return {
-            "reference": self._reference.name,
-            "frames": [frame.facts() for frame in self.frames],
-        }
+        frames = [frame.facts() for frame in self.frames]
+        return {"reference": self._reference.name, "frames": frames}
 
     @property
     def _left(self) -> int:

@@ -47,10 +47,9 @@ class WhiteBalance:
         """
         if isinstance(requested, str) and requested in (_CAMERA, _AUTO):
             return cls(requested)
+        numbers = requested.split(",") if isinstance(requested, str) else requested
         try:
-            multipliers = tuple(
-                map(float, requested.split(",") if isinstance(requested, str) else requested)
-            )
+            multipliers = tuple(map(float, numbers))
         except (ValueError, TypeError):
             multipliers = ()
         if len(multipliers) == 2 and all(at >= GREY_BOX // 2 and at % 1 == 0 for at in multipliers):
@@ -79,10 +78,8 @@ class WhiteBalance:
         if self.kind == _AUTO:
             neutral = estimate_neutral(mosaic)
             if neutral is None:
-                raise InputError(
-                    "too dark, too bright or too small to estimate the white balance; give "
-                    '`wb="camera"` or multipliers'
-                )
+                reason = "too dark, too bright or too small to estimate the white balance"
+                raise InputError(f'{reason}; give `wb="camera"` or multipliers')
             return mosaic.calibrated(balanced(calibration, np.array(neutral), estimated=True))
         if self.grey and len(calibration.channels) > 2:
             return self._grey_at(mosaic, *self.grey)

@@ -2,18 +2,21 @@
 it in a first run.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 
 from ...shared.errors import OutputError
 from .memory import available_memory
-from .parallel import one_by_one, possible_processes
-from .parallel import processes as worker_processes
+from .parallel import in_processes, one_by_one, possible_processes
 from .progress import Note, StageProgress
 
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
 _REMEDY = "close other programs, or let the first render compile"
+_COMPILING = (
+    "compiling the renderer for this processor; it takes about half a minute, once "
+    "(if it comes again: panchroma doctor)"
+)
 
 
 @contextmanager
@@ -25,8 +28,13 @@ def announced_compilation(progress: StageProgress) -> Iterator[None]:
     """
     from ...offline import compilation
 
-    tell = _teller(progress)
-    with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
+    note_once = cache(progress.note)
+
+    def tell(number: int, most: int) -> None:
+        note_once(_COMPILING)
+        progress.remark(f"compiling kernel {number} of at most {most}")
+
+    with compilation(tell):
         yield
 
 
@@ -51,12 +59,12 @@ def compile_ahead(processes: int, progress: StageProgress) -> None:
     except OutputError:  # there is no folder to keep any in
         return
     if min(processes, len(names)) > 1:
-        tell = _teller(progress)
         progress.stage("compiling", len(names))
-        tell("compiling")
+        progress.note(_COMPILING)
+        progress.remark("compiling")
         for number, _ in enumerate(compile_all(names, processes, progress.note), 1):
             progress.advance()
-            tell(f"compiled kernel {number} of {len(names)}")
+            progress.remark(f"compiled kernel {number} of {len(names)}")
 
 
 def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:
@@ -69,25 +77,11 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
         yield from one_by_one(_compile, names, lambda _: StageProgress(note=note))
         return
     possible = min(processes, available_memory() // _PROCESS_BYTES)
-    with worker_processes(max(1, possible), _REMEDY) as executor:
-        yield from executor.run(_compile, names, note)
+    with in_processes(_compile, names, max(1, possible), note, _REMEDY) as results:
+        yield from results
 
 
 def _compile(name: str, listener: StageProgress) -> None:
     from ...offline import compile_kernel
 
     compile_kernel(name)
-
-
-def _teller(progress: StageProgress) -> Callable[[str], None]:
-    """A function that says once that the renderer is being compiled, and shows how far it is."""
-    note_once = cache(progress.note)
-
-    def tell(how_far: str) -> None:
-        note_once(
-            "compiling the renderer for this processor; it takes about half a minute, once "
-            "(if it comes again: panchroma doctor)"
-        )
-        progress.remark(how_far)
-
-    return tell

@@ -8,14 +8,13 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..io.versions import install_command
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as RichProgress
-
     from .progress import StageProgress
 
 _PACKAGE = __name__.partition(".")[0]
@@ -34,16 +33,12 @@ class StandardOutputError(Exception):
 
 
 class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was foreseen)
-    """An exception that nobody foresaw in a worker process.
-
-    message: that of `fault` there, the text of this exception. trace: its traceback there.
+    """An exception that nobody foresaw in a worker process: the message of `fault` there, and its
+    traceback as a note.
     """
 
-    def __str__(self) -> str:
-        """Return the message alone."""
-        return str(self.args[0])
 
-
+@dataclass(kw_only=True, eq=False)
 class Console:
     """Lines for people, with `json` also one object per line for machines, and a progress bar where
     a terminal can show one.
@@ -60,16 +55,10 @@ class Console:
         An error is followed by the traceback of what caused it; there is a line for each stage.
     """
 
-    def __init__(
-        self,
-        *,
-        json: bool = False,
-        quiet: bool = False,
-        verbose: bool = False,
-        spell: Callable[[str], str] = str,
-    ) -> None:
-        self.json, self.quiet, self.verbose, self.spell = json, quiet, verbose, spell
-        self._display: RichProgress | None = None
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    spell: Callable[[str], str] = str
 
     def say(self, *lines: str) -> None:
         """Print the lines of a result, to stdout unless that is for machines.
@@ -78,9 +67,8 @@ class Console:
         """
         if not self.json:
             to_stdout(*(one_line(self.spell(line)) for line in lines))
-        elif not self.quiet:
-            for line in lines:
-                to_stderr(self.spell(line))
+        else:
+            self.note(*lines)
 
     def note(self, *texts: str) -> None:
         """Print remarks to stderr."""
@@ -125,27 +113,15 @@ class Console:
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
         # Imported here, because it loads NumPy, which `panchroma --help` does not need.
-        from .progress import BarProgress, LineProgress, StageProgress, rich_display
+        from .progress import BarProgress, LineProgress, StageProgress
 
         if self.quiet:
             return StageProgress(note=self.note)
         title = one_line(title)
-        if self._display is None and sys.stderr.isatty() and not self.verbose:
+        if sys.stderr.isatty() and not self.verbose:
             with suppress(ImportError):  # a camera has no package rich
-                self._display = rich_display()
-        if self._display is None:
-            return LineProgress(title, self.note)
-        return BarProgress(title, self.note, self._display)
-
-    def close(self) -> None:
-        """Restore the terminal and flush stdout.
-
-        Raises StandardOutputError.
-        """
-        if self._display is not None:
-            self._display.stop()
-            self._display = None
-        to_stdout()
+                return BarProgress(title, self.note)
+        return LineProgress(title, self.note)
 
 
 def fault(error: BaseException) -> str:
@@ -171,8 +147,6 @@ def traceback_of(error: BaseException) -> str:
     """
     from ...shared.errors import PanchromaError  # not at the top: it imports NumPy
 
-    if isinstance(error, WorkerFault):
-        return str(error.args[1])
     if notes := getattr(error, "__notes__", None):
         return "\n".join(notes)
     cause: BaseException | None = error

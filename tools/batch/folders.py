@@ -50,12 +50,6 @@ class Source:
         """True for one found in a folder, where it may turn out to be something else."""
         return self.below is not None
 
-    def output(self, folder: Path, name: str) -> Path:
-        """Path of a result called `name` in `folder`, below which subfolders of a searched folder
-        are mirrored.
-        """
-        return folder / name if self.below is None else folder / self.below.parent / name
-
 
 @dataclass(frozen=True)
 class Search:
@@ -68,13 +62,15 @@ class Search:
     failures : list[tuple[str, str]]
         (folder, what is wrong) of each folder that cannot be read, or has no fitting file.
     left_out : list[str]
-        A remark for each folder in which something does not fit, and one on all folders that are
-        hidden or of other programs.
+        A remark for each folder in which something does not fit, and one on `others`.
+    others : list[str]
+        Folders that are hidden or of other programs; they are not searched.
     """
 
     sources: list[Source] = field(default_factory=list)
     failures: list[tuple[str, str]] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)
 
     def report(self, console: Console) -> bool:
         """Tell the user what was left out and what failed.
@@ -85,6 +81,47 @@ class Search:
         for folder, reason in self.failures:
             fail(Job(folder), reason, console)
         return not self.failures
+
+    def walk(self, top: str, endings: Collection[str], output: object, set_aside: SetAside) -> None:
+        """Add what is in and below a folder.
+
+        output: `identity` of a folder that is not searched. The others: see `search`.
+        """
+        errors: list[OSError] = []
+        fitting: list[Source] = []
+        files_left_out: dict[str, list[str]] = {}  # why -> files
+        folders_left_out: Counter[str] = Counter()  # kind -> number
+        below = partial(os.path.relpath, start=top)
+        for place, folders, files in os.walk(top, onerror=errors.append):
+            kinds = {name: _kind_left_out(place, name, output) for name in sorted(folders)}
+            foreign = [name for name, kind in kinds.items() if kind == _OTHER]
+            self.others.extend(_joined(place, name) for name in foreign)
+            folders_left_out.update(kind for kind in kinds.values() if kind not in ("", _OTHER))
+            folders[:] = [name for name, kind in kinds.items() if not kind]
+            taken, aside = [], dict[str, str]()
+            files.sort(key=lambda name: (os.path.islink(_joined(place, name)), name))  # noqa: PTH114
+            for name in files:  # a link comes behind what it leads to, whose name the result gets
+                fits, hidden = Path(name).suffix.lower() in endings, name.startswith(".")
+                if fits and not hidden:
+                    taken.append(_joined(place, name))
+                elif fits or not hidden:  # hidden files of other kinds are the system's, and ours
+                    aside[_joined(place, name)] = ""
+            aside |= {path: f" {why}" for path, why in set_aside(taken).items()}
+            fitting += [Source(path, Path(below(path))) for path in taken if path not in aside]
+            for path, why in aside.items():
+                files_left_out.setdefault(why, []).append(below(path))
+        self.sources.extend(fitting)
+        self.failures.extend(
+            (str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors
+        )
+        if not fitting and not errors:
+            kind = " or ".join(endings) if len(endings) < 3 else "fitting"
+            self.failures.append((top, f"no {kind} file is in this folder or below it"))
+        remarks = [f"{_listed(names, 'files')}{why}" for why, names in files_left_out.items()]
+        for kind, count in folders_left_out.items():
+            remarks.append(f"{count} {kind} {'folder' if count == 1 else 'folders'}")
+        if remarks:
+            self.left_out.append(f"{top}: left out {'; '.join(remarks)}")
 
 
 def search(
@@ -114,7 +151,7 @@ def search(
     set_aside : SetAside, optional
         See `SetAside`; a file that the user names is taken.
     """
-    result, others = Search(), list[str]()
+    result, results = Search(), identity(output) if output else None
     for name in names:
         if not name:
             empty = "is empty; check the command, such as a variable that is not set"
@@ -122,11 +159,11 @@ def search(
         elif is_file(name) or not os.path.isdir(name):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
             result.sources.append(Source(name))
         else:
-            _search(name, endings, identity(output) if output else None, set_aside, result, others)
+            result.walk(name, endings, results, set_aside)
     result.sources[:] = once(result.sources)
     inside = (
         folder
-        for folder in others
+        for folder in result.others
         for _, _, files in os.walk(folder)
         for file in files
         if Path(file).suffix.lower() in endings
@@ -135,9 +172,8 @@ def search(
     if total := folders.total():
         number = f"{total}{' or more' * (total == _COUNTED)} file{'s' * (total > 1)}"
         where = f"{_listed(list(folders), 'folders')}, hidden or of other programs"
-        result.left_out.append(
-            f"left out {number} in {where}; name such a folder to take its files"
-        )
+        remark = f"left out {number} in {where}; name such a folder to take its files"
+        result.left_out.append(remark)
     return result
 
 
@@ -159,53 +195,7 @@ def file_key(name: str) -> object:
     return (found, normalize("NFC", os.path.realpath(name)).casefold()) if found else name
 
 
-def _search(
-    top: str,
-    endings: Collection[str],
-    output: tuple[int, int] | None,
-    set_aside: SetAside,
-    result: Search,
-    others: list[str],
-) -> None:
-    errors: list[OSError] = []
-    fitting: list[Source] = []
-    files_left_out: dict[str, list[str]] = {}  # why -> files
-    folders_left_out: Counter[str] = Counter()  # kind -> number
-    below = partial(os.path.relpath, start=top)
-    for place, folders, files in os.walk(top, onerror=errors.append):
-        kinds = {name: _kind_left_out(place, name, output) for name in sorted(folders)}
-        others += [_joined(place, name) for name, kind in kinds.items() if kind == _OTHER]
-        folders_left_out.update(kind for kind in kinds.values() if kind not in ("", _OTHER))
-        folders[:] = [name for name, kind in kinds.items() if not kind]
-        taken, aside = [], dict[str, str]()
-        files.sort(key=lambda name: (os.path.islink(_joined(place, name)), name))  # noqa: PTH114
-        for name in files:  # a link comes behind what it leads to, whose name the result gets
-            fits, hidden = Path(name).suffix.lower() in endings, name.startswith(".")
-            if fits and not hidden:
-                taken.append(_joined(place, name))
-            elif fits or not hidden:  # hidden files of other kinds are the system's, and ours
-                aside[_joined(place, name)] = ""
-        aside |= {path: f" {why}" for path, why in set_aside(taken).items()}
-        fitting += [Source(path, Path(below(path))) for path in taken if path not in aside]
-        for path, why in aside.items():
-            files_left_out.setdefault(why, []).append(below(path))
-    result.sources.extend(fitting)
-    result.failures.extend(
-        (str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors
-    )
-    if not fitting and not errors:
-        kind = " or ".join(endings) if len(endings) < 3 else "fitting"
-        result.failures.append((top, f"no {kind} file is in this folder or below it"))
-    remarks = []
-    for why, names in files_left_out.items():
-        remarks.append(f"{_listed(names, 'files')}{why}")
-    for kind, count in folders_left_out.items():
-        remarks.append(f"{count} {kind} {'folder' if count == 1 else 'folders'}")
-    if remarks:
-        result.left_out.append(f"{top}: left out {'; '.join(remarks)}")
-
-
-def _kind_left_out(place: str, name: str, output: tuple[int, int] | None) -> str:
+def _kind_left_out(place: str, name: str, output: object) -> str:
     """Return what kind of folder is not searched; "" for one that is."""
     path = _joined(place, name)
     if os.path.islink(path):  # noqa: PTH114
@@ -233,15 +223,16 @@ def plan(
     *,
     dry_run: bool = False,
 ) -> list[Job]:
-    """One job per source, with outputs in `folder` (see `Source.output`) under the names that
-    `names(source.name)` returns.
+    """One job per source, with outputs in `folder`, below which subfolders of a searched folder are
+    mirrored, under the names that `names(source.name)` returns.
 
     Subfolders that exist already are freed of what killed processes have left half written, but for
     a dry run.
     """
     jobs = []
     for source in sources:
-        outputs = tuple(source.output(folder, name) for name in names(source.name))
+        place = folder if source.below is None else folder / source.below.parent
+        outputs = tuple(place / name for name in names(source.name))
         jobs.append(Job(source.name, outputs, source.from_folder))
     if not dry_run:
         for below in {output.parent for job in jobs for output in job.outputs} - {folder}:

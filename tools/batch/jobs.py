@@ -4,7 +4,7 @@ user is told of each.
 
 import os
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -186,11 +186,10 @@ def possible_jobs(jobs: Sequence[Job], console: Console, *, overwrite: bool) -> 
     overwrite: results that exist may be replaced.
     """
     inputs = {identity(name) for job in jobs for name in job.files} - {None}
-    planned: dict[str, str] = {}
-    possible = []
+    possible, owners = [], dict[str, str]()
     for job in jobs:
         try:
-            refuse_loss(job.source, job.outputs, inputs, planned)
+            _refuse_loss(job, inputs, owners)
             if not overwrite:
                 refuse_existing(job.outputs)
             possible.append(job)
@@ -283,25 +282,19 @@ def _named(job: Job, message: str) -> str:
     return message if named else f"{job.source}: {message}"
 
 
-def refuse_loss(
-    source: str,
-    outputs: Iterable[Path],
-    inputs: Container[tuple[int, int] | None],
-    planned: MutableMapping[str, str],
-) -> None:
-    """Raise InputError or OutputError if these outputs would replace an input, a folder, or another
-    result of the same run.
+def _refuse_loss(job: Job, inputs: Container[object], owners: dict[str, str]) -> None:
+    """Raise InputError or OutputError if the outputs of a job would replace an input, a folder, or
+    another result of the same run.
 
-    inputs: `identity` of every input. planned: output -> source of everything planned so far; these
-    outputs are added.
+    inputs: `identity` of every input. owners: name of an output -> source, of all jobs before; the
+    outputs of this one are added.
     """
-    for output in outputs:
-        # On many disks names that differ only in case are one file.
-        name = os.path.normcase(output).casefold()
-        if (owner := planned.get(name)) is not None:
-            same = f"the result would have the same name as that of {owner}"
-            raise InputError(f"{source}: {same}; use another output folder")
-        planned[name] = source
+    for output in job.outputs:
+        name = str(output).casefold()  # on many disks names that differ only in case are one file
+        if name in owners:
+            same = f"the result would have the same name as that of {owners[name]}"
+            raise InputError(f"{job.source}: {same}; use another output folder")
+        owners[name] = job.source
         if identity(output) in inputs:
             raise OutputError(f"{output}: is an input; use another output folder")
         if file_status(output) and output.is_dir():

@@ -145,9 +145,8 @@ def key(**facts: Any) -> str:
     """Digest of everything that an output depends on (JSON values). Equal keys mean equal
     pictures.
     """
-    return hashlib.sha256(
-        json.dumps({"format": _FORMAT, **facts}, sort_keys=True).encode()
-    ).hexdigest()
+    text = json.dumps({"format": _FORMAT, **facts}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def digest(path: Path | str) -> str | None:

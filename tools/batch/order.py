@@ -189,9 +189,9 @@ class Order(Run):
         memory: bytes that may be used. Raises InputError if it cannot become such a picture.
         """
         mosaic = self.read(job.source)
-        return Subject(
-            mosaic if self.settings.asks_for_codes else mosaic.in_scene_units(), self.settings
-        )
+        if not self.settings.asks_for_codes:
+            mosaic = mosaic.in_scene_units()
+        return Subject(mosaic, self.settings)
 
     def read(self, source: str) -> Mosaic:
         """Return the shot, calibrated. Raises InputError for one that cannot become a picture."""
@@ -266,7 +266,7 @@ def attempt(
     """
     output = job.output
     if not (order.dry_run or order.folder.is_dir()):
-        raise OutputError(f"{order.folder}: is not there; every machine has to see this folder")
+        raise OutputError(f"{order.folder}: is not there any more; run again when it is")
     read = partial(order.open, job, memory, listener.note)
     if not any(map(file_status, job.files)):
         read()  # says what is wrong with it, before a folder is made for its picture
@@ -330,20 +330,13 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
 
     seconds, calibration = time.monotonic() - start, development.calibration
     rows, columns = development.written_shape
-    line = (
-        f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, "
-        f"{subject.words}{seconds:.1f} s"
-    )
-    facts = {
-        "output": str(output),
-        "width": columns,
-        "height": rows,
-        "seconds": round(seconds, 3),
-        "neutral": calibration.neutral,
-        "neutral_estimated": calibration.neutral_estimated,
-        "learned": network_name(pattern) if order.settings.learned.used else None,
-    }
-    return Outcome(facts | subject.facts(), (line,), subject.errors)
+    size = f"{columns} x {rows}, {kind.bits} bits, {kind.space}"
+    line = f"{output}: {size}, {subject.words}{seconds:.1f} s"
+    network = network_name(pattern) if order.settings.learned.used else None
+    facts = {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3)}
+    facts |= {"neutral": calibration.neutral, "neutral_estimated": calibration.neutral_estimated}
+    facts |= {"learned": network, **subject.facts()}
+    return Outcome(facts, (line,), subject.errors)
 
 
 def _up_to_date(output: Path, state: State, **facts: bool) -> Outcome:
@@ -402,15 +395,9 @@ def kept(run: FileRun, work: Callable[[Job, StageProgress, Keep], Outcome]) -> W
 def _note_in_journal(
     order: Order | FileRun, job: Job, output: Path, source_digest: str, partial: Path
 ) -> None:
-    entry = Entry(
-        order.name(output),
-        digest(partial) or "",
-        order.key(output, source_digest),
-        order.run,
-        os.path.abspath(job.source),  # noqa: PTH100 (without following links)
-        source_digest,
-    )
-    _journal(order.folder).append(entry)
+    made = order.name(output), digest(partial) or "", order.key(output, source_digest)
+    source = os.path.abspath(job.source)  # noqa: PTH100 (without following links)
+    _journal(order.folder).append(Entry(*made, order.run, source, source_digest))
 
 
 def _note_stamp(order: Order, output: Path, stamp: str) -> None:

@@ -1,5 +1,4 @@
-"""Call a function for many items: one after the other, in threads, or by an executor (`processes`,
-`cluster.cluster`).
+"""Call a function for many items: one after the other, in threads, or in processes.
 
 Each way yields (item, result or exception) as items finish: an item that fails does not stop the
 others.
@@ -13,12 +12,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from itertools import chain, islice
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .console import LOG, StandardOutputError, WorkerFault, fault, shown_by, traceback_of
+from .console import LOG, WorkerFault, fault, shown_by, traceback_of
 from .signals import raise_lost_signal
 
 if TYPE_CHECKING:  # it loads NumPy, before a worker process has set the number of its threads
@@ -41,7 +39,7 @@ THREAD_VARIABLES = (
 """Environment variables that numerical libraries read when they are loaded."""
 _ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _AHEAD = 1000  # calls submitted at a time: there may be a million items
-_POLL_EXECUTOR = 1.0  # seconds without a result after which the executor is looked at
+_POLL_POOL = 1.0  # seconds without a result after which the pool is looked at
 _STARTS = 3  # of a pool whose processes die before they have an item
 
 
@@ -76,89 +74,34 @@ def in_threads(
     yield from zip(items, results, strict=True)
 
 
-@dataclass(frozen=True)
-class Executor:
-    """Runs functions elsewhere; functions, items and results are pickled.
-
-    Parameters
-    ----------
-    submit
-        Called with function and item; the future's result is (result or exception, notes).
-    killed
-        Exceptions of a future whose worker died.
-    remedy
-        What the user can do about a killed worker.
-    is_alive
-        Whether futures that are not done can still end; if not, the next `submit` starts anew.
-    """
-
-    submit: Callable[[Any, Any], "Future[tuple[Any, list[str]]]"]
-    killed: tuple[type[Exception], ...]
-    remedy: str
-    is_alive: Callable[[], bool] = lambda: True
-
-    def run(self, function: "Function[P, R]", items: Sequence[P], note: "Note") -> "Results[P, R]":
-        """Call the function for each item. An item whose worker died ends with an InputError.
-
-        Parameters
-        ----------
-        function
-            Of a module, or a `partial` of one.
-        items
-            Any number; 1000 are submitted at a time.
-        note
-            Called in this thread with each note of an item.
-
-        Yields
-        ------
-        (item, result or exception), as items finish.
-        """
-        from ...shared.errors import InputError
-
-        waiting = iter(items)
-        running: dict[Future[tuple[Any, list[str]]], P] = {}
-        while True:
-            for item in islice(waiting, _AHEAD - len(running)):
-                running[self.submit(function, item)] = item
-            if not running:
-                return
-            done, _ = wait(running, _POLL_EXECUTOR, FIRST_COMPLETED)
-            raise_lost_signal()
-            # a process died before it had an item: none is done
-            if not done and not self.is_alive():
-                waiting = chain(running.values(), waiting)
-                running = {}
-            for future in done:
-                item = running.pop(future)
-                notes: list[str] = []
-                try:
-                    result, notes = future.result()
-                except self.killed:
-                    result = InputError(
-                        f"its process was killed, most likely for want of memory; {self.remedy}"
-                    )
-                except BrokenProcessPool:  # as above
-                    waiting = chain([item], waiting)
-                    continue
-                for text in notes:
-                    note(text)
-                yield item, result
-
-
 @contextmanager
-def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
-    """Start processes of this machine, which are killed at the end of the `with` block, whatever
-    they are at.
+def in_processes(
+    function: "Function[P, R]",
+    items: Sequence[P],
+    count: int,
+    note: "Note",
+    remedy: str,
+    threads: int = 1,
+) -> "Iterator[Results[P, R]]":
+    """Call the function in processes of this machine; the `with` block gets the results as items
+    finish. Functions, items and results are pickled.
 
-    Files that are half written then are swept by whoever knows their folders
-    (`shared.writing.sweep`).
+    The processes are killed at the end of the block, whatever they are at. Files that are half
+    written then are swept by whoever knows their folders (`shared.writing.sweep`).
 
     Parameters
     ----------
+    function
+        Of a module, or a `partial` of one.
+    items
+        Any number; 1000 are submitted at a time. One whose process was killed ends with an
+        InputError.
     count
         Number of processes. A process that dies is replaced.
+    note
+        Called in this thread with each note of an item.
     remedy
-        See `Executor`.
+        What the user can do about a killed process.
     threads
         Number of threads of the numerical libraries in each process.
     """
@@ -168,16 +111,12 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
 
     before, spawn = set(multiprocessing.active_children()), _SafeSpawn()
     pools: list[ProcessPool] = []  # the last one is at work
+    settings = {"initializer": _begin, "initargs": (threads, LOG.getEffectiveLevel())}
 
     def start() -> None:
-        pools.append(
-            ProcessPool(
-                count,
-                initializer=_begin,
-                initargs=(threads, LOG.getEffectiveLevel()),
-                context=spawn,
-            )
-        )
+        if len(pools) == _STARTS:
+            raise InputError(f"processes are killed as soon as they start; {remedy}")
+        pools.append(ProcessPool(count, context=spawn, **settings))
         with _blocked_signals():
             pools[-1].active  # noqa: B018  starts it
 
@@ -187,17 +126,39 @@ def processes(count: int, remedy: str, threads: int = 1) -> Iterator[Executor]:
             child.kill()  # all at once: the pool would wait for one after the other
         pools[-1].join()
 
-    def submit(function: Any, item: Any) -> Any:
-        if not pools[-1].active:
-            stop()
-            if len(pools) == _STARTS:
-                raise InputError(f"processes are killed as soon as they start; {remedy}")
-            start()
-        return pools[-1].schedule(call, (function, item))
+    def results() -> "Results[P, R]":
+        waiting = iter(items)
+        running: dict[Future[tuple[Any, list[str]]], P] = {}
+        while True:
+            if not pools[-1].active:  # a process died before it had an item
+                unfinished = [future for future in running if not future.done()]
+                waiting = chain([running.pop(future) for future in unfinished], waiting)
+                stop()
+                start()
+            for item in islice(waiting, _AHEAD - len(running)):
+                running[pools[-1].schedule(_call, (function, item))] = item
+            if not running:
+                return
+            done, _ = wait(running, _POLL_POOL, FIRST_COMPLETED)
+            raise_lost_signal()
+            for future in done:
+                item = running.pop(future)
+                notes: list[str] = []
+                try:
+                    result, notes = future.result()
+                except ProcessExpired:
+                    killed = "its process was killed, most likely for want of memory"
+                    result = InputError(f"{killed}; {remedy}")
+                except BrokenProcessPool:  # as above
+                    waiting = chain([item], waiting)
+                    continue
+                for text in notes:
+                    note(text)
+                yield item, result
 
     try:
         start()
-        yield Executor(submit, (ProcessExpired,), remedy, lambda: pools[-1].active)
+        yield results()
     finally:
         stop()
 
@@ -229,7 +190,7 @@ def possible_processes(count: int, note: "Note") -> int:
     spawn = _SafeSpawn()
     try:
         with _safe_path():  # of the process that looks after semaphores
-            _ = count > 1 and [spawn.RLock(), spawn.RLock()]  # as many as an executor has
+            _ = count > 1 and [spawn.RLock(), spawn.RLock()]  # as many as a pool has
     except (ImportError, OSError) as error:
         reason = getattr(error, "strerror", error)
         note(f"one process does all the work: no semaphore can be made in /dev/shm ({reason})")
@@ -264,9 +225,9 @@ def _begin(threads: int, level: int) -> None:
     LOG.setLevel(level)
 
 
-def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
+def _call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
     """In a worker: (result or exception, notes). The exception carries its traceback, or that of
-    its cause, as text.
+    its cause, as a note.
     """
     from ...shared.errors import PanchromaError
     from .progress import StageProgress
@@ -277,24 +238,22 @@ def call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]
         StageProgress(str(item), notes.append) as listener,
     ):
         result = _result_or_error(function, item, listener)
-    if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
-        result = WorkerFault(fault(result), traceback_of(result))
-    elif isinstance(result, Exception):
-        result.add_note(traceback_of(result))  # pickling drops the cause
+    if isinstance(result, Exception):
+        trace = traceback_of(result)
+        if not isinstance(result, PanchromaError | MemoryError):
+            result = WorkerFault(fault(result))
+        result.add_note(trace)  # pickling drops the cause
     return result, notes
 
 
 def _result_or_error(
     function: "Function[P, R]", item: P, listener: "StageProgress"
 ) -> R | Exception:
-    """Call the function; return its result, or the exception that it raises.
-
-    Only an unwritable standard output is raised, and what is no `Exception`: an interrupt.
+    """Call the function; return its result, or the exception that it raises. An interrupt, which is
+    no `Exception`, is raised.
     """
     try:
         return function(item, listener)
-    except StandardOutputError:
-        raise
     except Exception as error:
         return error
 

@@ -5,12 +5,9 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from ...shared.progress import Progress
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as RichProgress
 
 Note = Callable[[str], None]
 """Called with a remark for the user."""
@@ -80,9 +77,18 @@ class LineProgress(StageProgress):
 class BarProgress(StageProgress):
     """A bar per file that shows the current stage."""
 
-    def __init__(self, title: str, note: Note, display: "RichProgress") -> None:
+    def __init__(self, title: str, note: Note) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Display
+
         super().__init__(title, note)
-        self._display, self._task = display, display.add_task(title, total=None)
+        columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
+        # rich would print to stderr, above the bar, what goes to stdout: right only where both are
+        # the same terminal
+        is_one, people = sys.stdout.isatty(), Console(stderr=True)
+        self._display = Display(*columns, console=people, transient=True, redirect_stdout=is_one)
+        self._task = self._display.add_task(title, total=None)
 
     def __enter__(self) -> Self:
         self._display.start()
@@ -103,18 +109,4 @@ class BarProgress(StageProgress):
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         super().__exit__(kind)
-        self._display.remove_task(self._task)
         self._display.stop()
-
-
-def rich_display() -> "RichProgress":
-    """The display of all bars of a terminal, not yet started."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
-    # rich would print to stderr, above the bar, what goes to stdout: right only where both are the
-    # same terminal.
-    return Progress(
-        *columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
-    )

@@ -1,25 +1,22 @@
-"""Render a list of shots, on this machine or on others."""
+"""Render a list of shots, in one process or several."""
 
 import heapq
 import random
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import lru_cache, partial
 
-from ...shared.errors import OutputError, PanchromaError
+from ...shared.errors import PanchromaError
 from ...shared.processors import available_threads, processors
 from ...shared.writing import sweep
 from .checks import needed_memory
-from .cluster import absolute_path, cluster
 from .compilation import compile_ahead
 from .console import Console
-from .jobs import Job, Outcome, State, do_jobs, file_status
+from .jobs import Job, State, do_jobs, file_status
 from .memory import allowed_memory
 from .order import Order, attempt
-from .parallel import Results, follow, one_by_one, possible_processes
-from .parallel import processes as worker_processes
+from .parallel import follow, in_processes, one_by_one, possible_processes
 from .progress import REMARKS, Note, StageProgress
 
 _MANY = 2  # shots per processor from which on one process per processor pays
@@ -33,11 +30,10 @@ def render_all(
     *,
     jobs: int | None,
     memory: int | None,
-    scheduler: str | None = None,
 ) -> Counter[State]:
     """Render all shots, with a line and a record for each.
 
-    Returns how many ended in which state. Raises SchedulerGoneError: the scheduler ends.
+    Returns how many ended in which state.
 
     Parameters
     ----------
@@ -49,38 +45,29 @@ def render_all(
         Shows results and progress; of a single shot, its stages.
     jobs
         Number of processes, 1 or more, fewer where memory is short; None = one for a few shots,
-        otherwise one per processor. With
-        one the work is done in this process.
+        otherwise one per processor. With one the work is done in this process.
     memory
-        Bytes for all processes together, on a cluster for each worker; None = most of what is free.
-    scheduler
-        Address of a dask scheduler, whose workers render; they see the same folders.
+        Bytes for all processes together; None = most of what is free.
     """
     # commands that share a folder wait for a shot that another one renders: they should seldom meet
     if order.resume:
         shots = random.sample(shots, len(shots))
-    several, elsewhere = len(shots) > 1, bool(scheduler and shots and not order.dry_run)
+    several = len(shots) > 1
     # several processes send the same note: it is shown once
     note = lru_cache(REMARKS)(console.note)
     with ExitStack() as stack:
         progress = stack.enter_context(console.progress("render") if several else StageProgress())
-        if elsewhere:
-            order = replace(order, folder=order.folder.absolute())
-            shots = [_absolute(shot) for shot in shots]
         for folder in {shot.output.parent for shot in shots if not order.dry_run}:
             stack.callback(sweep, folder)  # what killed processes leave
         allowed = allowed_memory(memory)
-        count = 1 if elsewhere else _processes(order, shots, jobs, allowed, note)
+        count = _processes(order, shots, jobs, allowed, note)
         threads_each = min(available_threads(), max(1, processors() // count))
-        if elsewhere:
-            executor = stack.enter_context(cluster(scheduler or "", note))
-            work = partial(_on_worker, order, memory)
-            results = _refuse_unseen(executor.run(work, shots, note))
-        elif count > 1:
+        if count > 1:
             compile_ahead(count, StageProgress(note=note))
             remedy = "render it again with `resume=True`, and fewer processes"
-            executor = stack.enter_context(worker_processes(count, remedy, threads_each))
-            results = executor.run(partial(attempt, order, allowed // count, 1), shots, note)
+            work = partial(attempt, order, allowed // count, 1)
+            pool = in_processes(work, shots, count, note, remedy, threads_each)
+            results = stack.enter_context(pool)
         else:
             show = console.progress if not several else partial(StageProgress, note=console.note)
             work = partial(attempt, order, allowed, threads_each)
@@ -114,28 +101,3 @@ def _largest_need(order: Order, shots: Sequence[Job]) -> int:
         except (PanchromaError, MemoryError):
             continue
     return 1
-
-
-def _absolute(shot: Job) -> Job:
-    outputs = tuple(path.absolute() for path in shot.outputs)
-    return replace(shot, source=absolute_path(shot.source), outputs=outputs)
-
-
-def _on_worker(order: Order, memory: int | None, shot: Job, listener: StageProgress) -> Outcome:
-    """Render on a dask worker, see `attempt`, with as many threads as it was started with."""
-    from distributed import get_worker
-
-    from ...offline import use_threads
-
-    use_threads(min(get_worker().state.nthreads, available_threads()))  # of this thread
-    return attempt(order, allowed_memory(memory), 1, shot, listener)
-
-
-def _refuse_unseen(results: Results[Job, Outcome]) -> Results[Job, Outcome]:
-    """Replace the outcomes of pictures that this machine does not see."""
-    for shot, result in results:
-        if isinstance(result, Outcome) and result.state == "made" and not shot.output.exists():
-            unseen = "was made where this machine does not see it; `output` must be a shared folder"
-            yield shot, OutputError(f"{shot.output}: {unseen}")
-        else:
-            yield shot, result

@@ -65,8 +65,7 @@ class Stopping:
     signal has its usual effect.
     """
 
-    def __init__(self) -> None:
-        self._signal = 0
+    _signal = 0
 
     def __call__(self) -> bool:
         """True if the command has to stop."""

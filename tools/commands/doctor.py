@@ -106,7 +106,7 @@ def _program() -> Iterator[Finding]:
 
 
 # Extras of pyproject.toml whose packages are looked at; "" = what nothing works without.
-_EXTRAS = "", "offline", "tools", "rivals", "cluster"
+_EXTRAS = "", "offline", "tools", "rivals"
 _OPENCV = "opencv-contrib-python-headless"
 _OTHER_OPENCV = "opencv-python", "opencv-contrib-python", "opencv-python-headless"
 _MODULES = {

@@ -14,7 +14,6 @@ from pathlib import Path
 
 from ...shared.errors import InputError
 from ...shared.processors import processors
-from ..batch.cluster import SchedulerGoneError, absolute_path
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
 from ..batch.memory import allowed_memory
@@ -71,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--crop", metavar="PIXELS", type=count, help=crop)
     run_ = parser.add_argument_group("the run")
     add(run_, "jobs", help="processes at a time (default: one per core, as memory allows)")
-    add(run_, "scheduler", "max-memory", "resume", "overwrite", "dry-run")
+    add(run_, "max-memory", "resume", "overwrite", "dry-run")
     add(parser, "json")
 
 
@@ -92,11 +91,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         remove_results(study, folder)
     if kept:
         console.note(f"{kept} results are kept from an earlier run")
-    try:
-        failures += team.measure(study, folder, todo, arguments.scheduler)
-    except SchedulerGoneError as error:
-        console.error(str(error))
-        return FAILED
+    failures += team.measure(study, folder, todo)
     if not (results := collect(study, folder)):
         console.error("nothing could be measured; the lines above say why")
         return FAILED
@@ -130,10 +125,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     levels = protocol.levels(requested)
     if wrong := [name for name in arguments.rival if not name.endswith(".onnx")]:
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
-    place = absolute_path if arguments.scheduler else str
-    split = (name.rpartition(":") for name in arguments.methods or default_names())
-    own = (f"{place(source)}{colon}{name}" for source, colon, name in split)
-    methods = choose([*own, *map(place, arguments.rival)])
+    methods = choose([*(arguments.methods or default_names()), *arguments.rival])
     if not arguments.methods and (missing := missing_packages()):
         reason = f"these packages are not installed: {', '.join(missing)}"
         console.note(f"some methods are left out because {reason}")
@@ -150,8 +142,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
         remedy = "give one in a file of another name"
         raise InputError(f"different patterns are called {alike[0]!r}; {remedy}")
     reading = Reading(arguments.linear, arguments.crop, channels)
-    sources = list(map(place, arguments.scenes))
-    scenes, failures = team.read(sources, Path(arguments.output), reading)
+    scenes, failures = team.read(arguments.scenes, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     own_sources = tuple((method.name, method.source) for method in methods if method.source)
     study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, own_sources)

@@ -121,7 +121,6 @@ _QUALITY = "quality of a JPEG, 1 (small) to 100 (default: 95)"
 _LATEST = "keep a symbolic link with this name to the latest shot"
 SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
 _MEMORY = "memory for all processes together, for example 4G (default: most of the free memory)"
-_SCHEDULER = "do the work on the workers of this dask scheduler, tcp://HOST:PORT"
 SENSOR_BITS = f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"
 _SHARED = {
     "output": _option("-o --output", "DIR", required=True),
@@ -144,7 +143,6 @@ _SHARED = {
     "latest": _option("--latest", "LINK", _LATEST, type=Path),
     "jobs": _option("-j --jobs", "N", "processes at a time", type=count),
     "max-memory": _option("--max-memory", "SIZE", _MEMORY, type=_size),
-    "scheduler": _option("--scheduler", "ADDRESS", _SCHEDULER, type=file_name),
 }
 
 

@@ -9,10 +9,7 @@ with --resume an interrupted run continues, and pictures of changed shots are br
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from ...shared.errors import InputError
-from ..batch.cluster import SchedulerGoneError
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
 from ..batch.jobs import FAILED, counted, exit_code, possible_jobs
@@ -33,14 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = add_run(parser)
     jobs = "processes at a time (default: 1, or for many shots what cores and memory allow)"
     add(group, "jobs", help=jobs)
-    add(group, "scheduler")
     add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
-    if arguments.jobs is not None and arguments.scheduler:
-        raise InputError("--jobs cannot be used with a scheduler, which has its own workers")
     order = Order(**order_fields(arguments))
     files = search(arguments.shots, DNGS, output=order.folder)
     searched = files.report(console)
@@ -50,12 +44,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     planned = plan(files.sources, names, order.folder, dry_run=order.dry_run)
     shots = possible_jobs(planned, console, overwrite=order.overwrite or order.resume)
-    try:
-        where: dict[str, Any] = {"jobs": arguments.jobs, "scheduler": arguments.scheduler}
-        states = render_all(order, shots, console, memory=arguments.max_memory, **where)
-    except SchedulerGoneError as error:
-        console.error(f"{error}, with --resume")
-        return FAILED
+    states = render_all(order, shots, console, jobs=arguments.jobs, memory=arguments.max_memory)
     if len(shots) > 1:
         console.note(counted(states))
     return exit_code(states) if searched and len(shots) == len(planned) else FAILED

@@ -12,17 +12,17 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from ...shared.errors import InputError, OutputError, PanchromaError
+from ...shared.source import code_digest
 from ...shared.writing import own_file, write_durably
-from ..batch.cluster import cluster, source_digest
 from ..batch.console import Console
 from ..batch.jobs import output_folder, reason
 from ..batch.memory import format_bytes
-from ..batch.parallel import follow, one_by_one, possible_processes, processes
+from ..batch.parallel import follow, in_processes, one_by_one, possible_processes
 from ..batch.progress import StageProgress
 from ..simulation.protocols import Protocol
 from .cameras import CameraPair, Method, Tile
@@ -120,6 +120,13 @@ class Study:
                 for method in map(self.method, self.methods):
                     for tile in self.tiles if method.ours else (None,):
                         yield name_case(scene, level, method, tile, self.seed)
+
+
+@cache
+def source_digest() -> str:
+    """Digest of the modules and networks of this installation."""
+    modules = (f"{package}/**/*.py" for package in ("shared", "device", "offline", "tools"))
+    return code_digest(Path(__file__).parents[2], *modules, "offline/models/*.onnx")
 
 
 def name_case(
@@ -292,18 +299,15 @@ class Team:
             self.console.error(f"no scene could be read; {expected}")
         return scenes, failures
 
-    def measure(
-        self, study: Study, folder: Path, todo: Sequence[Case], scheduler: str | None = None
-    ) -> list[str]:
+    def measure(self, study: Study, folder: Path, todo: Sequence[Case]) -> list[str]:
         """Make and keep results.
 
-        Returns a line for each that failed; it is shown to the user too. scheduler: address of a
-        dask scheduler, whose workers do the work instead of processes here.
+        Returns a line for each that failed; it is shown to the user too.
         """
         output_folder(str(folder / FOLDER))
         pixels = max((case.scene.rows * case.scene.columns for case in todo), default=0)
         measure = partial(work, replace(study, scenes=()), folder.absolute())
-        results = self.together("measuring", measure, todo, pixels, scheduler)
+        results = self.together("measuring", measure, todo, pixels)
         failures = list(dict.fromkeys(line for lines in results for line in lines))
         for line in failures:
             self.console.error(line)
@@ -316,7 +320,6 @@ class Team:
         function: Callable[[T], R],
         items: Sequence[T],
         pixels: int,
-        scheduler: str | None = None,
         failed: Callable[[T, Exception], R] | None = None,
     ) -> list[R]:
         """Results in the order of the items.
@@ -333,8 +336,6 @@ class Team:
             Hashable.
         pixels : int
             Of the largest scene that an item needs.
-        scheduler : str | None, optional
-            See `measure`.
         failed : Callable[[T, Exception], R] | None, optional
             Called in the end for each item that failed, and its result. None = it is an error.
         """
@@ -346,16 +347,15 @@ class Team:
             return []
         ended, failed = dict[T, R | Exception](), failed or refuse
         fitting, note = max(1, self.memory // needed_memory(pixels)), self.console.note
-        count = min(self.jobs, fitting, len(items))
-        count = count if scheduler else possible_processes(count, note)
+        count = possible_processes(min(self.jobs, fitting, len(items)), note)
         call = partial(_call, function)
         with ExitStack() as stack:
             progress = stack.enter_context(self.console.progress("evaluate"))
-            if scheduler is None and count == 1:
+            if count == 1:
                 results = one_by_one(call, items, lambda _: StageProgress(note=note))
             else:
-                pool = cluster(scheduler, note) if scheduler else processes(count, _REMEDY)
-                results = stack.enter_context(pool).run(call, items, note)
+                pool = in_processes(call, items, count, note, _REMEDY)
+                results = stack.enter_context(pool)
             for item, result in follow(results, items, progress, title):
                 if isinstance(result, Exception) and not isinstance(result, _FAILURES):
                     raise result

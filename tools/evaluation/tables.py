@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...offline.version import ALGORITHM
-from ..batch.cluster import source_digest
 from ..batch.console import one_line
 from .figures import CRITERIA, Figure, Figures, Place, judge
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
+from .study import source_digest
 
 _POOLED = "all scenes"
 _SCENE = ("source", "name", "group", "rows", "columns", "notes")

@@ -2,17 +2,15 @@
 for the rest.
 """
 
-import errno
 import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from unittest.mock import Mock
 
 import pytest
 
 from panchroma.shared.errors import InputError, OutputError
-from panchroma.tools.batch.console import Console, StandardOutputError
+from panchroma.tools.batch.console import Console
 from panchroma.tools.batch.folders import Source, plan
 from panchroma.tools.batch.jobs import (
     Job,
@@ -66,12 +64,6 @@ def test_one_failure_is_one_line_and_the_rest_goes_on(
     assert [json.loads(record)["ok"] for record in shown.out.splitlines()] == [True, False, True]
     assert shown.err.startswith(f"panchroma: bad.in: {line}")
     assert shown.err.count("\n") == 1
-
-
-def test_a_lost_output_is_no_failure_of_a_file(tmp_path: Path) -> None:
-    broken = StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe"))
-    with pytest.raises(StandardOutputError):
-        do(["one.in", "two.in"], tmp_path, Mock(side_effect=broken))
 
 
 # --- what may be written -------------------------------------------------------------------------

@@ -18,9 +18,9 @@ from panchroma.offline import PAPER
 from panchroma.shared import InputError, PanchromaError, read_dng
 from panchroma.tools.batch.checks import needed_memory
 from panchroma.tools.batch.compilation import compile_all
-from panchroma.tools.batch.console import Console, WorkerFault, fault
+from panchroma.tools.batch.console import Console, fault
 from panchroma.tools.batch.journal import NAME
-from panchroma.tools.batch.parallel import duration, follow, one_by_one, processes
+from panchroma.tools.batch.parallel import duration, follow, in_processes, one_by_one
 from panchroma.tools.batch.progress import Note, StageProgress
 from panchroma.tools.io.kind import PictureKind
 from tests.tools.batch.examples import save_shot, without_semaphores
@@ -36,8 +36,13 @@ def double(item: int, listener: StageProgress) -> tuple[int, int]:
     return 2 * item, os.getpid()
 
 
-def odd(item: int, listener: StageProgress) -> int:
-    return [0][item]
+def fail(foreseen: bool, listener: StageProgress) -> int:
+    try:
+        raise IndexError("odd")
+    except IndexError:
+        if foreseen:
+            raise InputError("damaged") from None
+        raise
 
 
 def die(item: int, listener: StageProgress) -> int:
@@ -55,8 +60,8 @@ def linger(folder: Path, item: int, listener: StageProgress) -> None:
 def pool(
     function: Callable[[Any, StageProgress], Any], items: Iterable[Any], note: Note = print
 ) -> Iterator[tuple[Any, Any]]:
-    with processes(2, "use fewer `jobs`") as executor:
-        yield from executor.run(function, list(items), note)
+    with in_processes(function, list(items), 2, note, "use fewer `jobs`") as results:
+        yield from results
 
 
 def test_items_are_shared_by_processes_that_stay_and_an_error_stops_no_other() -> None:
@@ -76,16 +81,12 @@ def test_without_semaphores_one_process_does_all_and_says_so(
 ) -> None:
     for seed in range(3):
         save_shot(tmp_path / "in" / f"{seed}.dng", seed)
-    run("render --preset paper -j 2", tmp_path / "in", "-o", tmp_path / "two", code=0)
     without_semaphores(monkeypatch)
     note = "one process does all the work: no semaphore can be made in /dev/shm (No such device"
-    outcome = run("render --preset paper -j 2", tmp_path / "in", "-o", out, code=0)
-    assert outcome.err.count(note) == 1
-    assert {
-        name for name in results(out) if contents(out)[name] != contents(tmp_path / "two")[name]
-    } == set()
-    outcome = run("render --preset paper -j 1", tmp_path / "in", "-o", tmp_path / "one", code=0)
-    assert note not in outcome.err  # nothing is slower than it was asked for
+    for jobs in (2, 1):  # with one, nothing is slower than it was asked for
+        line = f"render --preset paper -j {jobs} --overwrite"
+        assert run(line, tmp_path / "in", "-o", out, code=0).err.count(note) == jobs - 1
+        assert len(results(out)) == 3
     scenes = "builtin:60x60 builtin:70x60 --methods bilinear --sigma 0"
     assert note in run(f"evaluate {scenes} -j 2 -o", tmp_path / "e", code=0).err
     (ended,) = compile_all(["no such kernel"], 2, lambda _: None)
@@ -101,43 +102,25 @@ def test_a_process_that_is_killed_costs_one_item() -> None:
 
 
 def test_processes_that_die_before_they_have_an_item_are_started_again() -> None:
-    with processes(2, "") as executor:
+    with in_processes(double, range(1, 5), 2, print, "") as results:
         for child in multiprocessing.active_children():
             child.kill()
-        results: dict[int, Any] = dict(executor.run(double, range(1, 5), print))
-    assert {item: result[0] for item, result in results.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
+        ended: dict[int, Any] = dict(results)
+    assert {item: result[0] for item, result in ended.items()} == {1: 2, 2: 4, 3: 6, 4: 8}
 
 
-def test_a_fault_in_a_process_is_told_with_traceback(capsys: pytest.CaptureFixture[str]) -> None:
-    for verbose in (False, True):
-        console = Console(verbose=verbose)
-        for _, error in pool(odd, [1, 2, 3]):
-            assert isinstance(error, WorkerFault)
-            assert "parallel.py" in str(error)
-            console.error(fault(error), cause=error)
-        shown = capsys.readouterr().err
-        assert (shown.count("Traceback"), shown.count(", in odd")) == (3 * verbose, 3 * verbose)
-        assert shown.count("please report it: IndexError in ") == 3
-
-
-def damaged(number: int, _: object) -> None:
-    try:
-        [][number]
-    except IndexError:
-        raise InputError("damaged") from None
-
-
-def test_the_cause_of_an_error_in_a_process_is_shown_where_it_is_asked_for(
-    capsys: pytest.CaptureFixture[str],
+@pytest.mark.parametrize("verbose", [False, True])
+def test_what_failed_in_a_process_is_told_with_its_traceback_where_it_is_asked_for(
+    verbose: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for _, error in pool(damaged, [1]):
-        assert isinstance(error, InputError)
-        Console(verbose=True).error(str(error), cause=error)
-        Console().error(str(error), cause=error)
-    first, *trace, last = capsys.readouterr().err.splitlines()
-    assert first == last == "panchroma: damaged"
-    assert "IndexError: list index out of range" in trace
-    assert any(line.endswith(", in damaged") for line in trace)
+    console, errors = Console(verbose=verbose), dict(pool(fail, [False, True]))
+    for foreseen, message in ((False, fault(errors[False])), (True, str(errors[True]))):
+        console.error(message, cause=errors[foreseen])
+        first, *trace = capsys.readouterr().err.splitlines()
+        place = "a fault of Panchroma, please report it: IndexError in parallel.py:"
+        assert first.startswith(f"panchroma: {'damaged' if foreseen else place}")
+        assert any(line.endswith(", in fail") for line in trace) == verbose
+        assert trace[-1:] == ["IndexError: odd"] * verbose
 
 
 def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,7 +131,7 @@ def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.Mo
             signal.setitimer(signal.ITIMER_REAL, 0)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("panchroma.tools.batch.parallel._POLL_EXECUTOR", 60)
+    monkeypatch.setattr("panchroma.tools.batch.parallel._POLL_POOL", 60)
     before = signal.signal(signal.SIGALRM, when_both_work)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.05, 0.05)
@@ -158,6 +141,17 @@ def test_leaving_early_ends_all_processes(tmp_path: Path, monkeypatch: pytest.Mo
         signal.signal(signal.SIGALRM, before)
     for path in tmp_path.glob("*.begun"):
         assert not Path(f"/proc/{path.stem}").exists()
+
+
+def test_an_interrupt_leaves_no_file_of_processes_that_it_kills(tmp_path: Path, out: Path) -> None:
+    for seed in range(2):
+        save_shot(tmp_path / "in" / f"{seed}.dng", seed, (900, 900))
+    rendering = start("render -j 2 --preset paper", tmp_path / "in", "-o", out)
+    while not list(out.glob("*.part")):
+        assert rendering.poll() is None
+        time.sleep(0.01)
+    ended(rendering, signal.SIGINT, code=130)
+    assert not list(out.glob("*.part"))
 
 
 def test_time_left_is_said_for_people(monkeypatch: pytest.MonkeyPatch) -> None:

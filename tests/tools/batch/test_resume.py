@@ -7,7 +7,6 @@ and what its keys depend on.
 
 import hashlib
 import os
-import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
@@ -23,8 +22,10 @@ from panchroma.shared.calibration import NoiseModel
 from panchroma.tools.batch import order as attempt
 from panchroma.tools.batch.burst_files import BurstOrder
 from panchroma.tools.batch.chosen_white import WhiteBalance
+from panchroma.tools.batch.jobs import Job
 from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, output_lock
 from panchroma.tools.batch.order import Order
+from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.kind import PictureKind
 from tests.tools.batch.examples import save_shot
 from tests.tools.command import Outcome, assert_refused, contents, results, run
@@ -84,24 +85,45 @@ def test_a_changed_shot_is_rendered_anew_and_a_touched_one_is_not(shots: Path, o
         (shots / "a.dng").unlink()
         save_shot(shots / "a.dng", seed)
         os.utime(shots / "b.dng")
+        assert current(render(shots, out, "--resume", "--dry-run")) == {"b.tif", "c.tif"}
         assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
     # the old a.tif was ours to the byte: no copy of it
     assert results(out) == {"a.tif", "b.tif", "sub"}
 
 
-@pytest.mark.parametrize("damage", ["torn", "retouched", "empty"])
-def test_a_changed_one_is_made_anew_and_the_old_kept(shots: Path, out: Path, damage: str) -> None:
+def edited_in_place(path: Path) -> None:
+    """Change the last byte and set the time of modification back, as `exiftool -P` and rsync do."""
+    before, data = path.stat(), path.read_bytes()
+    path.write_bytes(data[:-1] + bytes([data[-1] ^ 255]))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert path.stat().st_mtime_ns == before.st_mtime_ns
+
+
+def test_a_changed_picture_is_made_anew_and_the_old_kept(shots: Path, out: Path) -> None:
     render(shots, out)
-    made = contents(out)
-    old = {"torn": made["a.tif"][:99], "retouched": made["a.tif"] + b"!", "empty": b""}[damage]
+    made, copies = (out / "a.tif").read_bytes(), []
     for name in ("a.tif.bak", "a.tif.bak2"):  # twice: the first copy is not replaced by the second
-        (out / "a.tif").write_bytes(old + name.encode())
+        edited_in_place(out / "a.tif")
+        copies.append((out / "a.tif").read_bytes())
         outcome = render(shots, out, "--resume")
         assert (outcome.code, current(outcome)) == (0, {"b.tif", "c.tif"})
         assert f"a.tif: has changed since it was made; it is kept as {name}" in outcome.err
-        assert (out / "a.tif").read_bytes() == made["a.tif"]
-    for name in ("a.tif.bak", "a.tif.bak2"):
-        assert (out / name).read_bytes() == old + name.encode()
+        assert (out / "a.tif").read_bytes() == made
+    assert [(out / name).read_bytes() for name in ("a.tif.bak", "a.tif.bak2")] == copies
+
+
+def test_a_shot_that_was_edited_with_its_size_and_time_counts(
+    shots: Path, out: Path, tmp_path: Path
+) -> None:
+    with (shots / "b.dng").open("ab") as file:
+        file.write(b"\0")  # belongs to no sample
+    burst = ("burst", shots / "a.dng", shots / "b.dng", "-o", tmp_path / "one", "--json --resume")
+    render(shots, out)
+    run(*burst, code=0)
+    assert current(run(*burst, code=0)) == {"a.tif"}
+    edited_in_place(shots / "b.dng")
+    assert current(render(shots, out, "--resume")) == {"a.tif", "c.tif"}
+    assert current(run(*burst, code=0)) == set()
 
 
 def test_a_file_that_no_render_made_stays(shots: Path, out: Path) -> None:
@@ -134,6 +156,15 @@ def test_a_run_cut_off_between_journal_and_picture_goes_on(
     assert contents(out) | {NAME: b""} == old | {NAME: b""}
     assert current(render(shots, out, "--resume", "--exposure", "1")) == set()
     assert set(contents(out)) == set(old)  # no copies: what was replaced was ours
+
+
+def test_what_a_process_has_made_before_it_was_killed_is_no_failure(shots: Path, out: Path) -> None:
+    """Another process of the same run is given its shot."""
+    order = Order(**WHOLE | {"folder": out, "camera": None, "white": WhiteBalance()})
+    job = Job(str(shots / "a.dng"), (out / "a.jpg",))
+    outcomes = [attempt.attempt(order, 2**40, 1, job, StageProgress()) for _ in range(2)]
+    found = [(made.state, made.facts.get("current")) for made in outcomes]
+    assert found == [("made", None), ("made", True)]
 
 
 def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(
@@ -190,76 +221,6 @@ def test_what_has_its_size_and_times_is_not_read(
     (out / "c.link").hardlink_to(out / "sub" / "c.tif")
     assert read_files(monkeypatch, shots, out) == ["a.dng", "a.tif", "c.dng", "c.tif"]
     assert read_files(monkeypatch, shots, out) == []
-
-
-def test_a_copied_archive_is_read_once_and_nothing_is_rendered(
-    shots: Path, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    render(shots, out)
-    for folder in (shots, out):
-        shutil.copytree(folder, tmp_path / "disk" / folder.name)  # with the times of modification
-    copies = tmp_path / "disk" / "shots", tmp_path / "disk" / "out"
-    dry = render(*copies, "--resume", "--dry-run")
-    assert current(dry) == {"a.tif", "b.tif", "c.tif"}
-    every = sorted(f"{name}.{ending}" for name in "abc" for ending in ("dng", "tif"))
-    assert read_files(monkeypatch, *copies) == every
-    assert read_files(monkeypatch, *copies) == []
-
-
-def edited_in_place(path: Path, place: int) -> None:
-    """Change a byte and set the time of modification back, as `exiftool -P` and rsync do."""
-    before = path.stat()
-    with path.open("r+b") as file:
-        file.seek(place)
-        (byte,) = file.read(1)
-        file.seek(place)
-        file.write(bytes([byte ^ 255]))
-    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-    after = path.stat()
-    assert (after.st_size, after.st_mtime_ns) == (before.st_size, before.st_mtime_ns)
-
-
-@pytest.mark.parametrize("how", ["rewritten", "replaced"])
-def test_a_shot_that_was_edited_with_its_size_and_time_is_rendered_anew(
-    shots: Path, out: Path, tmp_path: Path, how: str
-) -> None:
-    path, other = shots / "a.dng", tmp_path / "other.dng"
-    save_shot(other, 9)
-    whole = max(path.stat().st_size, other.stat().st_size)
-    for shot in (path, other):  # of one size
-        shot.write_bytes(shot.read_bytes().ljust(whole, b"\0"))
-    render(shots, out)
-    old, status = (out / "a.tif").read_bytes(), path.stat()
-    if how == "replaced":
-        other.replace(path)
-    else:
-        path.write_bytes(other.read_bytes())
-    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
-    assert path.stat().st_mtime_ns == status.st_mtime_ns
-    assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
-    assert (out / "a.tif").read_bytes() != old
-
-
-def test_a_picture_edited_with_its_size_and_time_is_kept_as_a_copy(shots: Path, out: Path) -> None:
-    render(shots, out)
-    made = (out / "a.tif").read_bytes()
-    edited_in_place(out / "a.tif", len(made) // 2)
-    edited = (out / "a.tif").read_bytes()
-    outcome = render(shots, out, "--resume")
-    assert current(outcome) == {"b.tif", "c.tif"}
-    assert "a.tif: has changed since it was made; it is kept as a.tif.bak" in outcome.err
-    assert (out / "a.tif").read_bytes() == made
-    assert (out / "a.tif.bak").read_bytes() == edited
-
-
-def test_a_frame_of_a_burst_edited_with_its_size_and_time_counts(shots: Path, out: Path) -> None:
-    burst = (str(shots / "a.dng"), str(shots / "b.dng"), "-o", str(out), "--json", "--resume")
-    run("burst", *burst, code=0)
-    assert current(run("burst", *burst, code=0)) == {"a.tif"}
-    size = (shots / "b.dng").stat().st_size
-    edited_in_place(shots / "b.dng", size - 1)
-    outcome = run("burst", *burst)
-    assert not any(record.get("current") for record in outcome.records)
 
 
 # --- journal --------------------------------------------------------------------------------------
@@ -371,18 +332,7 @@ def test_a_line_that_no_render_has_written_ends_the_reading(tmp_path: Path) -> N
 # --- keys ----------------------------------------------------------------------------------------
 
 EVEN = Shading((((1.0,) * 4,) * 4,) * 4, (13, 17), 35, 0.01)
-COLOURS: dict[str, Any] = {
-    "camera_to_xyz": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "neutral": (0.5, 1, 0.6),
-    "neutral_estimated": True,
-}
-MEASURED: dict[str, Any] = {
-    "gamma": (0.9, 1.1, 0.8),
-    "noise": NoiseModel.gaussian(0.01, 4),
-    "defects": ((1, 2),),
-    "shading": EVEN,
-}
-CALIBRATION = SensorCalibration.of_bits(12, sensor="bench", **COLOURS, **MEASURED)
+CALIBRATION = SensorCalibration.of_bits(12, noise=NoiseModel.gaussian(0.01, 4), shading=EVEN)
 CAMERA = Camera(CALIBRATION, CfaPattern.bayer(), {"shading": {"frames": 4}}, (13, 17))
 KIND, BALANCE = PictureKind("jpg", 8, "srgb", 90), WhiteBalance("", (1.0, 2.0, 1.0))
 WHOLE: dict[str, Any] = {"folder": Path("out"), "preset": "best", "exposure": 0.5, "run": "1"}

@@ -6,7 +6,6 @@ even meanwhile.
 """
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,11 +15,13 @@ import OpenEXR
 import pytest
 
 from panchroma.tools.batch.progress import StageProgress
-from tests.dask_cluster import SOURCE
+from tests.data import ROOT
 from tests.python import run_python
 from tests.tools.batch.examples import save_shot
 
 # --- safe path ------------------------------------------------------------------------------------
+
+SOURCE = ROOT / "tools" / "notebook"  # where the package `panchroma` is
 
 # What Python and the packages import, and some that nothing does.
 NAMES = {*sys.stdlib_module_names, "numpy", "PIL", "cv2", "rawpy", "OpenEXR", "pebble", "panchroma"}
@@ -51,23 +52,26 @@ def write_exr(path: Path) -> None:
     OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": pixels}).write(str(path))
 
 
+RENDER = "render in/0.dng in/1.dng in/2.dng -o out -j 2 --preset paper"
+SCENES = "builtin:80x70 builtin:70x80 in/scene.exr"
+
+
 @pytest.mark.parametrize(
-    "line",
+    ("line", "variables"),
     [
-        "render in/0.dng in/1.dng in/2.dng -o out -j 2 --preset paper",
-        "evaluate builtin:80x70 builtin:70x80 in/scene.exr -o out -j 2 --methods bilinear --sigma 0",
-        "simulate in/scene.exr -o out",
-        "doctor",
+        (RENDER, {}),
+        (RENDER, {"PYTHONPATH": str(SOURCE)}),  # by which the user may have installed Panchroma
+        (f"evaluate {SCENES} -o out -j 2 --methods bilinear --sigma 0", {}),
+        ("simulate in/scene.exr -o out", {}),
+        ("doctor", {}),
     ],
 )
-def test_a_command_executes_no_file_of_the_user(line: str, folder: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, folder / "bin" / "panchroma", *line.split()],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_a_command_executes_no_file_of_the_user(
+    line: str, variables: dict[str, str], folder: Path
+) -> None:
+    words = [sys.executable, str(folder / "bin/panchroma"), *line.split()]
+    environment = {**os.environ, **variables}
+    done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, check=False)
     assert not (folder / "executed").exists(), (folder / "executed").read_text()
     assert done.returncode == 0, done.stderr
 
@@ -121,18 +125,6 @@ print(run_limited(Path(__file__), (), decoder.decode, "x")[1])
     assert done.stdout == f"{ {'names': names, 'panchroma': str(ours)} }\n"
 
 
-def test_worker_processes_find_what_PYTHONPATH_names(folder: Path) -> None:  # noqa: N802
-    """Also where the user's environment installs Panchroma by it."""
-    shutil.rmtree(folder / "out")
-    (folder / "out").mkdir()
-    environment = {**os.environ, "PYTHONPATH": str(SOURCE)}
-    line = "render in/0.dng in/1.dng -o out -j 2 --preset paper"
-    program = [sys.executable, str(folder / "bin" / "panchroma"), *line.split()]
-    subprocess.run(program, cwd=folder, env=environment, check=True, capture_output=True)
-    assert not (folder / "executed").exists()
-    assert len(list((folder / "out").glob("*.tif"))) == 2
-
-
 # --- host untouched -------------------------------------------------------------------------------
 
 SCRIPT = """
@@ -159,15 +151,15 @@ if __name__ == "__main__":
     import panchroma
     from tests.tools.batch.test_safe_path import threads_of
     from panchroma.tools.io.ahead import ahead
-    from panchroma.tools.batch.parallel import processes
+    from panchroma.tools.batch.parallel import in_processes
 
     shot = panchroma.simulate("builtin:200x120", sigma=0.01)
     panchroma.preview(shot)
     panchroma.render(shot).save(Path(sys.argv[1], "a.jpg"))
     seen.append(surroundings())
     list(ahead(lambda _: seen.append(surroundings()), range(4), 2))
-    with processes(2, "", threads=3) as executor:
-        for _, result in executor.run(threads_of, [1, 2, 3], print):
+    with in_processes(threads_of, [1, 2, 3], 2, print, "", threads=3) as results:
+        for _, result in results:
             seen.append(surroundings())
             assert result == ["3", "3"], result
     seen.append(surroundings())

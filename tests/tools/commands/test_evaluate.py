@@ -11,9 +11,9 @@ from PIL import Image
 
 from panchroma.offline import PAPER, render
 from panchroma.offline.version import ALGORITHM
-from panchroma.tools.batch.cluster import source_digest
 from panchroma.tools.commands import evaluate
 from panchroma.tools.evaluation.metrics import BORDER, psnr
+from panchroma.tools.evaluation.study import source_digest
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.io.versions import program_version
 from panchroma.tools.simulation.pattern_text import read_pattern

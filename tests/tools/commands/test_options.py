@@ -38,7 +38,7 @@ IN_PYTHON: dict[str, tuple[Callable[..., Any], ...]] = {
 }
 # Of a run over many files; Python has what `truth`, `export` and format raw write as `shot.truth`,
 # `device.build_preview` and `shot.mosaic.codes`.
-OF_A_RUN = {"output", "resume", "dry_run", "jobs", "scheduler", "json", "help"}
+OF_A_RUN = {"output", "resume", "dry_run", "jobs", "json", "help"}
 OF_A_RUN |= {"quiet", "verbose", "truth", "export"}
 # Of arrays and objects, which a command line has not; a variable of the environment.
 OF_PYTHON = {"bands", "stages", "max_pixels"}
@@ -167,7 +167,7 @@ ARGUMENT = re.compile(r"`([a-z_]+)(?:=[^`]*)?`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 PYTHON = {"threads", "depth", "preset", "centre"}  # in no command; the last is of a formula
 WORDS = {"calibrate", "capture", "simulate", "max_pixels"}  # verbs; not set by an option
-OTHERS = {"--nthreads", "--mode", "--force-reinstall", "--version"}  # of dask, rpicam, pip, all
+OTHERS = {"--mode", "--force-reinstall", "--version"}  # of rpicam, pip, all
 VERBLESS = ("shared", "device", "offline")
 MODULES = [
     path.relative_to(ROOT)

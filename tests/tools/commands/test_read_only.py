@@ -13,7 +13,6 @@ from tests.tools.command import run
 
 LINES = {
     "render shots -o pictures --preset paper --resume --dry-run": "3 up to date",
-    "render shots -o pictures --resume --dry-run --scheduler tcp://localhost:1": "3 to be made",
     "render shots -o new --dry-run": "3 to be made",
     "burst shots/1.dng shots/2.dng -o pictures -f png --dry-run": "shots/1.dng -> ",
     "inspect --verify shots": "3 whole, 0 damaged",

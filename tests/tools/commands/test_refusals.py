@@ -74,7 +74,6 @@ USAGE = {
         "--wb 2,0,1": "such as 2.1,1,1.6, between 0.001 and 1000",
         "--exposure 1 --space camera": "--exposure is 1 stops, but this is the scene as measured",
         "--exposure 1 -f dng": "--exposure is 1 stops, but this is the scene as measured",
-        "--jobs 2 --scheduler tcp://a:1": "--jobs cannot be used with a scheduler",
     },
     "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
     "burst frames -o out": {

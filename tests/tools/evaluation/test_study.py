@@ -33,6 +33,7 @@ from panchroma.tools.evaluation.study import (
     collect,
     missing_cases,
     name_case,
+    source_digest,
     work,
 )
 from panchroma.tools.simulation.protocols import PaperProtocol, SensorProtocol
@@ -351,6 +352,31 @@ def test_a_function_that_was_edited_has_other_figures(finished: Folder) -> None:
         for text in (before, after)
     ]
     assert {name for name in rows[0] if rows[0][name] != rows[1][name]} == {"mine.mine"}
+
+
+def test_the_source_is_all_that_can_be_imported_and_the_networks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study_module, "__file__", str(tmp_path / "tools/evaluation/study.py"))
+
+    def digest_with(name: str, data: bytes = b"") -> str:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(data)
+        return source_digest.__wrapped__()
+
+    before = digest_with("tools/batch/run.py")
+    others = "tests/a.py", "tools/README.md", ".DS_Store", "shared/.DS_Store"
+    copies = "tools/batch/._run.py", "tools/batch/run copy.py", "offline/models/._a.onnx"
+    for name in (*others, *copies, "offline/models/loss.png", "tools/notebook/panchroma/a.py"):
+        assert digest_with(name) == before, name
+    network = "offline/models/a.onnx"
+    changed = [
+        ("tools/batch/run.py", b"1"),
+        ("tools/new.py", b""),
+        (network, b"1"),
+        (network, b"2"),
+    ]
+    assert len({before, *(digest_with(*change) for change in changed)}) == 1 + len(changed)
 
 
 @pytest.fixture
