@@ -8,7 +8,7 @@ import pytest
 from panchroma.device import Preview
 from panchroma.shared import CfaPattern, FloatArray, SensorCalibration
 from panchroma.tools.batch.previews import linear_preview
-from panchroma.tools.evaluation.metrics import quality
+from panchroma.tools.evaluation.metrics import MEDIAN, quality
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -48,9 +48,9 @@ def test_quality_on_photographs(name: str) -> None:
         mosaic = simulate_additive(
             scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0)
         )
-        reached = quality(linear_preview(mosaic), scene).median[0]
+        reached = quality(linear_preview(mosaic), scene)[0, MEDIAN]
         bilinear = demosaic_bilinear(bayer_mosaic(scene, sigma, np.random.default_rng(0)))
-        least = quality(bilinear, scene).median[0] if sigma else PAPER_FIGURES[name] - BELOW_PAPER
+        least = quality(bilinear, scene)[0, MEDIAN] if sigma else PAPER_FIGURES[name] - BELOW_PAPER
         assert reached > least, (sigma, reached, least)
 
 

@@ -110,4 +110,5 @@ def compare(
         rgb, true_rgb = rgb / np.float32(white), true_rgb / np.float32(white)
     plain = "RGB" if count == len("RGB") else ""
     measures = Measures.of(rgb, true_rgb, source.channels if source else plain)
-    return Comparison(*measures.quality, measures.psnr, measures.wrong_hue)
+    patches, hue = map(tuple, measures.quality.tolist()), measures.wrong_hue.item()
+    return Comparison(*patches, tuple(measures.psnr.tolist()), None if np.isnan(hue) else hue)
