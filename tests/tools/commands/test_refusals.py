@@ -48,6 +48,7 @@ MISSPELT = {
         "-f pgn": "argument -f/--format: invalid choice: 'pgn'",
     },
 }
+BANDS = "VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
 # Command -> what is added to it -> words of the only line that says what is wrong.
 USAGE = {
     "simulate builtin:24x18 -o out": {
@@ -120,6 +121,8 @@ USAGE = {
         "--sigma 0,-1": "--sigma is -1.0, expected 0 or more",
         "--max-memory lots": "--max-memory: 'lots' is not a size",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
+        "--pattern mine.txt,two/mine.txt": "different patterns are called 'mine'",
+        f"--pattern K=6,{BANDS}": "no scene fits patterns for RGB and for VRGNU",
     },
     "preview shot.dng": {
         "": "-o is missing: the folder for the previews",
@@ -224,6 +227,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "rgbe.json").write_text('{"schema": 1, "channels": "RGBE"}')
     (folder / "wrong.txt").write_text("RGW\nGBWW\n")
     (folder / "mine.onnx").write_text("mine")
+    (folder / "mine.txt").write_text("GRWW\nBGWW\nWWWW\nWWWW\n")
+    (folder / "two" / "mine.txt").write_text("BGWW\nGRWW\nWWWW\nWWWW\n")
     tifffile.imwrite(folder / "rgb.tif", np.zeros((20, 30, 3), np.uint16), photometric="rgb")
     np.save(folder / "float.npy", np.zeros((20, 30), np.float32))
     return folder

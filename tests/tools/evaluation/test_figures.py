@@ -211,7 +211,9 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     # a terminal has no use for blanks that it spells out
     assert "  RGB, 10 %  " in plain_text(figures)
     assert "\\x" not in plain_text(figures)
-    assert document["protocol"]["levels"] == [0.0, 0.03]
+    protocol = document["protocol"]
+    assert (protocol["kind"], protocol["levels"]) == ("paper", [0.0, 0.03])
+    assert (protocol["pattern"], list(protocol["patterns"])) == ("K=6", ["K=4", "K=6", "Kodak"])
     names, place = ("scene", "method", "level", "period"), ("scene0", "paper", 0.03, 4)
     (own,) = (item for item in objects if tuple(item[name] for name in names) == place)
     (row,) = (row for row in rows if tuple(row[name] for name in names) == (*map(str, place),))
@@ -229,7 +231,7 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     assert float(row["rgb_q50"]) == own["rgb_q50"]
     kodak = next(item for item in objects if item["pattern"] == "Kodak")
     assert kodak["period"] is None
-    assert document["protocol"]["patterns"]["Kodak"]["light"] == 2
+    assert protocol["patterns"]["Kodak"]["light"] == 2
     assert {item["pattern"] for item in objects if item["method"] == "bilinear"} == {None}
 
 

@@ -74,25 +74,23 @@ def test_white_is_estimated_where_a_measurement_does_not_say_it(tmp_path: Path) 
     assert Reading().info("builtin:90x60").neutral == (1.0, 1.0, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("name", "black", "camera"), [("IMG_0277", 129, "Canon 5D"), ("8D5U5524", 0, "Canon 1D")]
-)
-def test_gehlers_set_is_recognised(tmp_path: Path, name: str, black: int, camera: str) -> None:
-    codes = RNG.integers(100, 3700, (50, 60, 3))
-    write_png16(tmp_path / f"{name}.png", codes)
-    scene = load_scene(str(tmp_path / f"{name}.png"))
-    expected = np.maximum((codes - black) / (4095 - black), 0)
-    np.testing.assert_allclose(scene.rgb, expected, atol=1e-6)
-    assert any(camera in note and f"black level {black}" in note for note in scene.notes)
-
-
-def test_other_pictures_are_not_taken_for_gehlers(tmp_path: Path) -> None:
-    codes = RNG.integers(0, 4096, (50, 60, 3))
-    others = {"IMG_0277": codes * 16, "IMG_277": codes, "8D5U5524": codes[..., :1]}
-    for name, pixels in others.items():
+def test_gehlers_set_is_recognised_and_no_other_picture_taken_for_it(tmp_path: Path) -> None:
+    codes = RNG.integers(200, 3700, (50, 60, 3))
+    pictures = [
+        ("IMG_0277", codes, 129, 4095, "Canon 5D"),
+        ("8D5U5524", codes, 0, 4095, "Canon 1D"),
+        ("IMG_0278", codes * 16, 0, 65535, ""),
+        ("IMG_277", codes, 0, 65535, ""),
+        ("8D5U5525", codes[..., :1], 0, 65535, ""),
+    ]
+    for name, pixels, black, white, camera in pictures:
         write_png16(tmp_path / f"{name}.png", pixels)
         scene = load_scene(str(tmp_path / f"{name}.png"))
-        np.testing.assert_allclose(scene.rgb[..., 0], pixels[..., 0] / 65535, atol=1e-6)
+        expected = (pixels[..., 0] - black) / (white - black)
+        np.testing.assert_allclose(scene.rgb[..., 0], expected, atol=1e-6)
+        said = f"black level {black}" in " ".join(scene.notes)
+        assert said == bool(camera)
+        assert camera in " ".join(scene.notes)
 
 
 # --- tiles ----------------------------------------------------------------------------------------
