@@ -96,20 +96,10 @@ def test_a_frame_without_a_header_becomes_a_picture(name: str, out: Path, tmp_pa
         run("capture", "-", *SIZE, *camera, "-o", shots, code=0)
     (shot,) = shots.glob("*.dng")
     assert read_dng(shot).pattern.derived is not None
+    assert "is what W sees beyond the others" in run("inspect", shot, code=0).out
     said = run("render", shot, "-o", tmp_path, "-f", "png", code=0)
     assert (tmp_path / f"{shot.stem}.png").exists()
     assert ("shows R against C" in said.err) == (name == "rccc")
-
-
-def test_channels_are_named_by_an_option(out: Path) -> None:
-    scene = ("simulate", "builtin:120x90", "-o", out, "--overwrite", "--pattern", "RW/WB")
-    run(*scene, "--channels", "RB", code=0)
-    assert read_dng(out / "builtin-120x90.dng").pattern.derived is None
-    assert "letters 'RB'" in run(*scene, "--channels", "RGC", code=2).err
-    run(*scene, "--channels", "BGR", code=0)
-    assert read_dng(out / "builtin-120x90.dng").pattern.channels == "BGR"
-    said = run("inspect", out / "builtin-120x90.dng", code=0).out
-    assert "G is what W sees beyond the others" in said
 
 
 @pytest.mark.parametrize("tile", ["rccb", "RB/WW"])

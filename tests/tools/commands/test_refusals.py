@@ -63,6 +63,7 @@ USAGE = {
         "--camera missing.json": "missing.json: there is no such file",
         "--camera text.json": "text.json: is not JSON",
         "--camera rgbe.json": "rgbe.json: the pattern has channels RGB, the calibration RGBE:",
+        "--pattern RW/WB --channels RGC": "letters 'RB'",
         "--origin 1": "argument --origin: '1' is not a row and a column, such as 2,3",
         **{f"--shading={lens}": "shading" for lens in ("", "9,0", "much", "1,2,3", "nan,0")},
     },
