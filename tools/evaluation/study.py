@@ -7,8 +7,6 @@ stopped.
 Several processes may do it; the user sees progress, failures and the memory limit.
 """
 
-import hashlib
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
@@ -21,6 +19,7 @@ from ...shared.writing import own_file, write_durably
 from ..batch.cluster import cluster, source_digest
 from ..batch.console import Console
 from ..batch.jobs import output_folder, reason
+from ..batch.journal import key
 from ..batch.memory import format_bytes
 from ..batch.parallel import follow, one_by_one, possible_processes, processes
 from ..batch.progress import StageProgress
@@ -134,8 +133,8 @@ def name_case(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | No
         "scene": scene.digest,
         "neutral": scene.neutral if method.balanced else None,
     }
-    text = json.dumps(facts | method.identity, sort_keys=True).encode()
-    return Case(scene, level, method.name, tile, f"{hashlib.sha256(text).hexdigest()[:32]}.npz")
+    name = f"{key(**facts, **method.identity)[:32]}.npz"
+    return Case(scene, level, method.name, tile, name)
 
 
 def missing_cases(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Case], int]:

@@ -55,9 +55,7 @@ def merged(frames: Path, out: Path, *options: str | Path, code: int = 0) -> Outc
 # --- what is made --------------------------------------------------------------------------------
 
 
-def test_the_command_gives_what_the_library_gives_and_tells_what_became_of_each_frame(
-    frames: Path, out: Path
-) -> None:
+def test_the_picture_is_the_librarys_and_fates_of_frames_are_told(frames: Path, out: Path) -> None:
     for number in (1, 2, 3):
         path = frame(frames, number)
         save_mosaic(path, replace(read_dng(path), metadata=CaptureMetadata(iso=100 * number)))
@@ -101,9 +99,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
 # --- which frames --------------------------------------------------------------------------------
 
 
-def test_frames_that_do_not_fit_are_left_out_by_name(
-    frames: Path, out: Path, tmp_path: Path
-) -> None:
+def test_what_does_not_fit_is_left_out_by_name(frames: Path, out: Path, tmp_path: Path) -> None:
     shot = read_dng(frame(frames, 2))
     noise = np.random.default_rng(0).integers(300, 3800, shot.shape, np.uint16)
     turned = replace(shot, samples=shot.codes[::-1])  # no copy
@@ -114,9 +110,8 @@ def test_frames_that_do_not_fit_are_left_out_by_name(
         "": replace(shot, samples=noise),  # as sharp as any
         f"is a copy of {frame(frames, 2)}\n": replace(shot, metadata=CaptureMetadata(iso=50)),
     }
-    paths = [
-        save_mosaic(frame(frames, number), each) for number, each in enumerate(odd.values(), 4)
-    ]
+    numbered = enumerate(odd.values(), 4)
+    paths = [save_mosaic(frame(frames, number), mosaic) for number, mosaic in numbered]
     outcome = merged(frames, out, "--json")
     for path, reason in zip(paths, odd, strict=True):
         assert f"{path}: is left out: {reason}" in outcome.err

@@ -120,9 +120,7 @@ def test_an_update_replaces_what_was_measured(folder: Path, tmp_path: Path) -> N
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "camera.json.bak"]
 
 
-def test_noise_that_moves_beyond_the_intervals_asks_for_overwrite(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_noise_beyond_the_intervals_asks_for_overwrite(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "camera.json"
     words: list[str | Path] = ["-o", output, "--update"]
     calibrated(folder, output, "dark", "flat")

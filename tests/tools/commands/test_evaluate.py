@@ -92,15 +92,12 @@ def test_the_tables_are_there_if_the_page_fails(
     outcome = run(line, out, code=1)
     page = str(out / "evaluation.html")
     (error,) = outcome.errors
-    assert error.startswith(
-        f"panchroma: {page}: a fault of Panchroma, please report it: RuntimeError"
-    )
+    fault = "a fault of Panchroma, please report it: RuntimeError"
+    assert error.startswith(f"panchroma: {page}: {fault}")
     assert {path.suffix for path in out.glob("e*")} == {".csv", ".json", ".svg"}
     assert json.loads((out / "evaluation.json").read_text())["figures"]
-    assert {record["source"]: record["ok"] for record in outcome.records} == {
-        page: False,
-        "builtin:60x60": True,
-    }
+    ends = {record["source"]: record["ok"] for record in outcome.records}
+    assert ends == {page: False, "builtin:60x60": True}
 
 
 def test_dry_run_lists_the_work_for_patterns_of_every_kind(tmp_path: Path) -> None:
@@ -123,17 +120,11 @@ def five_bands(path: Path) -> str:
     return str(path)
 
 
-def test_scenes_with_five_channels_are_compared_by_methods_of_ours(
-    out: Path, tmp_path: Path
-) -> None:
+def test_five_channels_are_compared_by_methods_of_ours(out: Path, tmp_path: Path) -> None:
     scene = five_bands(tmp_path / "bands.npy")
     Image.fromarray((small_scene(60, 66, 1) * 255).astype(np.uint8)).save(tmp_path / "rgb.png")
-    options = (
-        "--methods paper,best,preview,dlmmse,dcb --sigma 0,0.01 --jobs 1",
-        "--pattern",
-        BANDS,
-    )
-    outcome = run("evaluate", scene, tmp_path / "rgb.png", "-o", out, *options, code=1)
+    options = f"--methods paper,best,preview,dlmmse,dcb --sigma 0,0.01 --jobs 1 --pattern {BANDS}"
+    outcome = run("evaluate", scene, tmp_path / "rgb.png", "-o", out, options, code=1)
     assert "red, green and blue alone; left out: dlmmse, dcb" in outcome.err
     (line,) = outcome.errors
     assert line.startswith(f"panchroma: {tmp_path}/rgb.png: its channels are RGB, and ")
@@ -153,9 +144,8 @@ def test_scenes_with_five_channels_are_compared_by_methods_of_ours(
     truth, pattern = np.load(scene), read_pattern(BANDS)
     camera = SimulatedCamera.of(pattern, protocol=PaperProtocol(0.0), bits=16)
     shot = camera.shoot(Scene(truth, "", channels="VRGNU"), np.random.default_rng(0)).mosaic
-    assert rows["paper", 0.0]["psnr"] == pytest.approx(
-        psnr(render(shot, PAPER).rgb, truth, BORDER), abs=1e-3
-    )
+    expected = psnr(render(shot, PAPER).rgb, truth, BORDER)
+    assert rows["paper", 0.0]["psnr"] == pytest.approx(expected, abs=1e-3)
     page = (out / "evaluation.html").read_text()
     assert "There is no verdict: it needs best, " in page
     assert "a Bayer camera under the same light" not in page
@@ -183,10 +173,8 @@ def test_the_json_says_what_made_it_and_no_page_the_folders(out: Path, tmp_path:
     assert mine["packages"]["pytest"] == version("pytest")  # it may import anything
     assert (mine["source"], network["source"]) == (f"{tmp_path}/mine.py:mine", rival)
     name = list(document["methods"])[2]
-    assert document["failed"][0] == (
-        f"builtin:60x60: {name}, sigma 0.01: {tmp_path}/mine.py:mine, "
-        "line 2: ZeroDivisionError: division by zero"
-    )
+    fault = f"{tmp_path}/mine.py:mine, line 2: ZeroDivisionError: division by zero"
+    assert document["failed"][0] == f"builtin:60x60: {name}, sigma 0.01: {fault}"
     page, table = ((out / f"evaluation.{end}").read_text() for end in ("html", "csv"))
     assert "mine.py:mine, line 2" in page
     for text in (page, table):

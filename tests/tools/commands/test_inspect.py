@@ -104,9 +104,8 @@ def test_a_shot_without_a_panchromatic_pixel_has_no_brightness(tmp_path: Path) -
 def archive(folder: Path) -> list[Path]:
     """Shots and a rendered DNG in folders and below, and files that are none of them."""
     (folder / "a" / "b").mkdir(parents=True)
-    paths = [
-        save(folder / "a" / name, mosaic(shape=(20, 30))) for name in ("1.dng", "2.DNG", "b/3.dng")
-    ]
+    shot, names = mosaic(shape=(20, 30)), ("1.dng", "2.DNG", "b/3.dng")
+    paths = [save(folder / "a" / name, shot) for name in names]
     picture = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
     (folder / "4.dng").write_bytes(picture_dng(picture))
     (folder / "note.txt").write_text("no shot")
@@ -162,9 +161,7 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
     jpeg = read_preview(path)
     path.write_bytes(path.read_bytes().replace(jpeg, jpeg[:20] + bytes(len(jpeg) - 20)))
     outcome = run("inspect", "--verify", path, tmp_path / "absent.dng", code=1)
-    assert [line.partition(": ")[2] for line in outcome.errors] == [
-        f"{path}: damaged: the preview: a JPEG without a frame: it is cut short or damaged; copy "
-        "the file again",
-        f"{tmp_path}/absent.dng: there is no such file; check the name",
-    ]
+    why = "damaged: the preview: a JPEG without a frame: it is cut short or damaged; copy the file"
+    assert f"{path}: {why} again" in outcome.errors[0]
+    assert f"{tmp_path}/absent.dng: there is no such file; check the name" in outcome.errors[1]
     assert outcome.out == "0 whole, 2 damaged or unreadable\n"

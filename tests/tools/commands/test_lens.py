@@ -69,9 +69,7 @@ def test_commands_tell_another_focal_length(folder: Path, path: Path, tmp_path: 
     assert told in run("calibrate", folder / "shot.dng", "-o", path, "--update").err
 
 
-def test_refused_flat_frames_leave_what_is_known_of_noise(
-    folder: Path, path: Path, tmp_path: Path
-) -> None:
+def test_refused_flats_leave_what_is_known(folder: Path, path: Path, tmp_path: Path) -> None:
     """Light that is tilted: shading is not measured, and the reason is told; nor is what the shots
     say of it taken over.
 

@@ -130,9 +130,7 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
     assert paper.noise == NoiseModel.gaussian(0.03, 4)
 
 
-def test_without_known_colours_there_is_no_picture_of_the_truth_and_that_is_said(
-    out: Path, tmp_path: Path
-) -> None:
+def test_without_known_colours_there_is_no_picture_of_the_truth(out: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "two.npy", np.full((24, 24, 2), 0.5, np.float32))
     options = "--pattern AB/WW --truth --json -o"
     outcome = run("simulate", tmp_path / "two.npy", options, out, code=0)
@@ -141,9 +139,7 @@ def test_without_known_colours_there_is_no_picture_of_the_truth_and_that_is_said
     assert outputs == results(out) == {"two.dng", "two.truth.tif"}
 
 
-def test_what_is_no_scene_costs_one_line_and_the_rest_is_recorded(
-    out: Path, tmp_path: Path
-) -> None:
+def test_no_scene_costs_one_line_and_the_rest_is_recorded(out: Path, tmp_path: Path) -> None:
     codes = np.random.default_rng(0).integers(0, 256, (13, 15, 3), np.uint8)
     bad, picture = tmp_path / "bad.npy", tmp_path / "picture.png"
     Image.fromarray(codes).save(picture)
@@ -159,9 +155,7 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_is_recorded(
     np.testing.assert_allclose(tifffile.imread(out / "picture.truth.tif"), codes / 255, atol=1e-6)
 
 
-def test_the_truth_is_also_a_picture_to_look_at_and_nothing_of_a_user_is_replaced(
-    out: Path,
-) -> None:
+def test_the_truth_is_also_a_picture_and_nothing_of_a_user_is_replaced(out: Path) -> None:
     calibration = simulate(out, "--light 1/4 --truth").calibration
     expected = ColourTransform.to_space(calibration).apply(tifffile.imread(out / TRUTH))
     np.testing.assert_allclose(np.asarray(Image.open(out / SHOWN)), 255 * expected, atol=1)
@@ -201,9 +195,7 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
 
 
-def test_scenes_are_resumed_tried_and_simulated_several_at_a_time(
-    tmp_path: Path, out: Path
-) -> None:
+def test_scenes_are_resumed_tried_and_made_several_at_a_time(tmp_path: Path, out: Path) -> None:
     other, camera = tmp_path / "other", tmp_path / "camera.json"
     scenes = [f"builtin:{size}x60" for size in (72, 78, 84)]
     line = ("simulate", *scenes, "--burst 2 --motion 2 --light 1 --truth")

@@ -88,9 +88,8 @@ def study(tmp_path: Path) -> Study:
 
 
 def test_winner_lead_and_losses(study: Study) -> None:
-    figures = figures_with(
-        study, paper=0.02 * NOISE, bilinear=(0.01 * NOISE, 0.08 * NOISE), dlmmse=0.04 * NOISE
-    )
+    bilinear = 0.01 * NOISE, 0.08 * NOISE
+    figures = figures_with(study, paper=0.02 * NOISE, bilinear=bilinear, dlmmse=0.04 * NOISE)
     assert figures.best(CLEAN, RGB, study.methods) == "bilinear"
     assert figures.best(NOISY, RGB, study.methods) == "paper"
     for place, rival, expected in ((CLEAN, "bilinear", -DOUBLE), (NOISY, "dlmmse", DOUBLE)):
@@ -408,9 +407,8 @@ def test_a_browser_shows_it_without_errors_and_without_network(
         widths = "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth)))"
         assert browser.evaluate(f"{widths}.then(w => Math.min(...w))") >= 48
         colours = "['color', 'backgroundColor'].map(name => getComputedStyle(document.body)[name])"
-        ink, paper = (
-            sum(map(int, re.findall(r"\d+", colour))) for colour in browser.evaluate(colours)
-        )
+        channels = (re.findall(r"\d+", colour) for colour in browser.evaluate(colours))
+        ink, paper = (sum(map(int, colour)) for colour in channels)
         assert (ink - paper) * (1 if dark else -1) > 450
 
 

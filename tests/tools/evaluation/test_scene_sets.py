@@ -120,9 +120,9 @@ def test_share_and_light() -> None:
     assert kodak.light == 2
     assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency())
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
-    assert named("VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW").light == pytest.approx(
-        (30 * 3 + 6 * 3 / 5) / 36  # a site of five lets a fifth of the light through
-    )
+    five = named("VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")
+    # a site of five lets a fifth of the light through
+    assert five.light == pytest.approx((30 * 3 + 6 * 3 / 5) / 36)
     with pytest.raises(InputError, match="positive weights"):
         named("RYWW/WBWW/WWWW/WWWW")
 
@@ -134,10 +134,8 @@ def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:
         moments = []
         for pattern in (CfaPattern.bayer(4), BROADBAND):
             mask = pattern.panchromatic_mask(white.shape[:2])
-            bright, black = (
-                CameraPair(level, 0, light, pattern, None).sparse.signal[mask]
-                for light in (white, dark)
-            )
+            shots = [CameraPair(level, 0, light, pattern, None).sparse for light in (white, dark)]
+            bright, black = (shot.signal[mask] for shot in shots)
             values = np.array((bright.mean(), bright.std(), black.std()))
             moments.append(values / filters_of(pattern).unit)
         np.testing.assert_allclose(moments[1], moments[0], rtol=0.01)
