@@ -265,8 +265,9 @@ class Measures:
             kept = colour_kept(*colours)
             hue = wrong_hue(*colours)[BORDER:-BORDER, BORDER:-BORDER].mean()
         errors = np.square(rendered.astype(np.float64) - truth).mean(axis=2)
-        figures = _quantiles(patches), whole_psnr(rendered, truth, BORDER), np.array(hue)
-        return cls(*figures, kept, *map(histogram, patches), _window_means(errors))
+        figures = _quantiles(patches), whole_psnr(rendered, truth, BORDER), np.array(hue), kept
+        rgb, luminance, chrominance = map(histogram, patches)
+        return cls(*figures, rgb, luminance, chrominance, _window_means(errors))
 
     def encode(self) -> bytes:
         """File content for the cache, which `decode` reads."""
