@@ -99,13 +99,6 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     assert done.err.endswith("\n3 saved, 0 dropped\n")
 
 
-def test_a_stream_that_is_cut_keeps_its_whole_frames_and_fails(out: Path) -> None:
-    done = from_recording(frame(0) + frame(1) + frame(2)[:100], "-o", out, LAYOUT, code=1)
-    assert len(shots(out)) == 2
-    assert "ended in the middle of a frame, 100 bytes after 2 whole ones" in done.err
-    assert done.err.endswith("2 saved, 0 dropped, 1 failed\n")
-
-
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:
     done = from_recording(frame(0), "-o", out, LAYOUT, "--frames 2", code=1)
     assert "-: ended after 1 of 2 shots" in done.err

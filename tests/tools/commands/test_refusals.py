@@ -36,12 +36,9 @@ MISSPELT = {
         "inspect shot '--\x1b[2J\nall_is_well'": r"there is no option --\x1b[2J all_is_well",
         "render --widht 3": "panchroma render: error: there is no option --widht",
         "render --exposre x --bits 9": "there is no option --exposre; did you mean --exposure?",
-        "capture --siez": "panchroma capture: error: there is no option --siez; did you mean --size?",
         "simulate -sigma 1": "simulate: error: there is no option -sigma; did you mean --sigma?",
-        "view --latest x -output x": "there is no option -output; did you mean --output?",
         "identify --Pixel_Format=raw": "there is no option --Pixel_Format; did you mean --pixel-format?",
         "calibrate --corner 1,2": "there is no option --corner; did you mean --corners?",
-        "evaluate --sigma x --scence": "panchroma evaluate: error: there is no option --scence",
     },
     "render shots -o out": {
         "--overwr": "there is no option --overwr; did you mean --overwrite?",  # no abbreviations
