@@ -191,7 +191,7 @@ def _values(pooled: Sequence[Measures]) -> dict[str, float]:
             values[f"{name}_q{round(100 * quantile)}"] = value
     whole = ("psnr", *(f"psnr_{plane}" for plane in PLANES[1:]))
     values |= zip(whole, np.mean([result.psnr for result in pooled], axis=0), strict=True)
-    values["wrong_hue"] = np.mean([result.wrong_hue for result in pooled])
+    values["wrong_hue"] = float(np.mean([result.wrong_hue for result in pooled]))
     kept = zip(*colour_slopes(np.sum([result.kept for result in pooled], axis=0)), strict=True)
     for place, (slope, error) in enumerate(kept, 1):
         values |= {f"kept_{place}": slope, f"kept_{place}_error": error}

@@ -145,8 +145,8 @@ def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
     assert outcome.errors == []
     assert "4 whole, 0 damaged or unreadable, 2 of other programs" in outcome.err
     assert {record["source"] for record in outcome.records if record.get("foreign")} == others
-    for path in others:
-        assert f"{path}: not a DNG of Panchroma: it has no digest" in outcome.err
+    for name in others:
+        assert f"{name}: not a DNG of Panchroma: it has no digest" in outcome.err
     outcome = run("inspect", "--verify", *others, code=1)  # they were named
     assert (outcome.out, len(outcome.errors)) == ("0 whole, 2 damaged or unreadable\n", 2)
     for lost, told in ((b"Panchroma\0", "1 whole, 0"), (b"Panchroma mosaic\0", "0 whole, 1")):

@@ -123,7 +123,7 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
     path.write_text(json.dumps(calibration.to_json()))
     shot = simulate(out, "--light 1 --camera", path)
     # The camera does not know the colours, the scene does.
-    colours = {"camera_to_xyz": builtin_scene(24, 18).camera_to_xyz, "camera": calibration.id}
+    colours: Any = {"camera_to_xyz": builtin_scene(24, 18).camera_to_xyz, "camera": calibration.id}
     assert shot.calibration == replace(calibration, **colours)
     paper = simulate(out, "--sigma 0.03 --sensor-bits 14 --camera", path).calibration
     assert (paper.gamma, paper.bits) == (gamma, 14)

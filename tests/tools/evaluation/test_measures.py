@@ -122,7 +122,7 @@ def test_it_is_ten_of_ciede2000_on_a_balanced_picture(exposure: float) -> None:
     """Written out for muted colours: grey mean, 99 % of luminance below 0.9, clipped."""
     light = np.array((0.5, 1.0, 0.7), np.float32) * np.float32(exposure)
     truth = (0.3 + 0.1 * RNG.random((70, 80, 3))).astype(np.float32) * light
-    rendered = truth + RNG.normal(0, 0.03 * exposure, truth.shape).astype(np.float32)
+    rendered = truth + np.float32(0.03 * exposure) * RNG.standard_normal(truth.shape, np.float32)
     to_xyz = np.array(SRGB_TO_XYZ)
     mean = truth.mean(axis=(0, 1), dtype=np.float64)
     balanced = [picture.astype(np.float64) / mean for picture in (rendered, truth)]
