@@ -125,9 +125,6 @@ class Lead(NamedTuple):
     value: float
 
 
-_Key = tuple[Place, str, Tile | None]  # and method, pattern
-
-
 class Figures:
     """All figures of a study, from the results that exist.
 
@@ -140,7 +137,7 @@ class Figures:
         self.groups = [name for name in SETS if any(case.scene.group == name for case in results)]
         sets = [(Place(case.scene.group, case.level), case) for case in results]
         single = [(place._replace(scene=case.scene.name), case) for place, case in sets]
-        pools = defaultdict[_Key, list[Measures]](list)
+        pools = defaultdict[tuple[Place, str, Tile | None], list[Measures]](list)
         for place, case in sets + single:
             pools[place, case.method, case.tile].append(results[case])
         self._figures = {

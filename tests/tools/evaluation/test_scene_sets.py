@@ -1,4 +1,6 @@
-""""""
+"""The scenes of an evaluation: which may be pooled, how they are cut and named; and patterns before
+them under the same light.
+"""
 
 from pathlib import Path
 
