@@ -73,6 +73,17 @@ def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
     assert "the tile has no name that Panchroma knows; if it is the sensor's own" in no_name
 
 
+def test_a_tile_that_the_pages_recommend_is_known(tmp_path: Path) -> None:
+    """Green is the colour that red and blue both resemble; red and blue stay open."""
+    for tile, code in (("RGWW/BWWW/WWWW/WWWW", 0), ("GRWW/BWWW/WWWW/WWWW", 1)):
+        np.save(tmp_path / "frame.npy", taken(SCENE, tile_of(tile, (2, 3))))
+        (record,) = run("identify --json", tmp_path / "frame.npy", code=code).records
+        found = [record["pattern"], *record["alternatives"]]
+        both = [[tile, [2, 3]], [tile.translate(str.maketrans("RB", "BR")), [2, 3]]]
+        assert found in ([both, both[::-1]] if code else [both])
+        assert record["name"] == (None if code else tile)
+
+
 def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> None:
     np.save(tmp_path / "sony.npy", SONY)
     (record,) = run("identify", "-o", out, "--json", tmp_path / "sony.npy").records
