@@ -50,7 +50,7 @@ def as_bayer(mosaic: Mosaic, truth: FloatArray) -> FloatArray:
 
 def figures(picture: FloatArray, truth: FloatArray) -> list[float]:
     """Median, 10 % quantile, whole image (dB), and wrong hues (%)."""
-    patches = patch_psnr(picture, truth).rgb
+    patches = patch_psnr(picture, truth)[0]
     inner = slice(BORDER, -BORDER)
     wrong = wrong_hue(picture[inner, inner], truth[inner, inner]).mean()
     whole = whole_psnr(picture, truth, BORDER)[0]

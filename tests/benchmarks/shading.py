@@ -60,13 +60,9 @@ def cornered(plane: FloatArray) -> Iterator[FloatArray]:
 
 def figures(picture: FloatArray, rgb: FloatArray) -> list[float]:
     """Median PSNR of RGB, luminance and chrominance, and mean colour difference, in the corners."""
-    patches = [
-        patch_psnr(*pair, border=0) for pair in zip(cornered(picture), cornered(rgb), strict=True)
-    ]
-    planes = [
-        np.concatenate([getattr(patch, name).ravel() for patch in patches])
-        for name in ("rgb", "luminance", "chrominance")
-    ]
+    pairs = zip(cornered(picture), cornered(rgb), strict=True)
+    corners = zip(*(patch_psnr(*pair, border=0) for pair in pairs), strict=True)
+    planes = [np.concatenate([patches.ravel() for patches in plane]) for plane in corners]
     mean = rgb.mean(axis=(0, 1), dtype=np.float64)
     gain = mean.mean() / np.maximum(mean, 1e-6)
     gain = gain * 0.9 / float(np.quantile(rgb @ (gain * SRGB_TO_XYZ[1]), 0.99))

@@ -17,7 +17,7 @@ from panchroma.offline import BEST, PAPER, PRESETS, render, use_threads
 from panchroma.shared import FloatArray, Mosaic
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import render_preset
-from panchroma.tools.evaluation.metrics import quality
+from panchroma.tools.evaluation.metrics import MEDIAN, quality
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.protocols import PaperProtocol
 from tests.benchmarks.harness import PATTERN, middle, options
@@ -61,7 +61,7 @@ def measure(make: Callable[[Mosaic], FloatArray], mosaic: Mosaic, truth: FloatAr
     picture = make(mosaic)
     seconds = time.process_time() - start
     found = quality(picture, truth)
-    return [*found.median, found.rgb[0], found.chrominance[0], 1e6 * seconds / mosaic.samples.size]
+    return [*found[:, MEDIAN], found[0, 0], found[2, 0], 1e6 * seconds / mosaic.samples.size]
 
 
 def main() -> None:

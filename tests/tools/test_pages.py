@@ -20,11 +20,11 @@ from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.measure import Measurements, measure_chart
 from panchroma.tools.calibration.report import build_report
 from panchroma.tools.evaluation.cameras import Tile
-from panchroma.tools.evaluation.evaluation_page import REASONS, Crop, Rendered, build_page
+from panchroma.tools.evaluation.evaluation_page import REASONS, build_page
 from panchroma.tools.evaluation.figures import Figures
 from panchroma.tools.evaluation.methods import choose
 from panchroma.tools.evaluation.metrics import Measures
-from panchroma.tools.io.page import embed_plot, without_folders
+from panchroma.tools.io.page import embed_picture, embed_plot, without_folders
 from tests.data import ROOT
 from tests.python import run_python
 from tests.tools.calibration.known_camera import BLIND, REFERENCE, chart, frame, true_place
@@ -72,9 +72,8 @@ def of_evaluation(folder: Path, text: str) -> bytes:
     tiles = tuple(Tile(f"{text}{period}", CfaPattern.bayer(period)) for period in (6, 4))
     study = replace(study, scenes=scenes, tiles=tiles)
     measures = Measures.of(*pair())
-    pictures = tuple(Rendered(text, PIXELS, psnr) for psnr in (200.0, 30.0, 20.0))
-    crops = (Crop(scenes[0], study.levels[0], why, (), 20, 20, 8, 8) for why in REASONS)
-    exhibits = [(crop, pictures) for crop in crops]
+    pictures = [(text, psnr, embed_picture(PIXELS)) for psnr in (200.0, 30.0, 20.0)]
+    exhibits = [{"title": why, "where": text, "pictures": pictures} for why in REASONS]
     return build_page(
         Figures(study, dict.fromkeys(study.cases(), measures)), exhibits, text, [text]
     )

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...shared import CfaPattern, Mosaic, read_dng, write_dng
-from ...shared.arrays import FloatArray
+from ...shared.arrays import DoubleArray, FloatArray
 from ...shared.dng import read_preview
 from ...shared.series import frame_name
 from ...shared.writing import write_durably
@@ -28,7 +28,7 @@ from ..batch.in_memory import merged_picture, renderings
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
-from ..evaluation.metrics import quality
+from ..evaluation.metrics import MEDIAN, quality
 from ..evaluation.rivals.bilinear import demosaic_bilinear
 from ..io.development import Development
 from ..io.display import ColourTransform
@@ -65,7 +65,7 @@ _BURST_CROPS = {"fine strokes": (484, 693), "equal luminance": (426, 588), "seed
 
 Crops = dict[str, tuple[int, int]]
 """Name of a part of the scene -> row and column of its first pixel."""
-Medians = dict[str, tuple[float, float, float]]
+Medians = dict[str, DoubleArray]
 """Name of a method -> its median PSNR in RGB, luminance and chrominance, dB."""
 
 USAGE = ""
@@ -118,7 +118,7 @@ def _show_shot(folder: Path, console: Console) -> Medians:
     _draw(folder / "overview.png", overview(mosaic, best.luminance, best.rgb, _OVERVIEW))
     compared = {_BAYER: bayer, _PAPER: paper.rgb, _BEST: best.rgb}
     _compare(folder, mosaic, {"truth": scene.rgb, _BAYER: bayer, _BEST: best.rgb}, _CROPS)
-    return {name: quality(rgb, scene.rgb).median for name, rgb in compared.items()}
+    return {name: quality(rgb, scene.rgb)[:, MEDIAN] for name, rgb in compared.items()}
 
 
 def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
@@ -136,7 +136,7 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     pictures = {"frame.png": one, "burst.png": merged, "burst.tif": merged, "truth.tif": truth}
     _save(folder, mosaics[0], pictures)
     _compare(folder, mosaics[0], {"truth": truth, **compared}, _BURST_CROPS)
-    return {name: quality(rgb, truth).median for name, rgb in compared.items()}
+    return {name: quality(rgb, truth)[:, MEDIAN] for name, rgb in compared.items()}
 
 
 def _photographed(scene: Scene, frame: SimulatedFrame, path: Path, seed: int) -> Mosaic:

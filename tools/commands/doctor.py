@@ -88,10 +88,10 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def _checked(name: str, check: Callable[[], Iterable[Finding]]) -> Iterator[Finding]:
-    """Yield what a check finds; what it raises is a finding, too."""
+def _checked(name: str, check: Callable[[], Iterable[Finding] | None]) -> Iterator[Finding]:
+    """Yield what a check finds, or that it runs; what it raises is a finding, too."""
     try:
-        yield from check()
+        yield from check() or [Finding(name, GOOD, "runs")]
     except ModuleNotFoundError as error:
         yield Finding(name, MISSING, f"needs the package {error.name}", install_command())
     except Exception as error:  # a broken package may raise anything, and checks are to find it
@@ -168,40 +168,35 @@ def _kernels(console: Console) -> Iterator[Finding]:
     yield Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled")
 
 
-def _pictures() -> dict[str, Callable[[], Iterator[Finding]]]:
+def _pictures() -> dict[str, Callable[[], None]]:
     """Checks that open all networks (a camera has none), and that make pictures of a grey wall in
     each way.
     """
-    works: dict[str, Callable[[], bool]] = {"networks": _open_networks, "preview": _preview}
+    checks: dict[str, Callable[[], None]] = {"networks": _open_networks, "preview": _preview}
     with suppress(Exception):  # reported with the kernels
         from ...offline import PRESETS
 
-        works |= {f"render, {name}": partial(_render, kind) for name, kind in PRESETS.items()}
-
-    def check(name: str) -> Iterator[Finding]:
-        if not works[name]():
-            raise ValueError("it makes a wrong picture")
-        yield Finding(name, GOOD, "runs")
-
-    return {name: partial(check, name) for name in works}
+        checks |= {f"render, {name}": partial(_render, kind) for name, kind in PRESETS.items()}
+    return checks
 
 
-def _open_networks() -> bool:
+def _open_networks() -> None:
     from ...shared.networks import NETWORKS, load_network
 
-    return all(map(load_network, NETWORKS.glob("*.onnx")))
+    for path in NETWORKS.glob("*.onnx"):
+        load_network(path)
 
 
-def _preview() -> bool:
+def _preview() -> None:
     from ..batch.previews import Previews
 
-    return _is_grey(Previews(threads=1)(_wall()))
+    _check_grey(Previews(threads=1)(_wall()))
 
 
-def _render(settings: Any) -> bool:
+def _render(settings: Any) -> None:
     from ...offline import render
 
-    return _is_grey(render(_wall(), settings).rgb)
+    _check_grey(render(_wall(), settings).rgb)
 
 
 def _wall() -> "Mosaic":
@@ -214,8 +209,9 @@ def _wall() -> "Mosaic":
     return simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, rng)
 
 
-def _is_grey(picture: Any) -> bool:
-    return bool(picture.max() - picture.min() < 0.02 * picture.max())
+def _check_grey(picture: Any) -> None:
+    if not picture.max() - picture.min() < 0.02 * picture.max():
+        raise ValueError("it makes a wrong picture")
 
 
 def _machine() -> Iterator[Finding]:

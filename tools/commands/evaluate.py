@@ -31,8 +31,6 @@ from ..simulation.pattern_text import read_pattern
 from ..simulation.protocols import chosen_protocol
 from .options import TILE_NAMES, add, count, names, numbers
 
-_SEED = 0  # of the noise
-
 USAGE = "SCENE ... -o DIR"
 EXAMPLE = (
     "panchroma evaluate photographs -o results --sigma 0,0.01 --methods best,paper,dlmmse "
@@ -145,7 +143,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     scenes, failures = team.read(arguments.scenes, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     own_sources = tuple((method.name, method.source) for method in methods if method.source)
-    study = Study(tuple(scenes), chosen, levels, tuple(tiles), _SEED, reading, own_sources)
+    study = Study(tuple(scenes), chosen, levels, tuple(tiles), reading, own_sources)
     return study, failures
 
 

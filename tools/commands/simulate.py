@@ -61,8 +61,6 @@ from .options import (
     pixel_limit,
 )
 
-RAW = "raw"
-"""A frame of samples alone."""
 _TRUTH_MEASURED, _TRUTH_SHOWN = PictureKind("tif", 32, "camera"), PictureKind("png", 8, "srgb")
 
 USAGE = "SCENE ... -o DIR"
@@ -84,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "dng (the default), or raw: STEM.raw, the samples alone, as 16-bit words, to try "
         "`capture` with (pixel format u16)"
     )
-    sensor.add_argument("-f", "--format", choices=("dng", RAW), default="dng", help=samples)
+    sensor.add_argument("-f", "--format", choices=("dng", "raw"), default="dng", help=samples)
     light = parser.add_argument_group("light and noise (default: none)")
     add(light, "sigma", "light", "seed")
     shading = (
@@ -142,9 +140,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         shots = [f"{shot}.{arguments.format}" for shot in (numbered if is_series else [stem])]
         return [*shots, *(f"{stem}{ending}" for ending in beside)]
 
-    def random(path: Path) -> np.random.Generator:
-        return noise_of(arguments.seed, path.relative_to(folder))
-
     def work(job: Job, progress: StageProgress, keep: Keep) -> Outcome:
         shots, beside = job.outputs[: burst.frames], job.outputs[burst.frames :]
         motions: dict[str, SimulatedFrame] = {}
@@ -153,14 +148,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         scene = load(job.source, linear=arguments.linear)
         if run.dry_run:
             return planned(job)
-        hand = random(shots[0].with_suffix(".motion"))
+        hand = noise_of(arguments.seed, shots[0].with_suffix(".motion").relative_to(folder))
         frames = burst_frames(scene.rgb, burst, hand, arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
         for shot, frame in zip(shots, frames, strict=True):
-            exposed = camera.shoot(scene, random(shot), frame)
+            rng = noise_of(arguments.seed, shot.relative_to(folder))
+            exposed = camera.shoot(scene, rng, frame)
             mosaic = exposed.mosaic
             job.make_folders()
-            if arguments.format == RAW:
+            if arguments.format == "raw":  # samples alone
                 samples = mosaic.codes.astype("<u2").tobytes()
             else:
                 samples = encode_dng(mosaic, previews(mosaic))

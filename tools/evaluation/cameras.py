@@ -22,17 +22,12 @@ from ..simulation.simulated_camera import SimulatedCamera
 Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 
 
-def with_balance(demosaic: Demosaic, samples: FloatArray, white: FloatArray) -> FloatArray:
-    """The picture, (H, W, 3), of white-balanced samples, with the balance undone.
+def render_samples(demosaic: Demosaic, shot: BayerShot, white: FloatArray) -> FloatArray:
+    """The picture, (H, W, 3), of the white-balanced samples of a shot, with the balance undone.
 
     white: what white reads, (3,).
     """
-    return demosaic(samples / white[channel_map(samples.shape)]) * white
-
-
-def render_samples(demosaic: Demosaic, shot: BayerShot, white: FloatArray) -> FloatArray:
-    """Render the samples of a Bayer shot; arguments and result as in `with_balance`."""
-    return with_balance(demosaic, shot.samples, white)
+    return demosaic(shot.samples / white[channel_map(shot.samples.shape)]) * white
 
 
 @dataclass(frozen=True, eq=False)

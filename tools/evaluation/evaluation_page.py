@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...shared import ByteArray, DoubleArray, FloatArray, SensorCalibration
+from ...shared import DoubleArray, FloatArray, SensorCalibration
 from ..io.display import ColourTransform, quantise
 from ..io.page import draw_svg, embed_picture, embed_plot, render_page
 from ..io.scene import RGB as COLOURS
@@ -23,7 +23,7 @@ from .cameras import CameraPair
 from .figures import RGB, Figures, Place, judge
 from .metrics import BORDER, PLANES, PSNR_PATCH, TITLES, WINDOW, psnr, window_origins
 from .scene_sets import CROP, SceneInfo
-from .study import Study, Team
+from .study import SEED, Study, Team
 from .tables import describe, method_table
 
 if TYPE_CHECKING:
@@ -76,26 +76,10 @@ class Crop(NamedTuple):
         return slice(self.row, self.row + self.height), slice(self.column, self.column + self.width)
 
 
-class Rendered(NamedTuple):
-    """One rendering of a crop.
-
-    Parameters
-    ----------
-    title
-        Title of the method, or "truth".
-    pixels
-        The picture for a screen: sRGB, uint8 (h, w, 3).
-    psnr
-        PSNR of the crop in RGB, dB.
-    """
-
-    title: str
-    pixels: ByteArray
-    psnr: float
-
-
-Exhibit = tuple[Crop, tuple[Rendered, ...]]
-"""A crop with its pictures: the truth, ours, the best rival if there is one."""
+Exhibit = dict[str, Any]
+"""The template's variables for a crop, with its pictures: the truth, ours, the best rival if there
+is one. Each has a title, its PSNR in RGB, dB, and an address.
+"""
 
 
 def render_crops(figures: Figures, team: Team) -> list[Exhibit]:
@@ -130,13 +114,13 @@ def render_exhibit(study: Study, crop: Crop) -> Exhibit:
     transform = ColourTransform.to_space(colours)
     truth = scene.rgb[crop.window]
     gain = _gain(scene.rgb, truth / np.array(transform.white))
-
-    def display(rgb: FloatArray) -> ByteArray:
-        return quantise(transform.apply(rgb * gain), 8).astype(np.uint8)
-
     titles = ("truth", *(study.method(name).title for name in crop.methods))
-    pictures = zip(titles, (truth, *render_crop(study, crop, scene.rgb)), strict=True)
-    return crop, tuple(Rendered(name, display(rgb), psnr(rgb, truth)) for name, rgb in pictures)
+    pictures = []
+    for title, rgb in zip(titles, (truth, *render_crop(study, crop, scene.rgb)), strict=True):
+        pixels = quantise(transform.apply(rgb * gain), 8).astype(np.uint8)
+        pictures.append((title, psnr(rgb, truth), embed_picture(pixels)))
+    where = f"{crop.scene.name}, {crop.level.text}, row {crop.row}, column {crop.column}"
+    return {"title": _capitalised(crop.why), "where": where, "pictures": pictures}
 
 
 def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatArray]:
@@ -154,7 +138,7 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatAr
     rows = _around(crop.row, crop.height, truth.shape[0], step)
     columns = _around(crop.column, crop.width, truth.shape[1], step)
     pattern, window = study.tile.pattern, (rows, columns)
-    cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, window)
+    cameras = CameraPair(crop.level, SEED, truth, pattern, crop.scene.neutral, window)
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in crop.methods:
         yield study.method(name).render(cameras)[top : top + crop.height, left : left + crop.width]
@@ -247,9 +231,9 @@ def build_page(
         title="Is the sparse-colour camera better?",
         summary=describe(figures),
         groups=groups,
-        exhibits=[_describe(*exhibit) for exhibit in exhibits],
+        exhibits=exhibits,
         failures=failures,
-        facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": study.seed},
+        facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": SEED},
         conditions=study.levels[0].conditions,
         program=program,
     )
@@ -259,7 +243,7 @@ def _group(figures: Figures, name: str) -> dict[str, Any]:
     """Return the template's variables for a set of scenes."""
     plots = [embed_plot(partial(draw_noise, figures, name, plane), 4.6, 3.6) for plane in range(3)]
     return {
-        "name": _title(name),
+        "name": _capitalised(name),
         "count": len(figures.scenes(name)),
         "verdict": judge(figures, name),
         "table": method_table(figures, name),
@@ -278,7 +262,7 @@ def plots_svg(figures: Figures) -> bytes:
         for name, row in zip(figures.groups, rows, strict=True):
             for plane, axes in enumerate(row):
                 draw_noise(figures, name, plane, axes)
-            row[0].set_title(f"{_title(name)}: {TITLES[0]}", loc="left")
+            row[0].set_title(f"{_capitalised(name)}: {TITLES[0]}", loc="left")
         lines = rows[0][0].containers
         figure.legend(lines, figures.study.methods, loc="outside lower center", ncols=4)
 
@@ -306,14 +290,5 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
     axes.set_ylabel("PSNR, dB: median and quartiles")
 
 
-def _title(group: str) -> str:
-    return f"{group[:1].upper()}{group[1:]}"
-
-
-def _describe(crop: Crop, pictures: Sequence[Rendered]) -> dict[str, Any]:
-    """Return the template's variables for an exhibit."""
-    return {
-        "title": f"{crop.why[:1].upper()}{crop.why[1:]}",
-        "where": f"{crop.scene.name}, {crop.level.text}, row {crop.row}, column {crop.column}",
-        "pictures": [(item.title, item.psnr, embed_picture(item.pixels)) for item in pictures],
-    }
+def _capitalised(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"

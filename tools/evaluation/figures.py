@@ -13,7 +13,7 @@ import numpy as np
 
 from ..simulation.protocols import Protocol
 from .cameras import Tile
-from .metrics import PLANES, QUANTILES, Histogram, Measures, colour_slopes
+from .metrics import PLANES, QUANTILES, Measures, colour_slopes, pooled_quantiles
 from .scene_sets import SETS
 from .study import Case, Study
 
@@ -47,24 +47,20 @@ class Criterion(NamedTuple):
     scale: float = 1.0
     error: str = ""
 
-    def of(self, figure: "Figure | None") -> float | None:
-        """Return the number that people are shown; None if there is none."""
-        value = None if figure is None else figure.values[self.figure]
-        return None if value is None else self.scale * value
+    def of(self, figure: "Figure | None") -> float:
+        """Return the number that people are shown; NaN if there is none."""
+        return nan if figure is None else self.scale * figure.values[self.figure]
 
     def score(self, figure: "Figure | None") -> float:
         """Return a number that is larger where the figure is better; NaN if there is none."""
         value = self.of(figure)
-        return nan if value is None else self.sign * value if self.sign else -abs(value - 100)
+        return self.sign * value if self.sign else -abs(value - 100)
 
-    def text(self, figure: "Figure | None") -> str:
+    def text(self, figure: "Figure") -> str:
         """Return the figure as text; a dash where there is none."""
-        value = self.of(figure)
-        if figure is None or value is None:
-            return "–"
-        error = figure.values.get(self.error)
-        spread = "" if error is None else f" ± {self.scale * error:.{self.digits}f}"
-        return f"{value:.{self.digits}f}{spread}"
+        value, error = self.of(figure), self.scale * figure.values.get(self.error, nan)
+        spread = "" if isnan(error) else f" ± {error:.{self.digits}f}"
+        return "–" if isnan(value) else f"{value:.{self.digits}f}{spread}"
 
 
 RGB = Criterion("RGB, dB", "rgb_q50")
@@ -108,7 +104,7 @@ class Figure(NamedTuple):
         By name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of
         whole pictures (psnr, psnr_PLANE), dB; wrong_hue, the fraction of the pixels that show a
         wrong hue, 0 to 1; kept_1 to kept_5, the slopes of `colour_slopes` from dark to bright, and
-        kept_1_error to kept_5_error, their standard errors. The last are None where there is no
+        kept_1_error to kept_5_error, their standard errors. The last are NaN where there is no
         colour, or hardly any, or no red, green and blue. Figures of whole
         pictures are means over the scenes; kept is of all their pixels.
     """
@@ -117,7 +113,7 @@ class Figure(NamedTuple):
     method: str
     tile: Tile | None
     scenes: int
-    values: Mapping[str, float | None]
+    values: Mapping[str, float]
 
 
 class Lead(NamedTuple):
@@ -127,9 +123,6 @@ class Lead(NamedTuple):
     criterion: Criterion
     rival: str
     value: float
-
-
-_Key = tuple[Place, str, Tile | None]  # and method, pattern
 
 
 class Figures:
@@ -142,15 +135,15 @@ class Figures:
     def __init__(self, study: Study, results: Mapping[Case, Measures]) -> None:
         self.study, self.results = study, results
         self.groups = [name for name in SETS if any(case.scene.group == name for case in results)]
-        pools, single = defaultdict[_Key, list[Measures]](list), dict[_Key, list[Measures]]()
-        for case, measures in results.items():
-            place, method = Place(case.scene.group, case.level), (case.method, case.tile)
-            pools[place, *method].append(measures)
-            single[place._replace(scene=case.scene.name), *method] = [measures]
+        sets = [(Place(case.scene.group, case.level), case) for case in results]
+        single = [(place._replace(scene=case.scene.name), case) for place, case in sets]
+        pools = defaultdict[tuple[Place, str, Tile | None], list[Measures]](list)
+        for place, case in sets + single:
+            pools[place, case.method, case.tile].append(results[case])
         self._figures = {
             key: Figure(*key, len(pooled), _values(pooled))
-            for key, pooled in (pools | single).items()
-            if key in single or len(pooled) == len(self.scenes(key[0].group))
+            for key, pooled in pools.items()
+            if key[0].scene or len(pooled) == len(self.scenes(key[0].group))
         }
         self.rows = list(self._figures.values())
 
@@ -185,24 +178,21 @@ class Figures:
         return [lead for place in places if (lead := self.lead(place, criterion))]
 
 
-def _values(pooled: Sequence[Measures]) -> dict[str, float | None]:
+def _values(pooled: Sequence[Measures]) -> dict[str, float]:
     """`Figure.values` of some pictures; a single one's quantiles are exact."""
-    values: dict[str, float | None] = {}
-    for plane, name in enumerate(PLANES):
-        quantiles = pooled[0].quality[plane]
-        if len(pooled) > 1:
-            quantiles = Histogram.pooled([result.patches[plane] for result in pooled]).quantiles()
+    values: dict[str, float] = {}
+    for name, exact in zip(PLANES, pooled[0].quality, strict=True):
+        histograms = [getattr(result, name) for result in pooled]
+        quantiles = exact if len(pooled) == 1 else pooled_quantiles(histograms)
         for quantile, value in zip(QUANTILES, quantiles, strict=True):
             values[f"{name}_q{round(100 * quantile)}"] = value
-    means = np.mean([result.psnr for result in pooled], axis=0).tolist()
-    values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), means, strict=True)
-    hues = [result.wrong_hue for result in pooled if result.wrong_hue is not None]
-    values["wrong_hue"] = float(np.mean(hues)) if hues else None
+    whole = ("psnr", *(f"psnr_{plane}" for plane in PLANES[1:]))
+    values |= zip(whole, np.mean([result.psnr for result in pooled], axis=0), strict=True)
+    values["wrong_hue"] = float(np.mean([result.wrong_hue for result in pooled]))
     kept = zip(*colour_slopes(np.sum([result.kept for result in pooled], axis=0)), strict=True)
     for place, (slope, error) in enumerate(kept, 1):
-        for name, value in ((f"kept_{place}", slope), (f"kept_{place}_error", error)):
-            values[name] = None if isnan(value) else float(value)
-    return values
+        values |= {f"kept_{place}": slope, f"kept_{place}_error": error}
+    return {name: float(value) for name, value in values.items()}
 
 
 # scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6

@@ -4,9 +4,8 @@ chrominance; wrong hues and faded colours, which medians over patches hide; and 
 """
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -22,50 +21,31 @@ from ..io.scene import RGB
 PSNR_PATCH = 10  # pixels
 BORDER = 15  # pixels left out at each side: the paper's margin against effects of the frame's edge
 QUANTILES = (0.10, 0.25, 0.50, 0.75)
+MEDIAN = QUANTILES.index(0.50)
 # dB: PSNR of equal pixels. JSON has no infinity, and float32 rounding alone gives about 150
 CAP = 200.0
 
-Quantiles = tuple[float, float, float, float]
+PLANES = ("rgb", "luminance", "chrominance")
+TITLES = ("RGB", "luminance", "chrominance")
 
 
-class PatchPsnr(NamedTuple):
-    """PSNR of every overlapping patch, dB, float64 (rows, columns) each, at the place of the
-    patch's first pixel.
+def quality(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
+    """The QUANTILES of the patches' PSNR, dB, a row for each of PLANES: see `patch_psnr`, with the
+    same errors.
     """
-
-    rgb: DoubleArray
-    luminance: DoubleArray
-    chrominance: DoubleArray
+    return _quantiles(patch_psnr(rendered, truth))
 
 
-class Quality(NamedTuple):
-    """10 %, 25 %, 50 % and 75 % quantiles of the patches' PSNR, dB, by plane."""
-
-    rgb: Quantiles
-    luminance: Quantiles
-    chrominance: Quantiles
-
-    @classmethod
-    def of(cls, patches: PatchPsnr) -> "Quality":
-        """Quantiles of all patches."""
-        return cls(*(tuple(np.quantile(plane, QUANTILES).tolist()) for plane in patches))
-
-    @property
-    def median(self) -> tuple[float, float, float]:
-        """Medians of RGB, luminance and chrominance, the figures that tables quote."""
-        return self.rgb[2], self.luminance[2], self.chrominance[2]
-
-
-def quality(rendered: FloatArray, truth: FloatArray) -> Quality:
-    """Quantiles of `patch_psnr`, with the same errors."""
-    return Quality.of(patch_psnr(rendered, truth))
+def _quantiles(patches: Iterable[DoubleArray]) -> DoubleArray:
+    return np.array([np.quantile(plane, QUANTILES) for plane in patches])
 
 
 def patch_psnr(
     rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH, border: int = BORDER
-) -> PatchPsnr:
+) -> list[DoubleArray]:
     """PSNR, 10 log10(1 / MSE), at most CAP, of all patch x patch squares at least `border` pixels
-    inside the frame.
+    inside the frame: for each of PLANES float64 (rows, columns), at the place of the square's first
+    pixel.
 
     Luminance is the mean of the channels, chrominance is what remains of each, MSE is the mean over
     all pixels and channels of a square.
@@ -81,25 +61,21 @@ def patch_psnr(
         columns = sliding_window_view(square, patch, axis=0).sum(axis=-1)
         total = sliding_window_view(columns, patch, axis=1).sum(axis=-1)
         planes.append(_decibels(total / patch**2))
-    return PatchPsnr(*planes)
+    return planes
 
 
 def psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
     """RGB PSNR of the whole picture; see `whole_psnr`."""
-    return whole_psnr(rendered, truth, border)[0]
+    return float(whole_psnr(rendered, truth, border)[0])
 
 
-def whole_psnr(
-    rendered: FloatArray, truth: FloatArray, border: int = 0
-) -> tuple[float, float, float]:
-    """PSNR of the whole picture without `border` pixels at each side, dB, at most CAP: RGB,
-    luminance, chrominance.
+def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> DoubleArray:
+    """PSNR of the whole picture without `border` pixels at each side, dB, at most CAP, one for each
+    of PLANES.
 
     Arguments and errors as in `patch_psnr`.
     """
-    squares = _squares(rendered, truth, border, 1)
-    rgb, luminance, chrominance = (float(_decibels(square.mean())) for square in squares)
-    return rgb, luminance, chrominance
+    return np.array([_decibels(one.mean()) for one in _squares(rendered, truth, border, 1)])
 
 
 def _squares(
@@ -222,69 +198,58 @@ def _lab(balanced: DoubleArray) -> DoubleArray:
     return xyz_to_lab(np.clip(balanced, 0.0, 1.0) @ np.array(SRGB_TO_XYZ).T)
 
 
-PLANES = ("rgb", "luminance", "chrominance")
-TITLES = ("RGB", "luminance", "chrominance")
 WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
 _STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
 _BINS = round((CAP - _LOWEST) / _STEP) + 1
 
 
-class Histogram(NamedTuple):
-    """Number of patches by PSNR: bin numbers, ascending, and counts, both int64."""
+def histogram(decibels: DoubleArray) -> NDArray[np.int64]:
+    """Number of patches by PSNR in dB, int64 (2, n): the bins that have any, ascending, and their
+    counts.
+    """
+    places = np.floor((decibels - _LOWEST) / _STEP).clip(0, _BINS - 1).astype(np.int64)
+    return np.stack(np.unique(places, return_counts=True))
 
-    bins: NDArray[np.int64]
-    counts: NDArray[np.int64]
 
-    @classmethod
-    def of(cls, decibels: DoubleArray) -> "Histogram":
-        """Histogram of PSNR in dB, any shape."""
-        places = np.floor((decibels - _LOWEST) / _STEP).clip(0, _BINS - 1).astype(np.int64)
-        return cls(*np.unique(places, return_counts=True))
-
-    @classmethod
-    def pooled(cls, histograms: Sequence["Histogram"]) -> "Histogram":
-        """Histogram of all patches of all histograms together."""
-        bins, counts = (np.concatenate(arrays) for arrays in zip(*histograms, strict=True))
-        total = np.bincount(bins, counts, _BINS).astype(np.int64)
-        bins = np.flatnonzero(total)
-        return cls(bins, total[bins])
-
-    def quantiles(self) -> Quantiles:
-        """The four QUANTILES, dB, to within a bin."""
-        middles = np.minimum(_LOWEST + (self.bins + 0.5) * _STEP, CAP)
-        weighted: Any = {"weights": self.counts, "method": "inverted_cdf"}
-        lowest, low, middle, high = np.quantile(middles, QUANTILES, **weighted).tolist()
-        return lowest, low, middle, high
+def pooled_quantiles(histograms: Sequence[NDArray[np.int64]]) -> DoubleArray:
+    """The four QUANTILES of all patches of these histograms together, dB, to within a bin."""
+    bins, counts = np.concatenate(histograms, axis=1)
+    total = np.bincount(bins, counts)
+    bins = np.flatnonzero(total)
+    middles = np.minimum(_LOWEST + (bins + 0.5) * _STEP, CAP)
+    return np.quantile(middles, QUANTILES, weights=total[bins], method="inverted_cdf")
 
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """Figures of one rendering.
+    """Figures of one rendering, each an array.
 
     Attributes
     ----------
-    quality : Quality
-        Exact quantiles of its patches.
-    psnr : tuple[float, float, float]
+    quality : DoubleArray
+        Exact QUANTILES of its patches, dB, a row for each of PLANES.
+    psnr : DoubleArray
         Of the whole picture without its border, dB, one for each of PLANES.
-    wrong_hue : float | None
-        Share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green
+    wrong_hue : DoubleArray
+        Share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; NaN where red, green
         and blue are not measured.
     kept : DoubleArray
         What `colour_kept` returns; 0 where red, green and blue are not measured.
-    patches : tuple[Histogram, ...]
-        Histograms of PSNR, one for each of PLANES.
+    rgb, luminance, chrominance : NDArray[np.int64]
+        What `histogram` returns of the patches.
     errors : FloatArray
         float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at
         `window_origins`.
     """
 
-    quality: Quality
-    psnr: tuple[float, float, float]
-    wrong_hue: float | None
+    quality: DoubleArray
+    psnr: DoubleArray
+    wrong_hue: DoubleArray
     kept: DoubleArray
-    patches: tuple[Histogram, ...]
+    rgb: NDArray[np.int64]
+    luminance: NDArray[np.int64]
+    chrominance: NDArray[np.int64]
     errors: FloatArray
 
     @classmethod
@@ -293,26 +258,21 @@ class Measures:
 
         channels: the N letters of the channels. Raises InputError as `patch_psnr` does.
         """
-        maps, share = patch_psnr(rendered, truth), None
-        kept = np.zeros(SUMS)
+        patches, kept, hue = patch_psnr(rendered, truth), np.zeros(SUMS), np.nan
         if set(RGB) <= set(channels):
             places = [channels.index(letter) for letter in RGB]
             colours = rendered[..., places], truth[..., places]
             kept = colour_kept(*colours)
-            share = float(wrong_hue(*colours)[BORDER:-BORDER, BORDER:-BORDER].mean())
-        whole = whole_psnr(rendered, truth, BORDER)
-        patches = tuple(map(Histogram.of, maps))
+            hue = wrong_hue(*colours)[BORDER:-BORDER, BORDER:-BORDER].mean()
         errors = np.square(rendered.astype(np.float64) - truth).mean(axis=2)
-        return cls(Quality.of(maps), whole, share, kept, patches, _window_means(errors))
+        figures = _quantiles(patches), whole_psnr(rendered, truth, BORDER), np.array(hue), kept
+        rgb, luminance, chrominance = map(histogram, patches)
+        return cls(*figures, rgb, luminance, chrominance, _window_means(errors))
 
     def encode(self) -> bytes:
         """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
-        arrays: dict[str, Any] = {"quality": self.quality, "kept": self.kept, "errors": self.errors}
-        for plane, patches in zip(PLANES, self.patches, strict=True):
-            arrays |= {f"{plane}_{name}": array for name, array in patches._asdict().items()}
-        # None becomes NaN
-        np.savez_compressed(buffer, whole=np.array([*self.psnr, self.wrong_hue], float), **arrays)
+        np.savez_compressed(buffer, **vars(self))
         return buffer.getvalue()
 
     @classmethod
@@ -323,13 +283,7 @@ class Measures:
         """
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-                names = Histogram._fields
-                histograms = ([stored[f"{plane}_{name}"] for name in names] for plane in PLANES)
-                quality: Any = Quality(*map(tuple, stored["quality"].tolist()))
-                *psnr, hue = stored["whole"].tolist()
-                patches = tuple(map(Histogram._make, histograms))
-                wrong = None if np.isnan(hue) else hue
-                return cls(quality, tuple(psnr), wrong, stored["kept"], patches, stored["errors"])
+                return cls(**stored)
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 

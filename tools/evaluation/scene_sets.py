@@ -111,7 +111,8 @@ def _loaded(source: str, reading: Reading) -> Scene:
     scene = load_scene(source, linear=reading.linear, channels=reading.channels)
     if scene.channels != (needed := reading.channels):
         raise InputError(f"its channels are {scene.channels}, and `pattern` needs {needed}")
-    rgb = cut(scene.rgb, reading.largest)
+    rows, columns = (_kept(size, reading.largest) for size in scene.shape)
+    rgb = np.ascontiguousarray(scene.rgb[rows, columns])
     if min(rgb.shape[:2]) < _LEAST_SIDE:
         size = f"{scene.shape[1]} x {scene.shape[0]} pixels"
         least = f"{_LEAST_SIDE} each way at least, also of `crop`, for one patch within the border"
@@ -119,15 +120,10 @@ def _loaded(source: str, reading: Reading) -> Scene:
     return replace(scene, rgb=rgb)
 
 
-def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
-    """A scene (H, W, N) cut to whole multiples of CROP pixels; with `largest` the middle, at most
-    that many pixels each way.
-    """
-    rows, columns = (_kept(size, largest) for size in rgb.shape[:2])
-    return np.ascontiguousarray(rgb[rows, columns])
-
-
 def _kept(size: int, largest: int | None) -> slice:
+    """The rows or columns of a scene that are left: whole multiples of CROP, in the middle if there
+    is a largest number of them.
+    """
     kept = min(size, largest or size) // CROP * CROP
     first = (size - kept) // 2 if largest else 0
     return slice(first, first + kept)

@@ -7,8 +7,6 @@ stopped.
 Several processes may do it; the user sees progress, failures and the memory limit.
 """
 
-import hashlib
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
@@ -21,6 +19,7 @@ from ...shared.source import code_digest
 from ...shared.writing import own_file, write_durably
 from ..batch.console import Console
 from ..batch.jobs import output_folder, reason
+from ..batch.journal import key
 from ..batch.memory import format_bytes
 from ..batch.parallel import follow, in_processes, one_by_one, possible_processes
 from ..batch.progress import StageProgress
@@ -31,6 +30,7 @@ from .metrics import Measures
 from .scene_sets import Reading, SceneInfo, distinct, expand
 
 FOLDER = "results"
+SEED = 0  # of the noise, the same for every scene
 
 
 class Case(NamedTuple):
@@ -75,8 +75,6 @@ class Study:
         Noise levels in rising order.
     tiles
         Patterns of the sparse-colour camera, under different names.
-    seed
-        Seed of the noise, the same for every scene.
     reading
         How scenes are read.
     sources
@@ -87,7 +85,6 @@ class Study:
     methods: tuple[str, ...]
     levels: tuple[Protocol, ...]
     tiles: tuple[Tile, ...]
-    seed: int
     reading: Reading
     sources: Sources = ()
 
@@ -119,7 +116,7 @@ class Study:
             for level in self.levels:
                 for method in map(self.method, self.methods):
                     for tile in self.tiles if method.ours else (None,):
-                        yield name_case(scene, level, method, tile, self.seed)
+                        yield name_case(scene, level, method, tile)
 
 
 @cache
@@ -129,9 +126,7 @@ def source_digest() -> str:
     return code_digest(Path(__file__).parents[2], *modules, "offline/models/*.onnx")
 
 
-def name_case(
-    scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None, seed: int
-) -> Case:
+def name_case(scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None) -> Case:
     """Return a result with the name of its file: a digest of all it depends on, the source of
     Panchroma and its networks included.
 
@@ -141,13 +136,12 @@ def name_case(
         "source": source_digest(),
         "protocol": level.name,
         "level": level.level,
-        "seed": seed if level.level else 0,  # without noise any seed is the same
         "pattern": asdict(tile.pattern) if tile else None,
         "scene": scene.digest,
         "neutral": scene.neutral if method.balanced else None,
     }
-    text = json.dumps(facts | method.identity, sort_keys=True).encode()
-    return Case(scene, level, method.name, tile, f"{hashlib.sha256(text).hexdigest()[:32]}.npz")
+    name = f"{key(**facts, **method.identity)[:32]}.npz"
+    return Case(scene, level, method.name, tile, name)
 
 
 def missing_cases(study: Study, folder: Path, *, anew: bool = False) -> tuple[list[Case], int]:
@@ -199,13 +193,13 @@ def work(study: Study, folder: Path, case: Case) -> list[str]:
     place = ""
     try:
         method = study.method(case.method)
-        if name_case(case.scene, case.level, method, case.tile, study.seed) != case:
+        if name_case(case.scene, case.level, method, case.tile) != case:
             reason = "the process that measures has another source of Panchroma, or other packages"
             raise InputError(f"{case.method}: {reason}; install the same ones")
         truth = study.reading.scene(case.scene).rgb
         place = f"{case.scene.source}: {case.method}, {case.level.text}: "
         tile = case.tile or study.tile
-        cameras = _cameras(case.scene, case.level, tile, study.seed, study.reading)
+        cameras = _cameras(case.scene, case.level, tile, study.reading)
         measures = Measures.of(method.render(cameras), truth, study.reading.channels)
     except PanchromaError as error:
         return [f"{place}{error}"]
@@ -230,10 +224,8 @@ def _kept(folder: Path, case: Case) -> Measures | None:
 
 
 @lru_cache(maxsize=1)  # methods that come one after the other share their shots
-def _cameras(
-    scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: Reading
-) -> CameraPair:
-    return CameraPair(level, seed, reading.scene(scene).rgb, tile.pattern, scene.neutral)
+def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, reading: Reading) -> CameraPair:
+    return CameraPair(level, SEED, reading.scene(scene).rgb, tile.pattern, scene.neutral)
 
 
 T = TypeVar("T")

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from itertools import zip_longest
+from math import isnan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..batch.console import one_line
 from .figures import CRITERIA, Figure, Figures, Place, judge
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
-from .study import source_digest
+from .study import SEED, source_digest
 
 _POOLED = "all scenes"
 _SCENE = ("source", "name", "group", "rows", "columns", "notes")
@@ -88,7 +89,7 @@ def _row(figure: Figure) -> dict[str, Any]:
     row: dict[str, Any] = {"group": group, "scene": scene, "level": level.level}
     row |= {"method": figure.method, "period": tile and tile.period}
     for name, value in figure.values.items():
-        row[name] = value if value is None else round(value, 6)
+        row[name] = None if isnan(value) else round(value, 6)
     return row | {"scenes": figure.scenes, "pattern": tile and tile.name, "noise": level.option}
 
 
@@ -143,7 +144,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], command: ob
         patterns[tile.name] = {"tile": letters, "period": tile.period, "light": light}
     protocol = {
         "kind": study.levels[0].name,
-        "seed": study.seed,
+        "seed": SEED,
         "level": study.levels[0].unit,
         "levels": [level.level for level in study.levels],
         "channels": study.reading.channels,

@@ -103,7 +103,9 @@ def test_the_graph_is_that_of_the_shot_s_pattern(tmp_path: Path, scale: int) -> 
 
 def test_previews_are_resumed_tried_and_made_several_at_a_time(tmp_path: Path, out: Path) -> None:
     shots = [shot(tmp_path / f"{number}.dng", iso=number) for number in (1, 2, 3)]
-    assert run("preview", *shots, "-n -o", tmp_path / "none", code=0).out.count(" -> ") == 3
+    planned = run("preview", *shots, "-n --json -o", tmp_path / "none", code=0)
+    assert planned.err.count(" -> ") == 3
+    assert all(record["dry_run"] for record in planned.records)
     assert not (tmp_path / "none").exists()
     run("preview", *shots, "-j 2 -o", out, code=0)
     made = contents(out)
@@ -112,9 +114,7 @@ def test_previews_are_resumed_tried_and_made_several_at_a_time(tmp_path: Path, o
     shot(shots[0], iso=4)
     outcome = run("preview", *shots, "--resume -o", out, code=0)
     assert outcome.out.count("is up to date") == 2
-    assert {name for name, data in contents(out).items() if data != made[name]} == {
-        "1.jpg",
-        JOURNAL,
-    }
+    changed = {name for name, data in contents(out).items() if data != made[name]}
+    assert changed == {"1.jpg", JOURNAL}
     for options in ("--quality 50", "--scale 2"):
         assert "is up to date" not in run("preview", *shots, options, "--resume -o", out).out

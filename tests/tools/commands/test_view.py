@@ -25,15 +25,14 @@ NOISE = "--size 30x20 --pixel-format u16 --sensor-bits 10 --unchecked"
 
 
 @contextmanager
-def viewing(
-    *arguments: str | Path, source: str = "builtin:192x128@20", stdin: Any = subprocess.DEVNULL
-) -> Iterator[Any]:
+def viewing(*arguments: str | Path, source: str = "builtin:192x128@20") -> Iterator[Any]:
     """`panchroma view` in a process of its own, and the address of its page."""
-    with start("view", source, "--bind", "127.0.0.1:0", *arguments, stdin=stdin) as process:
+    line = ("view", source, "--bind", "127.0.0.1:0", *arguments)
+    with start(*line, stdin=subprocess.PIPE) as process:
         try:
-            line = process.stdout.readline()
-            address = re.search(r"http://127\.0\.0\.1:\d+/", line)
-            assert address, line
+            said = process.stdout.readline()
+            address = re.search(r"http://127\.0\.0\.1:\d+/", said)
+            assert address, said
             yield process, address[0]
         finally:
             process.kill()  # the test failed, or it has ended
@@ -63,40 +62,31 @@ def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: i
 
 
 def test_a_camera_that_ends_ends_it() -> None:
-    reading, writing = os.pipe()
-    with viewing(NOISE, source="-", stdin=reading) as (process, url):
-        os.close(reading)
+    with viewing(NOISE, source="-") as (process, url):
         for number in (1, 2):
-            os.write(writing, codes(0).tobytes())
+            os.write(process.stdin.fileno(), codes(0).tobytes())
             wait_for_pictures(url, number)
-        os.close(writing)
-        told = ended(process, code=1).err
+        told = ended(process, code=1).err  # its standard input is closed
     assert "the camera has ended after 2 pictures; start it again" in told
 
 
 def test_a_stream_that_slips_ends_it() -> None:
     frames = moving(5)
-    reading, writing = os.pipe()
-    with viewing(MOVING, source="-", stdin=reading) as (process, _):
-        os.close(reading)
-        with suppress(BrokenPipeError), os.fdopen(writing, "wb") as pipe:
-            pipe.write(b"".join([*frames, frames[0][LINE:], *frames, *frames]))
+    with viewing(MOVING, source="-") as (process, _):
+        with suppress(BrokenPipeError):
+            process.stdin.buffer.write(b"".join([*frames, frames[0][LINE:], *frames, *frames]))
         assert SLIPPED in ended(process, code=1).err
 
 
 def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> None:
     """To whoever comes after its last frame, too."""
-    reading, writing = os.pipe()
-    with (
-        Browser(tmp_path / "profile") as browser,
-        viewing(NOISE, source="-", stdin=reading) as (process, url),
-    ):
-        os.close(reading)
+    profile = tmp_path / "profile"
+    with Browser(profile) as browser, viewing(NOISE, source="-") as (process, url):
         browser.open(url)
         browser.until("document.body?.dataset.state === 'waiting'")
         for number in range(2):
             frame = np.maximum(codes(number), 1023 * number).astype("<u2")
-            os.write(writing, frame.tobytes())
+            os.write(process.stdin.fileno(), frame.tobytes())
             wait_for_pictures(url, number + 1)
         browser.until("document.body.dataset.state === 'silent'")
         for _ in range(2):
@@ -107,7 +97,6 @@ def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> Non
         ended(process, signal.SIGINT, code=130)
         browser.until("document.body.dataset.state === 'lost'")
         assert browser.evaluate("rate.textContent") == "–"
-    os.close(writing)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 860), (390, 844)])
@@ -115,10 +104,8 @@ def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int) -> Non
     """The picture comes and moves, figures are there, the button saves, nothing sticks out, and a
     lost camera is told.
     """
-    with (
-        Browser(tmp_path / "profile", width, height) as browser,
-        viewing("-o", out) as (process, url),
-    ):
+    profile = tmp_path / "profile"
+    with Browser(profile, width, height) as browser, viewing("-o", out) as (process, url):
         browser.open(url)
         browser.until("document.body?.dataset.state === 'live'")
         assert browser.evaluate("picture.naturalWidth") == 192

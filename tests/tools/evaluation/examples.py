@@ -52,7 +52,7 @@ def study_of(
             np.save(path, small_scene(78, 90 + 12 * seed, seed))
         scenes.append(Reading().info(str(path)))
     levels, tiles = PaperProtocol.levels((0.0, 0.03)), (Tile.of_period(6),)
-    study = Study(tuple(scenes), methods, levels, tiles, 0, Reading())
+    study = Study(tuple(scenes), methods, levels, tiles, Reading())
     return replace(study, **changes)  # type: ignore[arg-type]
 
 

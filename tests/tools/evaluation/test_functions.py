@@ -3,26 +3,25 @@ it fails.
 """
 
 import json
+import os
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from panchroma.offline import PAPER, render
 from panchroma.shared import CfaPattern, FloatArray, InputError
 from panchroma.tools.evaluation import cameras as module
 from panchroma.tools.evaluation import methods as registry
-from panchroma.tools.evaluation.cameras import CameraPair, Tile, with_balance
+from panchroma.tools.evaluation.cameras import CameraPair, render_samples
 from panchroma.tools.evaluation.methods import choose, default_names, methods
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.evaluation.study import work
 from panchroma.tools.io.versions import package_version
-from panchroma.tools.simulation.bayer import sample_bayer
-from panchroma.tools.simulation.protocols import PaperProtocol, SensorProtocol
+from panchroma.tools.simulation.protocols import PaperProtocol
 from panchroma.tools.training.graph import Graph
 from tests.data import ROOT
-from tests.tools.command import start
+from tests.tools.command import spawn
 from tests.tools.evaluation.examples import small_scene, study_of
 
 # --- functions ------------------------------------------------------------------------------------
@@ -45,31 +44,17 @@ def written(tmp_path: Path) -> Path:
     return tmp_path / "mine.py"
 
 
-def test_a_function_gets_a_shot_and_its_picture_is_measured(tmp_path: Path, written: Path) -> None:
-    (method,) = registry.choose([f"{written}:mine"])
-    truth, pattern = small_scene(60, 66, 0), Tile.of_period(4).pattern
-    for level in (PaperProtocol(0.02), SensorProtocol(0.25)):
-        cameras = CameraPair(level, 0, truth, pattern, None)
-        expected = render(cameras.sparse, PAPER).rgb / np.float32(level.light)
-        np.testing.assert_array_equal(method.render(cameras), expected)
-
-
 @pytest.mark.parametrize(
     ("body", "said"),
     [
         ("return 1 / 0", "line 10: ZeroDivisionError: division by zero"),
         ("raise SystemExit(3)", "line 10: SystemExit: 3"),
         ("return render(mosaic, PAPER)", "returned Rendering, expected an array (60, 66, 3)"),
-        ("return None", "returned NoneType, expected an array (60, 66, 3)"),
         ("return mosaic.signal", "returned (60, 66), expected an array (60, 66, 3)"),
-        ("return mine(mosaic)[1:]", "returned (59, 66, 3), expected an array (60, 66, 3)"),
         ("return mine(mosaic).transpose(1, 0, 2)", "returned (66, 60, 3), expected an array"),
         ("return mine(mosaic)[..., [0, 1, 2, 2]]", "returned (60, 66, 4), expected an array"),
         ("return (mine(mosaic) * 9).astype(np.uint16)", "a picture of uint16, expected floating"),
-        ("return mine(mosaic) + 0j", "a picture of complex64, expected floating"),
         ("return mine(mosaic) * np.nan", "11880 of 11880 values of the picture are not finite"),
-        ("p = mine(mosaic); p[3, 4, 1] = np.inf; return p", "1 of 11880 values of the picture"),
-        ("return mosaic.nothing", "line 10: AttributeError: 'Mosaic' object has no attribute"),
         ("return render(mosaic, 7).rgb", "line 10: settings is 7, expected RenderSettings"),
     ],
 )
@@ -95,11 +80,7 @@ def test_what_is_wrong_with_a_function_is_said_with_file_function_and_scene(
         (SPARSE + "number = 3", "number", "there is no function 'number'$"),
         (SPARSE, "", "there is no function ''"),
         ("def f(:", "f", "SyntaxError: .*line 1"),
-        (
-            "\nimport nowhere_at_all",
-            "f",
-            "line 2: ModuleNotFoundError: No module named 'nowhere_at",
-        ),
+        ("\nimport nowhere_at_all", "f", "line 2: ModuleNotFoundError: No module named"),
         ("\n\nraise SystemExit('no')", "f", "line 3: SystemExit: no"),
         ("from . import other", "f", "line 1: ImportError"),
         ("\0", "f", "mine.py:f: SyntaxError|ValueError"),
@@ -134,39 +115,28 @@ def name_of(text: str) -> str:
 
 
 def test_results_depend_on_all_that_a_file_is_made_of(tmp_path: Path, written: Path) -> None:
-    folder = tmp_path / "weights"
-    folder.mkdir()
-    weights = [tmp_path / "beside.npy", folder / "below.npz", tmp_path / "far" / "away.bin"]
-    weights[2].parent.mkdir()
-    for path in weights:
-        path.write_bytes(b"1")
-    texts = "\n".join(
-        ["BESIDE = 'beside.npy'", 'BELOW = "weights/below.npz"', f"AWAY = {str(weights[2])!r}"]
-    )
-    written.write_text(SPARSE + texts)
-    (tmp_path / "helper.py").write_text("GAIN = 1")
+    (tmp_path / "weights").mkdir()
+    away = tmp_path / "weights" / "away.bin"
+    texts = f"BESIDE = 'beside.npy'\nBELOW = \"weights/below.npz\"\nAWAY = {str(away)!r}"
+    parts = [tmp_path / "beside.npy", tmp_path / "weights" / "below.npz", away]
+    parts += [tmp_path / "helper.py", written]
+    for path in parts:
+        path.write_text(SPARSE + texts)
     names = [name_of(f"{written}:mine")]
     (tmp_path / "picture.png").write_bytes(b"not named in the source")
     (tmp_path / ".#mine.py").symlink_to("nowhere")  # as editors leave
     (tmp_path / "empty.py").touch()
     assert name_of(f"{written}:mine") == names[0]
-    for path in weights:
-        path.write_bytes(b"2")
+    for path in parts:
+        path.write_text(f"{SPARSE}{texts}\nGAIN = 1")
         names.append(name_of(f"{written}:mine"))
-    (tmp_path / "helper.py").write_text("GAIN = 2")
-    names.append(name_of(f"{written}:mine"))
-    written.write_text(SPARSE.replace("PAPER).rgb", "PAPER).rgb * 1") + texts)
-    names.append(name_of(f"{written}:mine"))
     assert len(set(names)) == len(names) == 6
 
 
 def test_a_file_edited_with_its_size_and_time_runs_as_it_is(tmp_path: Path, written: Path) -> None:
     """Python's own cache knows sources by second and size."""
-    import os
-
-    cameras = CameraPair(
-        PaperProtocol(0.0), 0, small_scene(48, 48, 0), Tile.of_period(6).pattern, None
-    )
+    scene, pattern = small_scene(48, 48, 0), CfaPattern.bayer(6)
+    cameras = CameraPair(PaperProtocol(0.0), 0, scene, pattern, None)
     pictures = []
     for gain in (1, 2):
         written.write_text(SPARSE.replace(".rgb", f".rgb * {gain}"))
@@ -176,9 +146,7 @@ def test_a_file_edited_with_its_size_and_time_runs_as_it_is(tmp_path: Path, writ
     np.testing.assert_array_equal(pictures[1], 2 * pictures[0])
 
 
-def test_a_module_of_a_package_depends_on_the_whole_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_module_depends_on_its_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for plain in (True, False):  # with and without __init__.py
         package = tmp_path / f"own_{plain}"
         (package / "deep").mkdir(parents=True)
@@ -208,27 +176,15 @@ def test_the_example_of_the_page_runs_in_several_processes(tmp_path: Path, out: 
     np.save(tmp_path / "a.npy", small_scene(60, 66, 0))
     np.save(tmp_path / "b.npy", small_scene(66, 60, 1))
     mine = ",".join(f"{folder}/mine.py:{name}" for name in ("stage", "settings", "network"))
-    arguments = (
-        "evaluate",
-        tmp_path / "a.npy",
-        tmp_path / "b.npy",
-        "-o",
-        out,
-        "--jobs 2 --sigma 0",
-    )
-    process = start(*arguments, f"--methods={mine},best,bilinear")
-    _, err = process.communicate()
-    assert process.returncode == 0, err
+    scenes = tmp_path / "a.npy", tmp_path / "b.npy"
+    options = f"--jobs 2 --sigma 0 --methods={mine},best,bilinear"
+    spawn("evaluate", *scenes, "-o", out, options, code=0)
     document = json.loads((out / "evaluation.json").read_text())
     names = list(document["methods"])
-    assert [name.rpartition("-")[0] for name in names[:3]] == [
-        "mine.stage",
-        "mine.settings",
-        "mine.network",
-    ]
-    figures = {
-        (row["method"], row["scene"]): row["psnr"] for row in document["figures"] if row["scene"]
-    }
+    of_page = [name.rpartition("-")[0] for name in names[:3]]
+    assert of_page == ["mine.stage", "mine.settings", "mine.network"]
+    rows = [row for row in document["figures"] if row["scene"]]
+    figures = {(row["method"], row["scene"]): row["psnr"] for row in rows}
     assert len(figures) == 10
     # half the denoising changes little, a grey picture loses colour, a blurred mosaic most
     for scene in "ab":
@@ -272,7 +228,7 @@ def test_balanced_methods_see_white_as_grey() -> None:
         np.testing.assert_allclose(samples, 0.6, atol=1e-6)
         return demosaic_bilinear(samples)
 
-    picture = with_balance(check_grey, sample_bayer(rgb), cameras.white)
+    picture = render_samples(check_grey, cameras.bayer, cameras.white)
     np.testing.assert_allclose(picture, rgb, atol=1e-6)
     for name in ("bilinear", "dlmmse", "dlmmse-wb", "dcb"):
         picture = methods()[name].render(cameras)

@@ -8,7 +8,7 @@ import pytest
 from panchroma.device import Preview
 from panchroma.shared import CfaPattern, FloatArray, SensorCalibration
 from panchroma.tools.batch.previews import linear_preview
-from panchroma.tools.evaluation.metrics import quality
+from panchroma.tools.evaluation.metrics import MEDIAN, quality
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -45,12 +45,11 @@ pixels and more.
 def test_quality_on_photographs(name: str) -> None:
     scene = load_scene(str(photograph(name))).rgb
     for sigma in (0, 0.01, 0.03):
-        mosaic = simulate_additive(
-            scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0)
-        )
-        reached = quality(linear_preview(mosaic), scene).median[0]
+        random, sensor = np.random.default_rng(0), SensorCalibration()
+        mosaic = simulate_additive(scene, CfaPattern.bayer(), sensor, sigma, random)
+        reached = quality(linear_preview(mosaic), scene)[0, MEDIAN]
         bilinear = demosaic_bilinear(bayer_mosaic(scene, sigma, np.random.default_rng(0)))
-        least = quality(bilinear, scene).median[0] if sigma else PAPER_FIGURES[name] - BELOW_PAPER
+        least = quality(bilinear, scene)[0, MEDIAN] if sigma else PAPER_FIGURES[name] - BELOW_PAPER
         assert reached > least, (sigma, reached, least)
 
 
@@ -65,18 +64,15 @@ def seen(
 
 @pytest.mark.parametrize("sigma", BARS)
 def test_strokes_keep_their_colour(sigma: float) -> None:
-    found = np.mean(
-        [kept(seen(SIX, sigma, seed=seed)) for seed in range(SEEDS if sigma else 1)], axis=0
-    )
+    seeds = range(SEEDS if sigma else 1)
+    found = np.mean([kept(seen(SIX, sigma, seed=seed)) for seed in seeds], axis=0)
     assert (found >= np.array(BARS[sigma]) - (CHANCE if sigma else 0)).all(), found.round(3)
 
 
 @pytest.mark.parametrize("sigma", BARS)
 def test_black_strokes_stay_black(sigma: float) -> None:
-    light = np.where(drawing()[0][..., :1] != WHITE, np.float32(0.06), np.float32(WHITE)).repeat(
-        3, axis=2
-    )
-    shown = seen(SIX, sigma, light=light)
+    light = np.where(drawing()[0][..., :1] != WHITE, np.float32(0.06), np.float32(WHITE))
+    shown = seen(SIX, sigma, light=light.repeat(3, axis=2))
     assert np.quantile(np.abs(shown - shown.mean(axis=2, keepdims=True)), 0.999) < 0.07
 
 
@@ -103,8 +99,6 @@ def test_a_colour_as_light_as_its_ground_is_kept_too() -> None:
     light, places = drawing()
     shown = seen(SIX, 0.01, light=np.where((light[..., :1] != WHITE), colour, ground))
     truth = colour - colour.mean()
-    found = [
-        shown[places == column].mean(axis=0) @ truth / (truth @ truth)
-        for column in range(len(WIDTHS))
-    ]
-    assert (np.array(found) >= (0.5, 0.7, 0.78, 0.86, 0.9)).all(), found
+    means = [shown[places == column].mean(axis=0) for column in range(len(WIDTHS))]
+    found = np.array(means) @ truth / (truth @ truth)
+    assert (found >= (0.5, 0.7, 0.78, 0.86, 0.9)).all(), found

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....shared.arrays import DoubleArray, FloatArray
 from ...simulation.protocols import BayerShot
-from ..cameras import Method, with_balance
+from ..cameras import Method, render_samples
 from .dlmmse import demosaic_dlmmse
 
 _BLOCK_SIDE = 8  # pixels of a plane each way: BM3D's block
@@ -55,7 +55,8 @@ def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArra
 
 
 def _render(shot: BayerShot, white: FloatArray) -> FloatArray:
-    return with_balance(demosaic_dlmmse, denoise_bayer(shot), white)
+    denoised = shot._replace(samples=denoise_bayer(shot))
+    return render_samples(demosaic_dlmmse, denoised, white)
 
 
 _TITLE = "Bayer, BM3D + DLMMSE, balanced"

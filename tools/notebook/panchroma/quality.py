@@ -110,4 +110,6 @@ def compare(
         rgb, true_rgb = rgb / np.float32(white), true_rgb / np.float32(white)
     plain = "RGB" if count == len("RGB") else ""
     measures = Measures.of(rgb, true_rgb, source.channels if source else plain)
-    return Comparison(*measures.quality, measures.psnr, measures.wrong_hue)
+    rgb_patches, luminance, chrominance = map(tuple, measures.quality.tolist())
+    psnr, hue = tuple(measures.psnr.tolist()), measures.wrong_hue.item()
+    return Comparison(rgb_patches, luminance, chrominance, psnr, None if np.isnan(hue) else hue)

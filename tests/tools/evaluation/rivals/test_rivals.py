@@ -21,9 +21,8 @@ def demosaic(name: str, mosaic: FloatArray) -> FloatArray:
 
 def smooth_scene(rows: int, columns: int) -> FloatArray:
     down, right = np.meshgrid(np.linspace(0, 3, rows), np.linspace(0, 4, columns), indexing="ij")
-    return np.stack(
-        [0.5 + 0.3 * np.sin(down + right), 0.4 + 0.2 * np.cos(down), 0.3 + 0.2 * np.sin(right)], -1
-    ).astype(np.float32)
+    planes = 0.5 + 0.3 * np.sin(down + right), 0.4 + 0.2 * np.cos(down), 0.3 + 0.2 * np.sin(right)
+    return np.stack(planes, -1).astype(np.float32)
 
 
 @pytest.mark.parametrize("name", RIVALS)
@@ -54,9 +53,8 @@ def test_denoising_lowers_noise_and_keeps_the_light() -> None:
     truth = sample_bayer(smooth_scene(40, 40))
     rng = np.random.default_rng(0)
     shot, read = 2e-3, 5e-3
-    before = (rng.poisson(truth / shot) * shot + read * rng.standard_normal(truth.shape)).astype(
-        np.float32
-    )
+    noisy = rng.poisson(truth / shot) * shot + read * rng.standard_normal(truth.shape)
+    before = noisy.astype(np.float32)
     after = denoise_bayer(BayerShot(before, shot, read))
     assert np.std(after - truth) < 0.5 * np.std(before - truth)
     assert np.mean(after - truth) == pytest.approx(np.mean(before - truth), abs=1e-3)
