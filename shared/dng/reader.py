@@ -201,6 +201,8 @@ class DngReader:
         held = sum(page.databytecounts)
         if max([held, *ends]) > self._size:
             raise damaged(f"the file ends before its samples do, after {self._size} bytes")
+        if min([held, *page.dataoffsets, *page.databytecounts]) < 0:
+            raise damaged("its samples begin before the file does")
         return held
 
     def _segments(self, page: TiffPage) -> Iterator[bytes]:
