@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...shared import ByteArray, FloatArray, InputError
-from ...shared.mosaic import Mosaic
+from ...shared import ByteArray, FloatArray, InputError, Mosaic
 from ...shared.progress import SILENT, Progress
 from ..bands import RowStage
 from ..frame import Frame
@@ -142,9 +141,8 @@ def merge_burst(
     shots = [frames[number] for number in distinct]
     check_frames(shots, settings)
     first = None if reference is None else distinct.index(reference)
-    comparison = compare_frames(
-        shots, settings, progress, first, motions and [motions[number] for number in distinct]
-    )
+    known = [motions[number] if motions else None for number in distinct]
+    comparison = compare_frames(shots, settings, progress, first, known)
     judged = dict(zip(distinct, comparison.frames, strict=True))
     for copy, original in copied.items():
         reason = f"is a copy of frames[{original}]: its samples are the same"

@@ -7,8 +7,7 @@ An interrupted training goes on where it stopped.
 import argparse
 import sys
 
-from ...shared.errors import InputError, PanchromaError
-from ...shared.pattern import CfaPattern
+from ...shared import CfaPattern, InputError, PanchromaError
 from ...shared.processors import processors
 from ...shared.tiles import EXPECTED
 from ..batch.console import Console

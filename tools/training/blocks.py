@@ -42,9 +42,7 @@ from ...offline.stages.chromaticity import block_sums
 from ...offline.stages.colour_network import BASIS
 from ...offline.stages.denoising import denoise_luminance
 from ...offline.stages.luminance import recover_luminance
-from ...shared import CfaPattern, SensorCalibration
-from ...shared.arrays import DoubleArray, FloatArray
-from ...shared.calibration import NoiseModel
+from ...shared import CfaPattern, DoubleArray, FloatArray, NoiseModel, SensorCalibration
 from ...shared.errors import PanchromaError
 from ..batch.console import Console
 from ..batch.jobs import output_folder

@@ -23,8 +23,7 @@ from ...offline.pipeline import measure, run_row_stages
 from ...offline.settings import BEST
 from ...offline.stages.colour_network import Residuals, Span, Superpixels
 from ...offline.version import ALGORITHM
-from ...shared import CfaPattern, InputError, Mosaic, SensorCalibration
-from ...shared.arrays import DoubleArray, FloatArray
+from ...shared import CfaPattern, DoubleArray, FloatArray, InputError, Mosaic, SensorCalibration
 from ...shared.writing import durable_file
 from ..batch.progress import StageProgress
 from ..simulation.load import load_scene

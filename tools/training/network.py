@@ -50,7 +50,6 @@ class Network(nn.Module):  # type: ignore[misc]
     def __init__(self, period: int, sites: int, channels: int = CHANNELS) -> None:
         super().__init__()
         pixels = period**2
-        self.period = period
         self.enter = nn.Conv2d(3 * pixels + sites + SURROUNDINGS, channels, 3)
         self.wide = nn.ModuleList(nn.Conv2d(channels, channels, 3) for _ in range(BLOCKS))
         self.deep = nn.ModuleList(nn.Conv2d(channels, channels, 1) for _ in range(BLOCKS))

@@ -25,10 +25,9 @@ from ...offline.stages.colour_network import (
     WEIGHTS,
     Contrast,
 )
-from ...shared.arrays import FloatArray, IndexArray
-from ...shared.errors import InputError
+from ...shared import CfaPattern, FloatArray, IndexArray, InputError
 from ...shared.networks import Block, network_file, network_for
-from ...shared.pattern import PANCHROMATIC, CfaPattern
+from ...shared.pattern import PANCHROMATIC
 from ..batch.progress import StageProgress
 from .examples import DRAWN, PAGE, Examples, claim, make_example, make_examples, read_example
 from .graph import Turn, load_weights, save_graph
@@ -249,25 +248,21 @@ def prepare(
         `Contrast.inputs`; missing colour, (2 K^2, h, w); true luminance, (K^2, h, w); bound and
         variance, (1, h, w) each. The first three are float16.
     """
-    rows, columns = variance.shape[1:]
-    period = picture.shape[1] // rows
-    pixels, right = (
-        np.tensordot(
-            WEIGHTS,
-            planes.astype(np.float32)
-            .reshape(3, rows, period, columns, period)
-            .transpose(0, 2, 4, 1, 3)
-            .reshape(3, period**2, rows, columns),
-            1,
-        )
-        for planes in (picture, truth)
-    )
+    pixels, right = (_superpixels(planes, *variance.shape[1:]) for planes in (picture, truth))
     contrast = Contrast.of(pixels, error.astype(np.float32), variance[0])
     right = right[..., MARGIN:-MARGIN, MARGIN:-MARGIN]
     missing = (right[1:] - contrast.pixels[1:]).reshape(-1, *contrast.bound.shape)
     small = (contrast.inputs(), missing, right[0])
     large = contrast.bound, contrast.variance
     return [*(planes.astype(np.float16) for planes in small), *(plane[None] for plane in large)]
+
+
+def _superpixels(planes: FloatArray, rows: int, columns: int) -> FloatArray:
+    """Luminance and colour of the pixels of superpixels, (3, K^2, rows, columns)."""
+    period = planes.shape[1] // rows
+    parted = planes.astype(np.float32).reshape(3, rows, period, columns, period)
+    pixels = parted.transpose(0, 2, 4, 1, 3).reshape(3, period**2, rows, columns)
+    return np.tensordot(WEIGHTS, pixels, 1)
 
 
 def _read(path: Path, device: str, progress: StageProgress) -> Example:

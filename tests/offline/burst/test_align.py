@@ -22,7 +22,7 @@ from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.burst.scenes import SHAPE, error, pixels, seen
 
 BETWEEN = 0.03  # pixels: what linear interpolation and the share of moving things leave
-NOISE = NoiseModel.gaussian(0.03, 4)
+NOISE, NONE = NoiseModel.gaussian(0.03, 4), NoiseModel.gaussian(0, 4)
 REFERENCE = seen(Motion())
 MOVED = Motion((1.3, -2.6), 0.004)
 TINT = np.array([0.5, 0.3, 0.2], np.float32)
@@ -33,7 +33,7 @@ def noisy(plane: FloatArray, seed: int) -> FloatArray:
 
 
 def aligned(
-    reference: FloatArray, frame: FloatArray, noise: NoiseModel | None = None, limit: float = np.inf
+    reference: FloatArray, frame: FloatArray, noise: NoiseModel = NONE, limit: float = np.inf
 ) -> Alignment:
     found = align(View(reference, noise), View(frame, noise, limit))
     assert isinstance(found, Alignment), found

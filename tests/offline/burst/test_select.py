@@ -42,13 +42,6 @@ def test_a_copy_counts_once(change: Callable[[Mosaic], Mosaic]) -> None:
     assert (merged.noise_ratio > 0.4).all()
 
 
-def test_only_copies_leave_one_frame() -> None:
-    merged = merge_burst([shot(1)] * 4)
-    assert merged.reference == 0
-    assert [frame.used for frame in merged.frames] == [True, False, False, False]
-    assert (merged.noise_ratio == 1).all()
-
-
 def test_what_cannot_be_compared_is_no_copy() -> None:
     one = shot(1)
     other = replace(one, pattern=CfaPattern.bayer(6, "GRBG"))
@@ -118,7 +111,7 @@ def candidate(detail: float, level: float = 1.0) -> View:
     """A frame of a random texture."""
     texture = np.random.default_rng(0).normal(0, 0.1, (64, 96))
     light = (level * (1 + detail * texture)).astype(np.float32)
-    return View(light, None, 2.0)
+    return View(light, limit=2.0)
 
 
 def test_the_first_of_frames_that_are_nearly_as_sharp_is_the_reference() -> None:
