@@ -2,6 +2,7 @@
 refused.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import cv2
@@ -9,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from panchroma.offline import threads, use_threads
 from panchroma.offline.burst import Motion
 from panchroma.offline.burst import align as module
 from panchroma.offline.burst.align import Alignment, View, align
@@ -102,26 +102,22 @@ def test_what_moves_does_not_pull() -> None:
 
 
 def test_opencv_has_the_threads_of_the_render_and_then_its_own_again(
-    monkeypatch: pytest.MonkeyPatch,
+    each_thread_count: Iterator[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found, before, own = list[int](), threads(), cv2.getNumThreads()
+    found, own = list[int](), cv2.getNumThreads()
 
     def interrupted(*_: Any) -> Any:
         found.append(cv2.getNumThreads())
         raise KeyboardInterrupt
 
     monkeypatch.setattr(cv2, "findTransformECC", interrupted)
-    cv2.setNumThreads(3)
-    try:
-        for count in (1, 2):
-            use_threads(count)
-            with pytest.raises(KeyboardInterrupt):
-                align(View(REFERENCE), View(seen(MOVED)))
-            assert cv2.getNumThreads() == 3
-    finally:
-        use_threads(before)
+    for _ in each_thread_count:
+        cv2.setNumThreads(5)
+        with pytest.raises(KeyboardInterrupt):
+            align(View(REFERENCE), View(seen(MOVED)))
+        found.append(cv2.getNumThreads())
         cv2.setNumThreads(own)
-    assert found == [1, 2]
+    assert found == [1, 5, 2, 5, 3, 5]
 
 
 @pytest.mark.parametrize("gain", [4.0, 0.25])
