@@ -102,8 +102,7 @@ class View:
         return View(luminance, noise, limit, colours, self.colour_gains)
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(NamedTuple):
     """Motion of a frame against the reference.
 
     Attributes

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -92,8 +93,7 @@ class Judged:
         return not self.reason
 
 
-@dataclass(frozen=True, eq=False)
-class Kept:
+class Kept(NamedTuple):
     """A frame that is merged.
 
     Attributes
@@ -111,8 +111,7 @@ class Kept:
     agreement: ByteArray
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(NamedTuple):
     """The reference of a burst, and how the other frames compare with it.
 
     Attributes

@@ -66,15 +66,14 @@ def test_what_moves_is_as_in_a_single_render(
     shots = taken(frames, sigma)
     changed = np.any([covered(number) for number in range(len(frames))], axis=0)
     alone = error(render(shots[0], _SETTINGS).rgb, frames[0], changed)
-    found = error(
-        picture(merge_burst(shots, _SETTINGS, reference=0), _SETTINGS), frames[0], changed
-    )
-    assert found < alone + _AS_GOOD[kind]
+
+    def merged_error() -> float:
+        merged = merge_burst(shots, _SETTINGS, reference=0)
+        return error(picture(merged, _SETTINGS), frames[0], changed)
+
+    assert merged_error() < alone + _AS_GOOD[kind]
     monkeypatch.setattr(select, "agreement", lambda *_: np.full(_SHAPE, 255, np.uint8))
-    ghost = error(
-        picture(merge_burst(shots, _SETTINGS, reference=0), _SETTINGS), frames[0], changed
-    )
-    assert ghost > alone + 3, "the measure sees no ghost where all is trusted"
+    assert merged_error() > alone + 3, "the measure sees no ghost where all is trusted"
 
 
 def _flash(frame: FloatArray) -> FloatArray:
