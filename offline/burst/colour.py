@@ -112,8 +112,10 @@ class ColourSamples:
             variance = one.frame.noise.variance(values, channels, gains)
             weight = agrees[used] / np.float32(255)
             frames.append((places.T, channels.astype(np.uint8), values, filled, variance, weight))
-        of_all = (np.concatenate(arrays) for arrays in zip(*frames, strict=True))
-        return cls(*of_all, own=len(frames[0][0]))
+        places, channels, values, filled, variance, weight = (
+            np.concatenate(arrays) for arrays in zip(*frames, strict=True)
+        )
+        return cls(places, channels, values, filled, variance, weight, len(frames[0][0]))
 
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed.
