@@ -112,12 +112,3 @@ def test_strips_leave_no_trace() -> None:
         for first, second, weight in (planes, planes[:, 256:])
     )
     assert np.array_equal(lower[40:], whole[296:])
-
-
-def test_light_beyond_the_limit_of_the_reference_agrees_and_clipped_light_of_a_frame_does_not() -> (
-    None
-):
-    dim, bright = np.full(SHAPE, 1.0, np.float32), np.full(SHAPE, 2.0, np.float32)
-    weight = np.ones(SHAPE, np.float32)
-    assert (agreement_of_luminance(View(dim, limit=1.0), View(bright), weight) == 255).all()
-    assert not agreement_of_luminance(View(bright), View(bright, limit=2.0), weight).any()

@@ -13,19 +13,14 @@ from scipy.ndimage import gaussian_filter
 from panchroma.offline.burst import Motion
 from panchroma.offline.burst import align as module
 from panchroma.offline.burst.align import Alignment, View, align
-from panchroma.offline.settings import BEST
-from panchroma.offline.stages.luminance import recover_luminance
-from panchroma.shared import CfaPattern, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.calibration import NoiseModel
-from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.burst.scenes import SHAPE, error, pixels, seen
 
 BETWEEN = 0.03  # pixels: what linear interpolation and the share of moving things leave
 NOISE, NONE = NoiseModel.gaussian(0.03, 4), NoiseModel.gaussian(0, 4)
 REFERENCE = seen(Motion())
 MOVED = Motion((1.3, -2.6), 0.004)
-TINT = np.array([0.5, 0.3, 0.2], np.float32)
 
 
 def noisy(plane: FloatArray, seed: int) -> FloatArray:
@@ -75,20 +70,6 @@ def test_texture_of_any_size(size: int) -> None:
     scene = ((1 + 0.2 * texture / texture.std()) / 3).astype(np.float32)
     found = aligned(noisy(scene[:980, :1180], 0), noisy(scene[3:983, 6:1186], 1), NOISE)
     assert np.hypot(found.motion.shift[0] + 3, found.motion.shift[1] + 6) < 2 * BETWEEN
-
-
-def test_samples_of_the_sensor_and_noise() -> None:
-    pattern, calibration = CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False)
-    planes = []
-    for seed, plane in enumerate((REFERENCE, seen(MOVED))):
-        scene, random = plane[..., None] * TINT, np.random.default_rng(seed)
-        mosaic = simulate_additive(scene, pattern, calibration, 0.03, random)
-        planes.append(recover_luminance(mosaic, BEST.luminance))
-    found = aligned(planes[0], planes[1], NOISE)
-    assert error(found.motion, MOVED).max() < 0.1
-    assert found.motion.local is None
-    assert found.agreement > 0.9
-    assert 0 < found.error < 0.1
 
 
 def test_what_moves_does_not_pull() -> None:
