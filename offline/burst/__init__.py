@@ -7,12 +7,11 @@ At the end the samples of all frames correct the picture, each at its own place.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...shared import ByteArray, FloatArray, InputError
-from ...shared.mosaic import Mosaic
+from ...shared import ByteArray, FloatArray, InputError, Mosaic
 from ...shared.progress import SILENT, Progress
 from ..bands import RowStage
 from ..frame import Frame
@@ -142,9 +141,8 @@ def merge_burst(
     shots = [frames[number] for number in distinct]
     check_frames(shots, settings)
     first = None if reference is None else distinct.index(reference)
-    comparison = compare_frames(
-        shots, settings, progress, first, motions and [motions[number] for number in distinct]
-    )
+    known = [motions[number] if motions else None for number in distinct]
+    comparison = compare_frames(shots, settings, progress, first, known)
     judged = dict(zip(distinct, comparison.frames, strict=True))
     for copy, original in copied.items():
         reason = f"is a copy of frames[{original}]: its samples are the same"
@@ -153,7 +151,7 @@ def merge_burst(
     merged = _merged(comparison, settings)
     progress.advance()
     verdicts = tuple(judged[number] for number in range(len(frames)))
-    return MergedBurst(distinct[comparison.reference], verdicts, *merged)
+    return replace(merged, reference=distinct[merged.reference], frames=verdicts)
 
 
 def render_burst_bands(
@@ -216,10 +214,8 @@ def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -
     return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))
 
 
-def _merged(
-    comparison: Comparison, settings: RenderSettings
-) -> tuple[FloatArray, Frame, ColourSamples]:
-    """`MergedBurst.noise_ratio`, `measured` and `samples`."""
+def _merged(comparison: Comparison, settings: RenderSettings) -> MergedBurst:
+    """Merge frames that have been compared."""
     cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
     fine, noise_ratio = merge_luminance(kept, sites)
     plain = np.ascontiguousarray(fine[::2, ::2])
@@ -235,4 +231,6 @@ def _merged(
         single_frame = np.maximum(single_frame, sites.of(uncovered(kept, sites)).mean(axis=2))
     alone = single_frame.astype(np.float32)
     measured = estimate_colour(cleaned, luminance, settings, SILENT, sums, alone)
-    return noise_ratio, measured, samples.relit(measured.luminance - luminance)
+    samples = samples.relit(measured.luminance - luminance)
+    verdicts = tuple(comparison.frames)
+    return MergedBurst(comparison.reference, verdicts, noise_ratio, measured, samples)

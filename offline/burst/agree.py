@@ -14,8 +14,7 @@ the same to a single block, so a deviation counts where four blocks together sho
 neighbourhood.
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -47,33 +46,39 @@ _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of 
 _LOW, _HIGH = 0.3, 0.8
 _FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
 _BRIGHT = 0.92  # of the limit: brighter samples count less, in a bracket
-_STRIP = 256  # rows that are compared at a time
-# rows around them that they depend on
+# rows around those that are compared at a time that they depend on
 _HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
+BlockColours = tuple[DoubleArray, DoubleArray, DoubleArray, DoubleArray]
+"""Readings of the whole blocks of a frame, float64, units of the reference: channels times gamma,
+(C, rows, columns); luminance, (rows, columns); variance of luminance around them, without noise,
+(rows, columns); variance of the noise of channels, that of luminance included, (C, rows, columns).
+"""
+
+
+class Reference(NamedTuple):
     """The frame that others are compared with.
 
     Attributes
     ----------
     shot : Mosaic
         Its mosaic.
+    frame, lit_evenly : View
+        The frame, and without shading.
+    colours : BlockColours
+        Colours of its blocks.
     """
 
     shot: Mosaic
     frame: View
+    lit_evenly: View
+    colours: BlockColours
 
-    @cached_property
-    def lit_evenly(self) -> View:
-        """The frame without shading."""
-        return lit_evenly(self.frame, self.shot)
-
-    @cached_property
-    def colours(self) -> "_BlockColours":
-        """Colours of its blocks."""
-        return _block_colours(self.frame, self.shot)
+    @classmethod
+    def of(cls, shot: Mosaic, frame: View) -> "Reference":
+        """A frame with what others are compared with."""
+        return cls(shot, frame, lit_evenly(frame, shot), block_colours(frame, shot))
 
 
 def lit_evenly(view: View, shot: Mosaic) -> View:
@@ -84,7 +89,7 @@ def lit_evenly(view: View, shot: Mosaic) -> View:
     if (shading := shot.calibration.shading) is None:
         return view
     gain = shading.of_plane(shot.shape)
-    noise = view.noise and view.noise.in_units_of(1 / float(np.square(gain).mean()) ** 0.5)
+    noise = view.noise.in_units_of(1 / float(np.square(gain).mean()) ** 0.5)
     return View(view.luminance * gain, noise, view.limit * float(gain.min()))
 
 
@@ -100,12 +105,12 @@ def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -
         shading.of_plane(shot.shape) if shading else np.ones(shot.shape, np.float32)
         for shading in (own, other)
     )
-    for rows in strips(len(ratio), _STRIP):
+    for rows in strips(len(ratio)):
         places = in_reference(motion, *_pixels(rows, shot), shot.shape)
         ratio[rows] /= map_coordinates(gain, places, order=1, mode="nearest")
     return View(
         frame.luminance * ratio,
-        frame.noise and frame.noise.in_units_of(1 / float(ratio.mean())),
+        frame.noise.in_units_of(1 / float(ratio.mean())),
         frame.limit * min(float(ratio.min()), 1.0),
         frame.colours * Sites.in_frame(shot).of(ratio),
         frame.colour_gains,
@@ -129,7 +134,7 @@ def agreement(reference: Reference, frame: View, moved: FloatArray, motion: Moti
     measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
     deviation, result = colour_change(reference, frame, motion), np.empty(moved.shape, np.uint8)
     own = reference.frame
-    for rows in strips(len(moved), _STRIP):
+    for rows in strips(len(moved)):
         first = max(rows.start - _HALO, 0)
         near = slice(first, rows.stop + _HALO)
         views = replace(own, luminance=own.luminance[near]), replace(frame, luminance=moved[near])
@@ -232,21 +237,6 @@ _SHARED = 0.15
 _RIM = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between
 
 
-class _BlockColours(NamedTuple):
-    """The readings of the whole blocks of a frame, float64, units of the reference.
-
-    channels: times gamma, (C, rows, columns).
-    luminance: (rows, columns).
-    contrast: variance of luminance around them, without noise, (rows, columns).
-    noise: variance of the noise of `channels`, that of luminance included, (C, rows, columns).
-    """
-
-    channels: DoubleArray
-    luminance: DoubleArray
-    contrast: DoubleArray
-    noise: DoubleArray
-
-
 def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArray:
     """Squared deviation of each whole block of the frame, (block rows, block columns), in units of
     the tolerance.
@@ -260,23 +250,21 @@ def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArr
         return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
 
     channels, luminance, rough, noise = reference.colours
-    shares = channels / np.maximum(luminance, TINY)
-    deviations = np.sqrt(noise) / np.maximum(luminance, TINY)
+    shares, deviations = channels / luminance, np.sqrt(noise) / luminance
     low, high = minimum_filter(shares, (1, 3, 3)), maximum_filter(shares, (1, 3, 3))
     middle = there((low + high) / 2)
     half = np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
     noise, rough = there(noise), there(rough[None])
-    own = _block_colours(frame, mosaic)
-    low, high = (middle - half) * own.luminance, (middle + half) * own.luminance
-    beyond = own.channels - np.clip(own.channels, low, high)
-    filled = np.square(FILL_ERROR * middle) * (own.contrast + rough)
-    spread = DEVIATIONS**2 * (own.noise + noise)
-    alone = np.square(beyond) / (np.square(_BLOCK * own.luminance) + filled + spread + TINY)
-    cap = np.sqrt(2 * np.square(_NEARBY * own.luminance) + spread + TINY)
+    channels, luminance, contrast, own_noise = block_colours(frame, mosaic)
+    beyond = channels - np.clip(channels, (middle - half) * luminance, (middle + half) * luminance)
+    filled = np.square(FILL_ERROR * middle) * (contrast + rough)
+    spread = DEVIATIONS**2 * (own_noise + noise)
+    alone = np.square(beyond) / (np.square(_BLOCK * luminance) + filled + spread + TINY)
+    cap = np.sqrt(2 * np.square(_NEARBY * luminance) + spread + TINY)
     mean = smoothed(np.clip(beyond, -cap, cap), _WIDTH)
     left = float(np.square(gaussian(_WIDTH)).sum()) ** 2
-    spread = DEVIATIONS**2 * (left * own.noise + _SHARED * noise)
-    tolerated = np.square(_NEARBY * own.luminance) + smoothed(filled, _WIDTH) + spread + TINY
+    spread = DEVIATIONS**2 * (left * own_noise + _SHARED * noise)
+    tolerated = np.square(_NEARBY * luminance) + smoothed(filled, _WIDTH) + spread + TINY
     around = np.square(mean) / tolerated
     largest = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
     return maximum_filter(largest, _RIM).astype(np.float32)
@@ -294,7 +282,7 @@ def _on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slic
     return map_coordinates(worst, at, order=0, mode="nearest")
 
 
-def _block_colours(frame: View, mosaic: Mosaic) -> _BlockColours:
+def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
     """The colours of the blocks of a frame, which is in units of the reference. mosaic: the
     reference.
     """
@@ -304,13 +292,12 @@ def _block_colours(frame: View, mosaic: Mosaic) -> _BlockColours:
     rough = smoothed(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
     # in the dark ratios are noise
-    luminance = np.maximum(luminance, max(DEVIATIONS * frame.floor, TINY))
+    luminance = np.maximum(luminance, max(DEVIATIONS * frame.noise.sigma(0), TINY))
     values = sites.means(frame.colours.astype(np.float64))
-    channels, noise = gamma * values, np.zeros_like(values)
-    if frame.noise:
-        gains = sites.means(np.broadcast_to(frame.colour_gains, frame.colours.shape))
-        variance = frame.noise.variance(values, np.arange(len(gamma)), gains)
-        own = variance * gamma**2 / np.maximum(sites.pattern.site_counts, 1)
-        filled = np.square(channels / np.maximum(luminance, TINY)[..., None]) / len(sites.channels)
-        noise = own + filled * frame.variance(luminance)[..., None]
-    return _BlockColours(np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0))
+    channels = gamma * values
+    gains = sites.means(np.broadcast_to(frame.colour_gains, frame.colours.shape))
+    variance = frame.noise.variance(values, np.arange(len(gamma)), gains)
+    own = variance * gamma**2 / np.maximum(sites.pattern.site_counts, 1)
+    filled = np.square(channels / luminance[..., None]) / len(sites.channels)
+    noise = own + filled * frame.variance(luminance)[..., None]
+    return np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0)

@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from ...shared.arrays import BoolArray, FloatArray
-from ...shared.calibration import NoiseModel
+from ...shared import BoolArray, FloatArray, NoiseModel
 from ...shared.processors import threads
 from ..frame import unknown
 from ..numerics.gaussian import smoothed
@@ -75,8 +74,8 @@ class View:
     ----------
     luminance : FloatArray
         float32 (H, W), scene units.
-    noise : NoiseModel | None
-        Of its samples; None = there is none, or it is unknown.
+    noise : NoiseModel
+        Of its samples; figures of 0 where there is none, or it is unknown.
     limit : float
         Scene units from which on it is clipped.
     colours : FloatArray
@@ -87,29 +86,23 @@ class View:
     """
 
     luminance: FloatArray
-    noise: NoiseModel | None = None
+    noise: NoiseModel = NoiseModel.gaussian(0.0, planes=1)  # noqa: RUF009 - frozen
     limit: float = np.inf
     colours: FloatArray = field(default_factory=unknown)
     colour_gains: FloatArray | float = 1.0
 
     def variance(self, signal: Any) -> Any:
         """Variance of panchromatic samples at a mean signal."""
-        return self.noise.variance(np.asarray(signal)) if self.noise else np.zeros_like(signal)
-
-    @property
-    def floor(self) -> float:
-        """Standard deviation of the noise in black."""
-        return self.noise.sigma(0.0) if self.noise else 0.0
+        return self.noise.variance(np.asarray(signal))
 
     def darker(self, gain: float) -> "View":
         """Return the frame as if it had been exposed `gain` times less."""
-        noise, unit = self.noise and self.noise.in_units_of(gain), np.float32(gain)
+        noise, unit = self.noise.in_units_of(gain), np.float32(gain)
         luminance, limit, colours = self.luminance / unit, self.limit / gain, self.colours / unit
         return View(luminance, noise, limit, colours, self.colour_gains)
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(NamedTuple):
     """Motion of a frame against the reference.
 
     Attributes
@@ -340,28 +333,30 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     """Local shifts of nodes, (R, C, 2), pixels of the copies; None = most of the picture lies where
     the motion says.
     """
-    shape, inside = copy.reference.shape, np.isfinite(displaced(copy.frame, motion))
+    shape, rigid = copy.reference.shape, _aligned(copy, motion)
     places = [np.linspace(0, size - 1, max(round(size / _STEP) + 1, 2)) for size in shape]
     nodes = np.ix_(*(np.rint(along).astype(np.intp) for along in places))
     local = np.zeros((*np.broadcast(*nodes).shape, 2), np.float32)
     steep = np.square(np.gradient(copy.reference)).sum(axis=0)
-    weight = (inside * steep / (steep + max(float(steep.mean()), TINY))).astype(np.float32)
+    weight = (rigid.inside * steep / (steep + max(float(steep.mean()), TINY))).astype(np.float32)
     dark, bright = np.quantile(copy.reference, (0.005, 0.995))
     scale = 255 / max(bright - dark, TINY)
     optical = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     optical.setUseSpatialPropagation(False)  # it would depend on the number of threads
-    moved = [_aligned(copy, motion).moved]
+    moved = rigid.moved
     for _ in range(_FLOWS):
-        codes = [(plane - dark) * scale for plane in (copy.reference, moved[-1])]
+        codes = [(plane - dark) * scale for plane in (copy.reference, moved)]
         first, second = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in codes)
         flow = optical.calc(first, second, np.zeros((*shape, 2), np.float32))
         flow = np.moveaxis(flow, 2, 0)[::-1]
         counts = weight * (np.square(flow).sum(axis=0) < _FASTEST**2)
         total, *sums = (_around(plane, _STEP)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
-        moved.append(_aligned(copy, replace(motion, local=local)).moved)
-    before, after = (np.square(plane - copy.reference) * inside for plane in (moved[0], moved[-1]))
-    worth = _NOISY * after + _NOTABLE**2 * inside * steep + TINY
+        moved = _aligned(copy, replace(motion, local=local)).moved
+    before, after = (
+        np.square(plane - copy.reference) * rigid.inside for plane in (rigid.moved, moved)
+    )
+    worth = _NOISY * after + _NOTABLE**2 * rigid.inside * steep + TINY
     share = _around(before - after, 2 * _STEP)[nodes] / _around(worth, 2 * _STEP)[nodes]
     if np.median(share) < (_LOST + _WON) / 2:
         return None

@@ -102,7 +102,6 @@ class ColourSamples:
         frames = list[tuple[FloatArray, ...]]()
         for one in kept:
             places = in_reference(one.motion, *sites.pixels, sites.grid.frame)
-            noise = one.frame.noise
             near = np.rint(places).astype(np.intp).clip(0, last)
             agrees = one.agreement[*near] * ((places >= 0) & (places <= last)).all(axis=0)
             used = agrees > 0
@@ -110,7 +109,7 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             filled = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             gains = np.broadcast_to(one.frame.colour_gains, used.shape)[used]
-            variance = noise.variance(values, channels, gains) if noise else np.zeros_like(values)
+            variance = one.frame.noise.variance(values, channels, gains)
             weight = agrees[used] / np.float32(255)
             frames.append((places.T, channels.astype(np.uint8), values, filled, variance, weight))
         places, channels, values, filled, variance, weight = (

@@ -13,9 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
-from ...shared.calibration import NoiseModel
-from ...shared.mosaic import Mosaic
+from ...shared import FloatArray, Mosaic, NoiseModel
 from ..frame import Sites
 from ..numerics.arrays import Area, Bools2, Bytes3, Doubles2, Floats2, Floats3, Ints2, Scalar
 from ..numerics.chunks import chunk_count
@@ -84,14 +82,11 @@ def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Flo
     sites : Sites
         Of the reference.
     """
-    shape, noise = sites.grid.frame, np.zeros((len(kept), 2))
-    for figures, one in zip(noise, kept, strict=True):
-        if one.frame.noise:
-            figures[:] = one.frame.noise.shot[-1], one.frame.noise.read[-1] ** 2
+    shape, models = sites.grid.frame, [one.frame.noise for one in kept]
     frames = Frames(
         np.stack([one.frame.luminance for one in kept]),
         np.stack([one.agreement for one in kept]),
-        noise,
+        np.array([(model.shot[-1], model.read[-1] ** 2) for model in models]),
         sites.pattern.panchromatic_mask(shape),
         Motions.of([one.motion for one in kept], shape),
     )

@@ -5,12 +5,12 @@ far it agrees at each pixel.
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import BoolArray, ByteArray, FloatArray
-from ...shared.calibration import NoiseModel
-from ...shared.mosaic import Mosaic
+from ...shared import BoolArray, ByteArray, FloatArray, Mosaic, NoiseModel
 from ...shared.progress import Progress
 from ..frame import Frame
 from ..numerics.gaussian import gaussian, smoothed
@@ -93,8 +93,7 @@ class Judged:
         return not self.reason
 
 
-@dataclass(frozen=True, eq=False)
-class Kept:
+class Kept(NamedTuple):
     """A frame that is merged.
 
     Attributes
@@ -112,8 +111,7 @@ class Kept:
     agreement: ByteArray
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(NamedTuple):
     """The reference of a burst, and how the other frames compare with it.
 
     Attributes
@@ -174,19 +172,18 @@ def compare_frames(
     settings: RenderSettings,
     progress: Progress,
     reference: int | None,
-    motions: Sequence[Motion] | None,
+    motions: Sequence[Motion | None],
 ) -> Comparison:
     """Compare all frames with the reference: the one that is named, or the best that most others
     agree with.
 
     Parameters
     ----------
-    motions : Sequence[Motion] | None
-        Where the reference's points lie in each frame, if that is known.
+    motions : Sequence[Motion | None]
+        Where the reference's points lie in each frame; None = unknown.
     """
     models = noise_models(shots, settings.noise)
     frames = [view_of(shot, model, settings) for shot, model in zip(shots, models, strict=True)]
-    known: Sequence[Motion | None] = motions or [None] * len(shots)
     tried = list[Comparison]()
     for number in candidates_of(frames) if reference is None else [reference]:
         progress.stage("aligning", len(frames))
@@ -197,17 +194,17 @@ def compare_frames(
         )
         luminance = recover_luminance(cleaned.mosaic, settings.luminance)
         base = replace(frames[number], luminance=luminance)
-        compared_with, verdicts, kept = Reference(shots[number], base), list[Judged](), list[Kept]()
-        for index, (shot, frame, motion) in enumerate(zip(shots, frames, known, strict=True)):
+        compared_with = Reference.of(shots[number], base)
+        verdicts, kept = list[Judged](), list[Kept]()
+        for index, (shot, frame, motion) in enumerate(zip(shots, frames, motions, strict=True)):
             progress.advance()
             own = Judged(motion=Motion()), None
             judged, merged = own if index == number else judge(compared_with, shot, frame, motion)
             verdicts.append(judged)
             kept += [merged] if merged else []
         # The reference counts in full, but where it is clipped and another frame is not.
-        agreed = np.zeros(base.luminance.shape, np.uint8)
-        for other in kept:
-            np.maximum(agreed, other.agreement, out=agreed)
+        nowhere = np.zeros(base.luminance.shape, np.uint8)
+        agreed = reduce(np.maximum, (other.agreement for other in kept), nowhere)
         agrees = (255 - np.rint((1 - unclipped(base)) * agreed)).astype(np.uint8)
         if cleaned.lost is not None:
             cleaned = replace(cleaned, lost=np.minimum(cleaned.lost, agrees))
@@ -276,7 +273,7 @@ def emptiness(frame: View) -> str:
     """Why a frame shows nothing; "" if it shows something."""
     if (share := float((frame.luminance >= CLIPPED * frame.limit).mean())) > _GONE:
         return f"is overexposed: {100 * share:.0f} % of it is clipped"
-    if _level(frame) <= _DARK * frame.floor:
+    if _level(frame) <= _DARK * frame.noise.sigma(0):
         return "is black: there is no light beyond noise"
     return ""
 
@@ -288,7 +285,7 @@ def candidates_of(frames: Sequence[View]) -> list[int]:
     usable, sharpness = np.zeros((2, len(frames)))
     for number, frame in enumerate(frames):
         plane = frame.luminance
-        usable[number] = ((plane < CLIPPED * frame.limit) & (plane > frame.floor)).mean()
+        usable[number] = ((plane < CLIPPED * frame.limit) & (plane > frame.noise.sigma(0))).mean()
         power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
         amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5 / max(_level(frame), TINY)
         sharpness[number] = 0 if emptiness(frame) else amplitude
@@ -341,7 +338,7 @@ def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
     share, own, other = (
         _window_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance)
     )
-    lit = (share > 0.5) & (own > _LIT * reference.floor * share) & (other > 0)
+    lit = (share > 0.5) & (own > _LIT * reference.noise.sigma(0) * share) & (other > 0)
     if not lit.any():
         return 0.0
     ratio = np.log(other[lit] / own[lit])
@@ -407,4 +404,5 @@ def view_of(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) 
     luminance = recover_luminance(frame.mosaic, settings.luminance)
     colours, every = frame.sites.of(frame.signal), slice(0, frame.sites.shape[0])
     gains = frame.colour_gains(every, frame.sites.channels).astype(np.float32)
-    return View(luminance, frame.noise, frame.clipping, colours, gains)
+    none = NoiseModel.gaussian(0.0, len(mosaic.pattern.channels) + 1)
+    return View(luminance, frame.noise or none, frame.clipping, colours, gains)

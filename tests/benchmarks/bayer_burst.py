@@ -63,7 +63,7 @@ def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Moti
     """How a frame lies against the reference, by the sum of the channels of their demosaicked
     pictures.
     """
-    noise = NoiseModel((0.0,), (float(np.sqrt(np.square(sigma).sum())),)) if sigma.any() else None
+    noise = NoiseModel((0.0,), (float(np.sqrt(np.square(sigma).sum())),))
     found = align(View(reference.sum(axis=2), noise), View(frame.sum(axis=2), noise))
     if isinstance(found, str):
         raise InputError(found)

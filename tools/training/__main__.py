@@ -7,8 +7,7 @@ An interrupted training goes on where it stopped.
 import argparse
 import sys
 
-from ...shared.errors import InputError, PanchromaError
-from ...shared.pattern import CfaPattern
+from ...shared import CfaPattern, InputError, PanchromaError
 from ...shared.processors import processors
 from ...shared.tiles import EXPECTED
 from ..batch.console import Console
@@ -18,14 +17,18 @@ from ..io.versions import install_command
 _STEPS, _LEAST = 6000, 20
 
 
-def add_common(parser: argparse.ArgumentParser, steps: int) -> None:
-    """Add the arguments of every training.
+def training_parser(module: str, description: str, steps: int) -> argparse.ArgumentParser:
+    """Parser with the arguments of every training.
 
     Parameters
     ----------
+    module : str
+        Of this package, with a dot before its name.
     steps : int
         By default.
     """
+    program = f"python -m panchroma.tools.training{module}"
+    parser = argparse.ArgumentParser(prog=program, description=description)
     folders = "photographs to learn from, in this folder or below"
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help=folders)
     descent = "of gradient descent (default: %(default)s)"
@@ -34,12 +37,12 @@ def add_common(parser: argparse.ArgumentParser, steps: int) -> None:
     parser.add_argument("--variants", type=int, default=4, help=variants)
     jobs = "processes and threads (default: one per core)"
     parser.add_argument("-j", "--jobs", type=int, default=processors(), help=jobs)
+    return parser
 
 
 def main() -> int:
     """Train; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m panchroma.tools.training", description=__doc__)
-    add_common(parser, _STEPS)
+    parser = training_parser("", str(__doc__), _STEPS)
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="for the networks")
     tiles = f"a network for each; {EXPECTED} (default: K=4 K=6 K=8)"
     parser.add_argument("--pattern", nargs="+", default=["K=4", "K=6", "K=8"], help=tiles)

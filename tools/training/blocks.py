@@ -9,14 +9,12 @@ around by their luminance. A training that was
 interrupted goes on where it stopped.
 """
 
-import argparse
-import json
 import sys
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +23,6 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from ...offline import use_threads
 from ...offline.frame import Sites
 from ...offline.pipeline import clean_frame
 from ...offline.settings import BEST
@@ -45,20 +42,16 @@ from ...offline.stages.chromaticity import block_sums
 from ...offline.stages.colour_network import BASIS
 from ...offline.stages.denoising import denoise_luminance
 from ...offline.stages.luminance import recover_luminance
-from ...offline.version import ALGORITHM
-from ...shared import CfaPattern, SensorCalibration
-from ...shared.arrays import DoubleArray, FloatArray
-from ...shared.calibration import NoiseModel
-from ...shared.errors import InputError, PanchromaError
-from ...shared.writing import durable_file
+from ...shared import CfaPattern, DoubleArray, FloatArray, NoiseModel, SensorCalibration
+from ...shared.errors import PanchromaError
 from ..batch.console import Console
 from ..batch.jobs import output_folder
 from ..batch.progress import StageProgress
 from ..simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_additive, simulate_sensor
-from .__main__ import add_common
-from .examples import DRAWN, PAGE, kept_back, photographs, pictured
+from .__main__ import training_parser
+from .examples import DRAWN, PAGE, claim, make_examples, photographs, pictured, read_example
 from .graph import Graph, convolved, load_weights, rounded
-from .network import begin_with, descent, optimiser_of
+from .network import Descent, begin_with
 
 WIDTHS = 48, 64, 96, 128
 """Channels on the grid of blocks, and on grids of every second, fourth and eighth block."""
@@ -66,7 +59,6 @@ _BATCH, _SIDE = 16, 32  # crops in a step, and blocks along the side of one
 _REPORT, _JUDGED = 400, 12  # steps between two checkpoints; batches of sources kept back
 _SEEN = 40  # examples that tell how values inside are spread
 _EXACT = "enter", "leave"  # not rounded: half of the error, a tenth of the time
-_NORM = 1.0  # of the gradient: larger ones are cut
 # of the usual length of a step, and steps up to the largest one: longer ones diverge
 _FACTOR, _WARM_UP = 0.3, 200
 _LEAK = 0.1  # slope of what is below zero: with 0, nine of ten features died
@@ -95,33 +87,26 @@ def lit(values: Any) -> Any:
     return functional.leaky_relu(values, _LEAK)
 
 
-def residual(inputs: Any, first: nn.Module, second: nn.Module) -> Any:
-    """What comes of a pair of convolutions, added to what went in."""
-    return inputs + second(lit(first(inputs)))
-
-
 class BlockNetwork(nn.Module):  # type: ignore[misc]
     """A U-Net: pairs of convolutions on grids of blocks, each half as fine as the one before, and
     back.
     """
 
-    def __init__(self, widths: Sequence[int] = WIDTHS) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        last = len(widths) - 1
 
         def wide(inputs: int, outputs: int) -> nn.Conv2d:
             return nn.Conv2d(inputs, outputs, 3, padding=1, padding_mode="replicate")
 
-        self.levels = last
-        self.enter = wide(PLANES, widths[0])
-        for level, (fine, coarse) in enumerate(pairwise(widths)):
+        self.enter = wide(PLANES, WIDTHS[0])
+        for level, (fine, coarse) in enumerate(pairwise(WIDTHS)):
             self.add_module(f"halve{level}", nn.Conv2d(fine, coarse, 2, 2))
             self.add_module(f"spread{level}", nn.Conv2d(coarse, fine, 1))
-        for level, width in enumerate(widths):
+        for level, width in enumerate(WIDTHS):
             for side in ("down", "up"):
                 self.add_module(f"{side}{level}a", wide(width, width))
                 self.add_module(f"{side}{level}b", wide(width, width))
-        self.leave = wide(widths[0], 4 + CHOICES)
+        self.leave = wide(WIDTHS[0], 4 + CHOICES)
         for name, layer in self.named_children():
             nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
             nn.init.zeros_(layer.bias)
@@ -133,23 +118,48 @@ class BlockNetwork(nn.Module):  # type: ignore[misc]
             self.leave.bias[-1 - len(LINES)] = _ALIKE
 
     def forward(self, planes: Any) -> Any:
-        """(N, PLANES, h, w), h and w multiples of 2^levels -> (N, 4 + CHOICES, h, w)."""
-        values, finer = lit(self.enter(planes)), []
-        for level in range(self.levels + 1):
-            values = self._pair("down", level, values)
-            if level < self.levels:
-                finer.append(values)
-                values = lit(self.get_submodule(f"halve{level}")(values))
-        values = self._pair("up", self.levels, values)
-        for level in reversed(range(self.levels)):
-            spread = self.get_submodule(f"spread{level}")(values)
-            spread = functional.interpolate(spread, scale_factor=2, mode="nearest")
-            values = self._pair("up", level, finer[level] + spread)
-        return self.leave(values)
+        """(N, PLANES, h, w), h and w multiples of `STEP` -> (N, 4 + CHOICES, h, w)."""
 
-    def _pair(self, side: str, level: int, values: Any) -> Any:
-        first, second = (self.get_submodule(f"{side}{level}{order}") for order in "ab")
-        return residual(values, first, second)
+        def convolve(name: str, values: Any) -> Any:
+            return self.get_submodule(name)(values)
+
+        def double(_: str, values: Any) -> Any:
+            return functional.interpolate(values, scale_factor=2, mode="nearest")
+
+        def add(_: str, one: Any, other: Any) -> Any:
+            return one + other
+
+        return u_net(planes, convolve, lit, double, add)
+
+
+def u_net(
+    values: Any,
+    convolve: Callable[[str, Any], Any],
+    lit: Callable[[Any], Any],
+    double: Callable[[str, Any], Any],
+    add: Callable[[str, Any, Any], Any],
+) -> Any:
+    """The answer to the planes of blocks, from operations on tensors, or on the names of values of
+    a graph.
+
+    Parameters
+    ----------
+    convolve, double, add : Callable
+        Their first argument is the name of a layer or of a result.
+    """
+
+    def pair(name: str, values: Any) -> Any:
+        return add(name, values, convolve(f"{name}b", lit(convolve(f"{name}a", values))))
+
+    levels, values, finer = len(WIDTHS) - 1, lit(convolve("enter", values)), []
+    for level in range(levels):
+        finer.append(pair(f"down{level}", values))
+        values = lit(convolve(f"halve{level}", finer[-1]))
+    values = pair(f"up{levels}", pair(f"down{levels}", values))
+    for level in reversed(range(levels)):
+        spread = double(f"spread{level}", convolve(f"spread{level}", values))
+        values = pair(f"up{level}", add(f"spread{level}.sum", finer[level], spread))
+    return convolve("leave", values)
 
 
 def lines(planes: Any, answer: Any) -> tuple[Any, Any]:
@@ -285,16 +295,8 @@ def _nearness(middle: float, period: int, count: int, size: int) -> DoubleArray:
     return np.asarray(near / near.sum(axis=1, keepdims=True))
 
 
-def _make(source: str, seed: tuple[int, ...], path: Path) -> None:
-    use_threads(1)
-    if not path.exists():
-        with durable_file(path, overwrite=True) as file:
-            np.savez(file, *example(source, seed))
-
-
 def _read(path: Path) -> list[Any]:
-    with np.load(path) as arrays:
-        return [torch.from_numpy(values) for values in arrays.values()]
+    return list(map(torch.from_numpy, read_example(path)))
 
 
 def _batch(examples: Sequence[list[Any]], seed: tuple[int, ...]) -> tuple[Any, Any]:
@@ -343,15 +345,10 @@ def learn(
     """
     torch.manual_seed(0)
     network = BlockNetwork().to(memory_format=torch.channels_last)
-    optimiser, done, checkpoint = optimiser_of(network), 0, work / "checkpoint.pt"
-    if checkpoint.exists():
-        state = torch.load(checkpoint, weights_only=True)
-        network.load_state_dict(state["network"])
-        optimiser.load_state_dict(state["optimiser"])
-        done = state["steps"]
-    elif start is not None:
+    if start is not None:
         begin_with(network, load_weights(start))
-    if done == steps:
+    descent = Descent(network, steps, _REPORT, work / "checkpoint.pt", _FACTOR, _WARM_UP)
+    if descent.done == steps:
         return network
     progress.stage("reading", 1)
     learned, kept = (
@@ -360,21 +357,14 @@ def learn(
     )
     judged = [_batch(kept, (1, number)) for number in range(_JUDGED)]
     progress.stage("training", steps)
-    progress.advance(done)
-    for step in descent(optimiser, done, steps, _FACTOR, _WARM_UP):
+    progress.advance(descent.done)
+    for step in range(descent.done, steps):
         planes, truth = _batch(learned, (0, step))
         with torch.autocast("cpu", torch.bfloat16):
             answer = network(planes)
         loss = losses(*lines(planes, answer.float()), truth).sum(0).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), _NORM)
-        optimiser.step()
         progress.advance()
-        if (step + 1) % _REPORT == 0 or step + 1 == steps:
-            state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
-            with durable_file(checkpoint, overwrite=True) as file:
-                torch.save(state | {"steps": step + 1}, file)
+        if descent.follow(loss):
             with torch.no_grad():
                 left = [losses(*lines(x, network(x)), y).mean(1) for x, y in judged]
             decibels = torch.stack(left).mean(0) * (10 / np.log(10))
@@ -393,46 +383,39 @@ def save(network: BlockNetwork, path: Path, examples: Sequence[Path]) -> None:
     examples : Sequence[Path]
         Files whose planes tell between which values those inside the network are.
     """
-    weights, steps = {}, _steps(network, examples)
-    for name, weight in network.state_dict().items():
-        weights[name] = weight.detach().numpy()
+    steps = _steps(network, examples)
+    weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
     graph = Graph()
     graph.store_weights(weights)
     twice = graph.store("twice", np.array([1, 1, 2, 2], np.float32))
+    # by the size of a kernel
+    attributes = {1: {}, 2: {"strides": [2, 2]}, 3: {"pads": [1, 1, 1, 1]}}
 
-    def convolve(name: str, values: str, **attributes: Any) -> str:
+    def convolve(name: str, values: str) -> str:
+        weight = weights[f"{name}.weight"]
+        placed = attributes[len(weight[0, 0])]
         if name in _EXACT:
             inputs = [values, f"{name}.weight", f"{name}.bias"]
-            return graph.add("Conv", inputs, f"{name}.found", **attributes)
+            return graph.add("Conv", inputs, f"{name}.found", **placed)
         before, after = steps[name]
-        values, weight = rounded(graph, values, *before), weights[f"{name}.weight"]
-        found = convolved(graph, name, values, weight, float(before[0]), **attributes)
-        return rounded(graph, found, *after)
-
-    def wide(name: str, values: str) -> str:
-        return convolve(name, values, pads=[1, 1, 1, 1])
+        values = rounded(graph, values, *before)
+        return rounded(
+            graph, convolved(graph, name, values, weight, float(before[0]), **placed), *after
+        )
 
     def kept(values: str) -> str:
         return graph.add("LeakyRelu", [values], f"{values}.lit", alpha=_LEAK)
 
-    def pair(name: str, values: str) -> str:
-        return graph.add("Add", [values, wide(f"{name}b", kept(wide(f"{name}a", values)))], name)
-
-    values, finer = kept(wide("enter", "planes")), []
-    for level in range(network.levels + 1):
-        values = pair(f"down{level}", values)
-        if level < network.levels:
-            finer.append(values)
-            values = kept(convolve(f"halve{level}", values, strides=[2, 2]))
-    values = pair(f"up{network.levels}", values)
-    for level in reversed(range(network.levels)):
-        name = f"spread{level}"
+    def double(name: str, values: str) -> str:
         nearest = {"mode": "nearest", "nearest_mode": "floor"}
         nearest["coordinate_transformation_mode"] = "asymmetric"
-        inputs = [convolve(name, values), "", twice]
-        fine = graph.add("Resize", inputs, f"{name}.fine", **nearest)
-        values = pair(f"up{level}", graph.add("Add", [finer[level], fine], f"{name}.sum"))
-    answer, shape = wide("leave", values), ["rows", "columns"]
+        return graph.add("Resize", [values, "", twice], f"{name}.fine", **nearest)
+
+    def add(name: str, one: str, other: str) -> str:
+        return graph.add("Add", [one, other], name)
+
+    answer = u_net("planes", convolve, kept, double, add)
+    shape = ["rows", "columns"]
     graph.write(path, ("planes", [1, PLANES, *shape]), (answer, [1, 4 + CHOICES, *shape]))
 
 
@@ -442,17 +425,17 @@ def _steps(
     """The length of the steps of 8 bits, and the step that is 0, of what goes into each convolution
     and of what comes of it.
     """
-    spans: dict[str, list[list[float]]] = {}
+    spans = defaultdict[str, list[tuple[float, float]]](lambda: [(0.0, 0.0)] * 2)
 
-    def watch(name: str) -> Any:
-        def note(_: nn.Module, inputs: tuple[Any], output: Any) -> None:
-            before_after = spans.setdefault(name, [[0, 0], [0, 0]])
-            for span, values in zip(before_after, (*inputs, output), strict=True):
-                span[:] = min(span[0], float(values.min())), max(span[1], float(values.max()))
+    def note(name: str, _: nn.Module, inputs: tuple[Any], output: Any) -> None:
+        spans[name] = [
+            (min(low, float(values.min())), max(high, float(values.max())))
+            for (low, high), values in zip(spans[name], (*inputs, output), strict=True)
+        ]
 
-        return note
-
-    hooks = [layer.register_forward_hook(watch(name)) for name, layer in network.named_children()]
+    hooks = [
+        layer.register_forward_hook(partial(note, name)) for name, layer in network.named_children()
+    ]
     with torch.no_grad():
         for path in examples:
             planes = _read(path)[0].float()
@@ -461,74 +444,38 @@ def _steps(
                 network(planes[None, :, :rows, :columns])
     for hook in hooks:
         hook.remove()
-    lengths = {
-        name: [((high - low) / 255 or 1.0, low) for low, high in of_layer]
-        for name, of_layer in spans.items()
-    }
-    return {
-        name: [(np.float32(length), np.uint8(round(-low / length))) for length, low in of_layer]
-        for name, of_layer in lengths.items()
-    }
+    return {name: [_step(*span) for span in of_layer] for name, of_layer in spans.items()}
+
+
+def _step(low: float, high: float) -> tuple[np.float32, np.uint8]:
+    length = (high - low) / 255 or 1.0
+    return np.float32(length), np.uint8(round(-low / length))
 
 
 def main() -> int:
     """Learn, and write the file; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m panchroma.tools.training.blocks", description=__doc__.partition("\n\n")[0]
-    )
-    add_common(parser, 12000)
+    parser = training_parser(".blocks", __doc__.partition("\n\n")[0], 12000)
     output = f"for {PATH.name}, the examples and the checkpoint"
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help=output)
     parser.add_argument("--start", type=Path, help="network to begin with, blocks.onnx")
     parser.add_argument("--seed", type=int, default=0, help="first variant (default: 0)")
     arguments, console = parser.parse_args(), Console()
     try:
-        files = photographs(arguments.folders)
+        files, steps, seed = photographs(arguments.folders), arguments.steps, arguments.seed
         sources = [*files, *[PAGE] * len(files), *[DRAWN] * (-(-len(files) // 4))]
         folder = output_folder(arguments.output)
-        work = folder / PATH.stem
-        work.mkdir(exist_ok=True)
-        _check_plan(work, sources, arguments.steps, arguments.seed)
+        work, names = folder / PATH.stem, [Path(source).name for source in sources]
+        claim(work, {"sources": names, "steps": steps, "seed": seed}, "steps, seed")
         torch.set_num_threads(arguments.jobs)
         with console.progress("blocks") as progress:
-            variants = range(arguments.seed, arguments.seed + arguments.variants)
-            paths = _make_examples(sources, variants, work, arguments.jobs, progress)
-            network = learn(paths, arguments.steps, work, progress, arguments.start)
+            seeds = [(seed + variant,) for variant in range(arguments.variants)]
+            paths = make_examples(example, sources, seeds, work, arguments.jobs, progress)
+            network = learn(paths, steps, work, progress, arguments.start)
         save(network, folder / PATH.name, paths[0][:: -(-len(paths[0]) // _SEEN)])
         console.say(str(folder / PATH.name))
     except PanchromaError as error:
         parser.error(str(error))
     return 0
-
-
-def _check_plan(work: Path, sources: Sequence[str], steps: int, seed: int) -> None:
-    """Note what is learned from. Raises InputError where another training has begun."""
-    names = [Path(source).name for source in sources]
-    plan = {"sources": names, "steps": steps, "seed": seed, "algorithm": ALGORITHM}
-    document = json.dumps(plan, indent=1)
-    begun = work / "plan.json"
-    if begun.exists() and begun.read_text(encoding="utf-8") != document:
-        fault = "holds another training (other sources, steps, seed or version)"
-        raise InputError(f"{work}: {fault}; give another folder, or remove it")
-    begun.write_text(document, encoding="utf-8")
-
-
-def _make_examples(
-    sources: Sequence[str], variants: Sequence[int], work: Path, jobs: int, progress: StageProgress
-) -> tuple[list[Path], list[Path]]:
-    """Make the examples that are not there yet."""
-    sides: tuple[list[Path], list[Path]] = [], []
-    tasks = list[tuple[str, tuple[int, ...], Path]]()
-    for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
-        for variant in variants:
-            path = work / f"{variant}-{number:05d}.npz"
-            sides[is_kept].append(path)
-            tasks.append((source, (variant, number), path))
-    progress.stage("examples", len(tasks))
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        for _ in pool.map(_make, *zip(*tasks, strict=True), chunksize=4):
-            progress.advance()
-    return sides
 
 
 if __name__ == "__main__":

@@ -6,22 +6,32 @@ RAW: other optics, white balance, exposure, and a little noise of its own. Then 
 rendered up to the network.
 """
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...offline import use_threads
 from ...offline.bands import Band
 from ...offline.pipeline import measure, run_row_stages
 from ...offline.settings import BEST
 from ...offline.stages.colour_network import Residuals, Span, Superpixels
-from ...shared import CfaPattern, Mosaic, SensorCalibration
-from ...shared.arrays import DoubleArray, FloatArray
+from ...offline.version import ALGORITHM
+from ...shared import CfaPattern, DoubleArray, FloatArray, InputError, Mosaic, SensorCalibration
+from ...shared.writing import durable_file
+from ..batch.progress import StageProgress
 from ..simulation.load import load_scene
 from ..simulation.sensor import simulate_additive
 from .drawings import drawing, page
 
+Examples = tuple[list[Path], list[Path]]
+"""Files of examples to learn from, and of those kept back."""
 DRAWN = "drawn"
 """The name of a source that is a drawing instead of a file."""
 PAGE = "page"
@@ -53,6 +63,81 @@ def kept_back(sources: Sequence[str]) -> list[bool]:
     made = DRAWN, PAGE
     numbers = (place if source in made else sources.index(source) for place, source in places)
     return [number % _KEPT_BACK == _KEPT_BACK // 2 for number in numbers]
+
+
+def claim(folder: Path, plan: dict[str, Any], settings: str) -> None:
+    """Make the folder of a training, with its plan.
+
+    Parameters
+    ----------
+    settings : str
+        What the plan has besides sources, in words.
+
+    Raises
+    ------
+    InputError
+        When another training has begun there, or one by another version.
+    """
+    document, begun = json.dumps(plan | {"algorithm": ALGORITHM}, indent=1), folder / "plan.json"
+    folder.mkdir(exist_ok=True)
+    if begun.exists() and begun.read_text(encoding="utf-8") != document:
+        fault = f"holds another training (other sources, {settings} or version)"
+        raise InputError(f"{folder}: {fault}; give another folder, or remove it")
+    begun.write_text(document, encoding="utf-8")
+
+
+def make_examples(
+    make: Callable[..., Sequence[NDArray[Any]]],
+    sources: Sequence[str],
+    seeds: Sequence[tuple[int, ...]],
+    folder: Path,
+    jobs: int,
+    progress: StageProgress,
+) -> Examples:
+    """Write the examples of sources that are not in a folder yet.
+
+    Parameters
+    ----------
+    make : Callable[..., Sequence[NDArray[Any]]]
+        Makes an example from a source and a `seed`.
+    seeds : Sequence[tuple[int, ...]]
+        One for each example of a source, the last number of which names it; the number of the
+        source follows.
+    """
+    examples: Examples = [], []
+    tasks = []
+    for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
+        for seed in seeds:
+            path = folder / f"{seed[-1]}-{number:05d}.npz"
+            examples[is_kept].append(path)
+            if not path.exists():
+                tasks.append((make, source, (*seed, number), path))
+    in_processes(_write, tasks, jobs, progress)
+    return examples
+
+
+def _write(make: Callable[..., Any], source: str, seed: tuple[int, ...], path: Path) -> None:
+    with durable_file(path, overwrite=True) as file:
+        np.savez(file, *make(source, seed=seed))
+
+
+def in_processes(
+    function: Callable[..., Any], tasks: Sequence[Any], jobs: int, progress: StageProgress
+) -> list[Any]:
+    """Return what a function makes of each task, its arguments, in processes of one thread each."""
+    progress.stage("examples", len(tasks))
+    context, results = get_context("spawn"), []
+    with ProcessPoolExecutor(jobs, context, initializer=use_threads, initargs=(1,)) as pool:
+        for result in pool.map(function, *zip(*tasks, strict=True)):
+            results.append(result)
+            progress.advance()
+    return results
+
+
+def read_example(path: Path) -> list[NDArray[Any]]:
+    """Arrays of an example."""
+    with np.load(path) as arrays:
+        return list(arrays.values())
 
 
 def pictured(source: str, random: np.random.Generator) -> FloatArray:

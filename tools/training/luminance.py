@@ -7,12 +7,10 @@ noise, and filled by wavelets. From the pixels around each block the network for
 sites are off by. The same command with as many threads gives the same weights.
 """
 
-import argparse
+import math
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from itertools import pairwise, product, repeat
-from multiprocessing import get_context
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +18,16 @@ import numpy as np
 import torch
 from torch import nn
 
-from ...offline import use_threads
 from ...offline.settings import UNLEARNED
 from ...offline.stages.luminance import recover_luminance
 from ...offline.stages.luminance_network import REACH, SIDE, network_inputs
 from ...shared import CfaPattern
 from ...shared.arrays import BORDER, FloatArray
 from ..batch.console import Console
-from .__main__ import add_common
-from .examples import DRAWN, PAGE, kept_back, photographed, photographs
+from .__main__ import training_parser
+from .examples import DRAWN, PAGE, in_processes, kept_back, photographed, photographs
 from .graph import Graph
-from .network import descent, optimiser_of
+from .network import Descent
 
 _HIDDEN = 256, 128, 128, 128
 _BLOCKS, _BATCH = 6000, 2048  # taken of a picture; and learned from at a time
@@ -54,7 +51,6 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     sites : int, optional
         Of a block, 3 or 4.
     """
-    use_threads(1)
     random = np.random.default_rng((0, number))
     patterns = [CfaPattern.with_block(_BLOCK[sites], period) for period in _PERIODS[sites]]
     scene, mosaic = photographed(source, patterns, _CLEAN, random)
@@ -94,7 +90,7 @@ def learn(
     sizes = SIDE**2 + 1, *_HIDDEN
     layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]
     network = nn.Sequential(*layers, nn.Linear(sizes[-1], off.shape[1]))
-    optimiser = optimiser_of(network)
+    descent = Descent(network, steps, _REPORT, norm=math.inf)
     # Three sites stay the first three of a block when it is transposed alone.
     turned = [
         (_turned(SIDE, turns, flip), places[: off.shape[1]])
@@ -102,7 +98,7 @@ def learn(
         if (places := _turned(2, turns, flip))[off.shape[1] :].tolist() in ([], [3])
     ]
     order = np.random.default_rng(0)
-    for step in descent(optimiser, 0, steps):
+    for step in range(steps):
         chosen = torch.from_numpy(order.integers(len(inputs), size=_BATCH))
         pixels, sites = turned[order.integers(len(turned))]
         around = inputs[chosen].float()
@@ -110,10 +106,7 @@ def learn(
         error = network(turned_around) - off[chosen][:, sites]
         energy = error.square().mean(dim=1, keepdim=True)
         loss = (weight[chosen] * ((energy + 1e-4).sqrt() + _ENERGY * energy)).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        if (step + 1) % _REPORT == 0 or step + 1 == steps:
+        if descent.follow(loss):
             left = f"left {_left(network, kept):.3f} of the energy of errors"
             say(f"step {step + 1}: {left} of pictures kept back")
     return network
@@ -152,11 +145,7 @@ def save(network: nn.Sequential, path: Path) -> None:
 
 def main() -> int:
     """Learn, and write the file; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m panchroma.tools.training.luminance",
-        description=__doc__.partition("\n\n")[0],
-    )
-    add_common(parser, 60000)
+    parser = training_parser(".luminance", __doc__.partition("\n\n")[0], 60000)
     output = "the network, FILE.onnx"
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help=output)
     sites = "of a block of 2 x 2 pixels (default: 4)"
@@ -166,15 +155,9 @@ def main() -> int:
     few = len(files) // 5
     sources = [*files, *[DRAWN] * few, *[PAGE] * few] * arguments.variants
     torch.set_num_threads(1)  # several wait for each other
-    with (
-        console.progress("luminance") as progress,
-        ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool,
-    ):
-        progress.stage("examples", len(sources))
-        pictures = []
-        for picture in pool.map(examples, sources, range(len(sources)), repeat(arguments.sites)):
-            pictures.append(picture)
-            progress.advance()
+    tasks = [(source, number, arguments.sites) for number, source in enumerate(sources)]
+    with console.progress("luminance") as progress:
+        pictures = in_processes(examples, tasks, arguments.jobs, progress)
     save(learn(pictures, sources, arguments.steps, console.say), arguments.output)
     return 0
 

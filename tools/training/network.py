@@ -5,7 +5,9 @@ A network that works in units of brightness instead learns nothing, or harms fla
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from torch.nn import functional
 
 from ...offline.stages.colour_network import REACH, SURROUNDINGS
 from ...shared.arrays import FloatArray
+from ...shared.writing import durable_file
 
 CHANNELS, BLOCKS = 128, REACH - 1
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
@@ -27,6 +30,7 @@ this many scene units.
 # of gradient descent: largest step, steps up to it, weight decay
 _RATE, _WARM_UP, _DECAY = 2e-3, 100, 1e-4
 _BETAS = 0.9, 0.98  # of gradients, and of their squares, which vary much
+_NORM = 1.0  # of the gradient: larger ones are cut
 _FAINT = 1e-5  # error, scene units squared, that hardly counts: 50 dB
 # one value in so many shows how they are spread: a prime number, to meet every channel
 _SAMPLED = 7
@@ -46,7 +50,6 @@ class Network(nn.Module):  # type: ignore[misc]
     def __init__(self, period: int, sites: int, channels: int = CHANNELS) -> None:
         super().__init__()
         pixels = period**2
-        self.period = period
         self.enter = nn.Conv2d(3 * pixels + sites + SURROUNDINGS, channels, 3)
         self.wide = nn.ModuleList(nn.Conv2d(channels, channels, 3) for _ in range(BLOCKS))
         self.deep = nn.ModuleList(nn.Conv2d(channels, channels, 1) for _ in range(BLOCKS))
@@ -118,29 +121,64 @@ def _unit(values: FloatArray, most: int) -> float:
     return min((values.max() / most * np.linspace(0.2, 1, 33)).tolist(), key=error)
 
 
-def optimiser_of(network: nn.Module) -> Any:
-    """Optimiser of the weights of a network."""
-    return torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY, betas=_BETAS)
+@dataclass
+class Descent:
+    """Gradient descent, from the last checkpoint on.
 
-
-def descent(
-    optimiser: Any, done: int, steps: int, factor: float = 1.0, warm_up: int = _WARM_UP
-) -> Iterator[int]:
-    """Number the steps, after those that are done, and set how far each goes: more at first, less
-    in the end.
-
-    Parameters
+    Attributes
     ----------
-    factor : float, optional
-        Of the usual length.
-    warm_up : int, optional
+    network : nn.Module
+        What learns.
+    steps, every : int
+        Number of steps, and of those from one report to the next.
+    checkpoint : Path | None
+        File that is written at each report; None = there is none.
+    factor : float
+        How far a step goes, relative to the usual length, which falls towards the end.
+    warm_up : int
         Steps up to the largest one.
+    norm : float
+        Of the gradient: larger ones are cut.
+    done : int
+        Steps that the network has made.
     """
-    for step in range(done, steps):
-        rate = min(1.0, (step + 1) / warm_up) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
-        for group in optimiser.param_groups:
-            group["lr"] = factor * _RATE * float(rate)
-        yield step
+
+    network: nn.Module
+    steps: int
+    every: int
+    checkpoint: Path | None = None
+    factor: float = 1.0
+    warm_up: int = _WARM_UP
+    norm: float = _NORM
+    done: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        weights = self.network.parameters()
+        self._optimiser = torch.optim.AdamW(weights, lr=_RATE, weight_decay=_DECAY, betas=_BETAS)
+        if self.checkpoint and self.checkpoint.exists():
+            device = next(self.network.parameters()).device
+            state = torch.load(self.checkpoint, map_location=device, weights_only=True)
+            self.network.load_state_dict(state["network"])
+            self._optimiser.load_state_dict(state["optimiser"])
+            self.done = state["steps"]
+
+    def follow(self, loss: Any) -> bool:
+        """Make a step that lowers a loss; returns True if it is one to report."""
+        rate = min(1.0, (self.done + 1) / self.warm_up)
+        rate *= 0.5 + 0.5 * float(np.cos(np.pi * self.done / self.steps))
+        for group in self._optimiser.param_groups:
+            group["lr"] = self.factor * _RATE * rate
+        self._optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.norm)
+        self._optimiser.step()
+        self.done += 1
+        is_reported = self.done % self.every == 0 or self.done == self.steps
+        if is_reported and self.checkpoint:
+            weights, state = self.network.state_dict(), self._optimiser.state_dict()
+            with durable_file(self.checkpoint, overwrite=True) as file:
+                torch.save({"network": weights, "optimiser": state, "steps": self.done}, file)
+        return is_reported
 
 
 def inner(planes: Any, width: int = 1) -> Any:

@@ -6,11 +6,9 @@ are seen, and the first weights. An interrupted run goes on at its last checkpoi
 weights of one that was not interrupted, on the same machine with the same number of threads.
 """
 
-import json
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,22 +25,16 @@ from ...offline.stages.colour_network import (
     WEIGHTS,
     Contrast,
 )
-from ...offline.version import ALGORITHM
-from ...shared.arrays import FloatArray, IndexArray
-from ...shared.errors import InputError
+from ...shared import CfaPattern, FloatArray, IndexArray, InputError
 from ...shared.networks import Block, network_file, network_for
-from ...shared.pattern import PANCHROMATIC, CfaPattern
-from ...shared.writing import durable_file
+from ...shared.pattern import PANCHROMATIC
 from ..batch.progress import StageProgress
-from .examples import DRAWN, PAGE, kept_back, make_example
+from .examples import DRAWN, PAGE, Examples, claim, make_example, make_examples, read_example
 from .graph import Turn, load_weights, save_graph
-from .network import Network, begin_with, descent, losses, optimiser_of, share_left, units
+from .network import Descent, Network, begin_with, losses, share_left, units
 
 Example = list[Any]
 """Tensors of what `prepare` returns."""
-Examples = tuple[list[Path], list[Path]]
-"""Files of examples to learn from, and of those kept back."""
-_NORM = 1.0  # of the gradient: larger ones are cut
 _SHARES = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints
 _JUDGED = 12  # batches of the sources kept back
@@ -104,14 +96,6 @@ class Plan:
         turned = tuple(row[::-1].translate(str.maketrans("RB", "BR")) for row in letters[::-1])
         return letters == turned and (period - len(letters)) % 2 == 0
 
-    @property
-    def document(self) -> str:
-        """The plan and the version of the render in JSON: trainings with the same document give
-        the same weights.
-        """
-        names = [Path(source).name for source in self.sources]
-        return json.dumps({**asdict(self), "sources": names, "algorithm": ALGORITHM}, indent=1)
-
 
 def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     """Train the network of one pattern, or go on with it; returns the path of its file in `folder`.
@@ -130,15 +114,14 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     InputError
         When `folder` holds another training of this pattern.
     """
-    path = folder / network_file(plan.pattern)
+    path, count = folder / network_file(plan.pattern), len(plan.sources)
     work = path.with_suffix("")
-    work.mkdir(exist_ok=True)
-    begun = work / "plan.json"
-    if begun.exists() and begun.read_text(encoding="utf-8") != plan.document:
-        fault = "holds another training (other sources, settings or version)"
-        raise InputError(f"{work}: {fault}; give another folder, or remove it")
-    begun.write_text(plan.document, encoding="utf-8")
-    examples = make_examples(plan, work, jobs, progress)
+    names = [Path(source).name for source in plan.sources]
+    claim(work, asdict(plan) | {"sources": names}, "settings")
+    make, period = partial(make_example, pattern=plan.pattern), plan.pattern.period
+    seeds = [(plan.seed, period, variant) for variant in range(plan.variants)]
+    sources = [*plan.sources, *[PAGE] * -(-count // 3), *[DRAWN] * -(-count // 4)]
+    examples = make_examples(make, sources, seeds, work, jobs, progress)
     network, learned = _descend(plan, work, examples, jobs, progress), examples[0]
     sampled = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
     batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
@@ -175,35 +158,6 @@ def turned(plan: Plan, *, transposed: bool, exchanged: bool) -> Turn:
     return Turn(inputs, outputs, transposed, exchanged)
 
 
-def make_examples(plan: Plan, work: Path, jobs: int, progress: StageProgress) -> Examples:
-    """Make the examples that are not there yet."""
-    examples: Examples = [], []
-    missing, count = [], len(plan.sources)
-    sources = [*plan.sources, *[PAGE] * -(-count // 3), *[DRAWN] * -(-count // 4)]
-    for number, (source, is_kept) in enumerate(zip(sources, kept_back(sources), strict=True)):
-        for variant in range(plan.variants):
-            path = work / f"{variant}-{number:05d}.npz"
-            examples[is_kept].append(path)
-            if not path.exists():
-                seed = (plan.seed, plan.pattern.period, variant, number)
-                missing.append((source, plan.pattern, seed, path))
-    progress.stage("examples", len(missing))
-    if missing:
-        with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-            for _ in pool.map(_make, missing, chunksize=4):
-                progress.advance()
-    return examples
-
-
-def _make(task: tuple[str, CfaPattern, tuple[int, ...], Path]) -> None:
-    from ...offline import use_threads
-
-    use_threads(1)
-    source, pattern, seed, path = task
-    with durable_file(path, overwrite=True) as file:
-        np.savez(file, *make_example(source, pattern, seed))
-
-
 def _descend(
     plan: Plan, work: Path, paths: Examples, jobs: int, progress: StageProgress
 ) -> Network:
@@ -212,39 +166,27 @@ def _descend(
     torch.set_num_threads(jobs)
     torch.manual_seed(plan.seed)
     network = _beginning(plan).to(device=device, memory_format=torch.channels_last)
-    optimiser = optimiser_of(network)
-    done, checkpoint = 0, work / "checkpoint.pt"
-    if checkpoint.exists():
-        state = torch.load(checkpoint, map_location=device, weights_only=True)
-        network.load_state_dict(state["network"])
-        optimiser.load_state_dict(state["optimiser"])
-        done = state["steps"]
-    if done == plan.steps:
+    factor = 0.5 if plan.start else 1.0
+    descent = Descent(network, plan.steps, _REPORT, work / "checkpoint.pt", factor)
+    if descent.done == plan.steps:
         return network.to("cpu")
     progress.stage("reading", sum(map(len, paths)))
     examples, judges = ([_read(path, device, progress) for path in side] for side in paths)
     judged = [_batch(judges, plan, (plan.seed, 1, number)) for number in range(_JUDGED)]
     progress.stage("training", plan.steps)
-    progress.advance(done)
-    for step in descent(optimiser, done, plan.steps, 0.5 if plan.start else 1.0):
+    progress.advance(descent.done)
+    for step in range(descent.done, plan.steps):
         batch = _batch(examples, plan, (plan.seed, 0, step))
         with torch.autocast(device, dtype=torch.bfloat16):
             left, before = losses(network, batch)
         loss = (share_left(left, before) * torch.tensor(_SHARES, device=device)).sum()
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), _NORM)
-        optimiser.step()
         progress.advance()
-        if (step + 1) % _REPORT == 0 or step + 1 == plan.steps:
+        if descent.follow(loss):
             robust, energy, hue = _judge(network, judged)
             progress.remark(
                 f"step {step + 1}: left {robust:.4f} of the error, {energy:.4f} of its energy, "
                 f"{hue:.4f} of wrong hues"
             )
-            state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
-            with durable_file(checkpoint, overwrite=True) as file:
-                torch.save(state | {"steps": step + 1}, file)
     return network.to("cpu")
 
 
@@ -306,19 +248,7 @@ def prepare(
         `Contrast.inputs`; missing colour, (2 K^2, h, w); true luminance, (K^2, h, w); bound and
         variance, (1, h, w) each. The first three are float16.
     """
-    rows, columns = variance.shape[1:]
-    period = picture.shape[1] // rows
-    pixels, right = (
-        np.tensordot(
-            WEIGHTS,
-            planes.astype(np.float32)
-            .reshape(3, rows, period, columns, period)
-            .transpose(0, 2, 4, 1, 3)
-            .reshape(3, period**2, rows, columns),
-            1,
-        )
-        for planes in (picture, truth)
-    )
+    pixels, right = (_superpixels(planes, *variance.shape[1:]) for planes in (picture, truth))
     contrast = Contrast.of(pixels, error.astype(np.float32), variance[0])
     right = right[..., MARGIN:-MARGIN, MARGIN:-MARGIN]
     missing = (right[1:] - contrast.pixels[1:]).reshape(-1, *contrast.bound.shape)
@@ -327,12 +257,18 @@ def prepare(
     return [*(planes.astype(np.float16) for planes in small), *(plane[None] for plane in large)]
 
 
+def _superpixels(planes: FloatArray, rows: int, columns: int) -> FloatArray:
+    """Luminance and colour of the pixels of superpixels, (3, K^2, rows, columns)."""
+    period = planes.shape[1] // rows
+    parted = planes.astype(np.float32).reshape(3, rows, period, columns, period)
+    pixels = parted.transpose(0, 2, 4, 1, 3).reshape(3, period**2, rows, columns)
+    return np.tensordot(WEIGHTS, pixels, 1)
+
+
 def _read(path: Path, device: str, progress: StageProgress) -> Example:
     """An example, as tensors."""
-    with np.load(path) as arrays:
-        example = [torch.from_numpy(planes).to(device) for planes in prepare(*arrays.values())]
     progress.advance()
-    return example
+    return [torch.from_numpy(planes).to(device) for planes in prepare(*read_example(path))]
 
 
 def _judge(network: Network, batches: Sequence[Example]) -> list[float]:
@@ -368,13 +304,12 @@ def _batch(examples: Sequence[Example], plan: Plan, seed: tuple[int, ...]) -> Ex
 
 def turn_window(window: Example, turn: Turn) -> Example:
     """An example in another orientation."""
-    inputs, missing, light, *rest = window
-    places = turn.inputs[: len(light), : len(light)]
-    matrices = (turn.inputs, turn.outputs, places)
+    pixels = len(window[2])
+    matrices = turn.inputs, turn.outputs, turn.inputs[:pixels, :pixels]
     planes = [
         torch.tensordot(torch.from_numpy(matrix).to(values), values, 1)
-        for matrix, values in zip(matrices, (inputs, missing, light), strict=True)
+        for matrix, values in zip(matrices, window[:3], strict=True)
     ]
-    planes = [*planes, *rest]
+    planes += window[3:]
     planes = [values.transpose(1, 2) for values in planes] if turn.transposed else planes
     return [values.flip(1, 2) for values in planes] if turn.back else planes

@@ -1,9 +1,13 @@
 """A drawn scene that is known between pixels too, and the frames of a camera that moved."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from panchroma.offline.burst import Motion, in_frame, in_reference
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.offline import BEST, RenderSettings
+from panchroma.offline.burst import MergedBurst, Motion, in_frame, in_reference, render_burst_bands
+from panchroma.shared import CfaPattern, DoubleArray, FloatArray, Mosaic, SensorCalibration
+from panchroma.tools.simulation.sensor import simulate_additive
 
 SHAPE = (150, 210)
 
@@ -30,6 +34,38 @@ def seen(motion: Motion, shape: tuple[int, int] = SHAPE, seed: int = 0) -> Float
     """What a frame sees of the scene after a motion."""
     y, x = in_reference(motion, *pixels(shape), shape).astype(np.float64)
     return luminance_at(y, x, seed).astype(np.float32)
+
+
+def scene(
+    motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE, strength: float = 1.5
+) -> FloatArray:
+    """What a frame sees: fine waves of luminance, and coloured lines of some strength that are thinner
+    than the distance of two blocks.
+    """
+    y, x = in_reference(motion, *pixels(shape), shape).astype(np.float64)
+    brightness = luminance_at(y, x) / 3
+    lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
+    share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
+    share[..., 0] += strength * lines
+    share *= channels * brightness[..., None] / share.sum(axis=2, keepdims=True)
+    return share.astype(np.float32)
+
+
+def taken(
+    scenes: Iterable[FloatArray],
+    sigma: float = 0.0,
+    pattern: CfaPattern = CfaPattern.bayer(6),  # noqa: B008 - frozen
+) -> list[Mosaic]:
+    """A frame of each scene."""
+    calibration = SensorCalibration(pattern.channels)
+    return [
+        simulate_additive(rgb, pattern, calibration, sigma, np.random.default_rng(seed))
+        for seed, rgb in enumerate(scenes)
+    ]
+
+
+def picture(merged: MergedBurst, settings: RenderSettings = BEST) -> FloatArray:
+    return np.concatenate(list(render_burst_bands(merged, settings)))
 
 
 def error(found: Motion, true: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:

@@ -127,7 +127,10 @@ def test_a_saturated_sample_is_replaced_whatever_the_shading_of_its_channel(
     mosaic = Mosaic(codes, CfaPattern.of_letters(tile), camera)
     frame = uncleaned(mosaic, mosaic.evenly_shaded())
     assert frame.signal.min() < 0.7 * frame.signal.max()
-    sums = BlockSums(*np.ones((2, *frame.sites.shape, 3)))
-    relit = relit_sites(frame, np.full(shape, 5, np.float32), sums)
-    is_replaced = frame.sites.of(relit.signal) == 5
+    weight, colour = np.full((*frame.sites.shape, 3), 4.0), np.array([0.9, 0.6, 0.3])
+    relit = relit_sites(
+        frame, np.full(shape, 5, np.float32), BlockSums(weight, 4 * colour * weight)
+    )
+    is_replaced = frame.sites.of(relit.signal) == (20 * colour)[frame.sites.channels].astype("f4")
     assert not is_replaced.any() if below else is_replaced.all()
+    assert np.count_nonzero(relit.signal != frame.signal) == np.count_nonzero(is_replaced)

@@ -1,14 +1,17 @@
 """Luminance of a burst: what it keeps, gains and never does."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from panchroma.offline.burst import Motion, in_reference
-from panchroma.offline.burst.merge import Frames, merge
-from panchroma.offline.burst.motion import Motions
-from panchroma.shared import CfaPattern
-from panchroma.shared.arrays import ByteArray, DoubleArray, FloatArray
-from tests.offline.burst.scenes import pixels
+from panchroma.offline.burst.align import View
+from panchroma.offline.burst.merge import merge_luminance
+from panchroma.offline.burst.select import Kept
+from panchroma.offline.frame import Sites
+from panchroma.shared import ByteArray, CfaPattern, DoubleArray, FloatArray, NoiseModel
+from tests.offline.burst.scenes import luminance_at, pixels, seen
 from tests.reference.compare import assert_close
 
 FLOAT32 = 2e-5
@@ -18,60 +21,38 @@ SHIFTS = np.linspace(-0.4, 0.5, 24, dtype=np.float32).reshape(3, 4, 2)
 MOTIONS = [Motion(), Motion((0.6, -1.3), 0.01), Motion((-2.2, 0.4), -0.02, SHIFTS)]
 
 
-def luminance_at(y: DoubleArray, x: DoubleArray) -> DoubleArray:
-    """A scene of waves, of which the shortest are 5 pixels long."""
-    return 1 + 0.4 * np.sin(y / 2.5) * np.cos(x / 3) + 0.2 * np.sin((x + y) / 1.2)
-
-
 def slope(y: DoubleArray, x: DoubleArray) -> DoubleArray:
     return 1 + 0.02 * y - 0.01 * x
 
 
-def places(motion: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:
-    """Where the pixels of a frame lie in the reference."""
-    return in_reference(motion, *pixels(shape), shape).astype(np.float64)
+def burst(sigma: float, shape: tuple[int, int], motions: list[Motion]) -> FloatArray:
+    noise = np.random.default_rng(0).normal(0, sigma, (len(motions), *shape))
+    return np.array([seen(motion, shape) for motion in motions]) + noise.astype(np.float32)
 
 
-def burst(
-    sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = MOTIONS
-) -> FloatArray:
-    random = np.random.default_rng(0)
-    planes = [
-        luminance_at(*places(motion, shape)) + random.normal(0, sigma, shape) for motion in motions
-    ]
-    return np.array(planes, np.float32)
-
-
-def arguments(
+def merged(
     planes: FloatArray,
     agreement: ByteArray | None = None,
-    noise: DoubleArray | None = None,
+    noise: Sequence[tuple[float, float]] = ((0, 0),) * 8,
     motions: list[Motion] = MOTIONS,
-) -> Frames:
-    shape = planes.shape[1], planes.shape[2]
+) -> tuple[FloatArray, FloatArray]:
+    """Luminance at every half pixel, and the ratio of its noise; all frames agree, by default."""
     agreement = np.full(planes.shape, 255, np.uint8) if agreement is None else agreement
-    noise = np.zeros((len(planes), 2)) if noise is None else noise
-    return Frames(
-        planes, agreement, noise, PATTERN.panchromatic_mask(shape), Motions.of(motions, shape)
-    )
+    models = [NoiseModel((shot,), (read,)) for shot, read in noise]
+    views = map(View, planes, models)
+    kept = [Kept(*each) for each in zip(views, motions, agreement, strict=True)]
+    shape = planes.shape[1], planes.shape[2]
+    return merge_luminance(kept, Sites(PATTERN, PATTERN.grid(shape)))
 
 
-def merged(frames: Frames) -> tuple[FloatArray, FloatArray]:
-    """Luminance at every half pixel, and the ratio of its noise."""
-    _, height, width = frames.planes.shape
-    fine = np.full((2 * height - 1, 2 * width - 1), np.nan, np.float32)
-    noise_ratio = np.full((height, width), np.nan, np.float32)
-    merge(frames, fine, noise_ratio)
-    return fine, noise_ratio
-
-
-@pytest.mark.parametrize("noise", [[[0, 0]] * 3, [[1e-3, 4e-4], [2e-3, 1e-4], [0, 9e-4]]])
-def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[list[float]]) -> None:
-    planes = np.array([slope(*places(motion)) for motion in MOTIONS], np.float32)
+@pytest.mark.parametrize("noise", [[(0, 0)] * 3, [(1e-3, 0.02), (2e-3, 0.01), (0, 0.03)]])
+def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[tuple[float, float]]) -> None:
+    places = (in_reference(motion, *pixels(SHAPE), SHAPE) for motion in MOTIONS)
+    planes = np.array([slope(down, across) for down, across in places], np.float32)
     levels, random = np.array([0, 60, 255], np.uint8), np.random.default_rng(1)
     agreement = random.choice(levels, planes.shape, p=[0.1, 0.2, 0.7])
     agreement[0] = 255
-    fine, noise_ratio = merged(arguments(planes, agreement, np.array(noise, np.float64)))
+    fine, noise_ratio = merged(planes, agreement, noise)
     inside = np.s_[12:-12, 12:-12]
     assert_close(fine[inside], slope(*np.indices(fine.shape) / 2)[inside], SLOPE)
     assert ((noise_ratio > 0) & (noise_ratio <= 1)).all()
@@ -79,7 +60,7 @@ def test_a_slope_stays_a_slope_whatever_frames_agree(noise: list[list[float]]) -
 
 def test_the_noise_of_frames_that_agree_is_averaged() -> None:
     planes = np.ones((4, *SHAPE), np.float32)
-    _, noise_ratio = merged(arguments(planes, noise=np.full((4, 2), 1e-3), motions=[Motion()] * 4))
+    _, noise_ratio = merged(planes, noise=[(1e-3, 0.03)] * 4, motions=[Motion()] * 4)
     assert_close(noise_ratio, np.full(SHAPE, 0.25), FLOAT32)
 
 
@@ -91,20 +72,13 @@ def test_shows_more_than_one_frame_can() -> None:
     planes, agreement = burst(0.0, shape, motions), np.full((8, *shape), 255, np.uint8)
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
-    fine, noise_ratio = merged(arguments(planes, agreement, motions=motions))
-    assert np.abs(fine[::2, ::2] - luminance_at(*pixels(shape)))[4:-4, 4:-4].max() < 0.02
+    fine, noise_ratio = merged(planes, motions=motions)
+    assert np.abs(fine[::2, ::2] - luminance_at(*pixels(shape)))[4:-4, 4:-4].max() < 0.03
     assert noise_ratio[4:-4, 4:-4].max() < 0.5
     agreement[1:] = 0
-    fine, noise_ratio = merged(arguments(planes, agreement, motions=motions))
+    fine, noise_ratio = merged(planes, agreement, motions=motions)
     assert np.array_equal(fine[::2, ::2][~holes], planes[0][~holes])
     assert noise_ratio.min() > 0.999
-
-
-def scaled(shape: tuple[int, int], share: float) -> FloatArray:
-    """Local shifts that make distances longer by a share of them."""
-    nodes = np.zeros((2, 2, 2), np.float32)
-    nodes[1, :, 0], nodes[:, 1, 1] = share * shape[0], share * shape[1]
-    return nodes
 
 
 @pytest.mark.parametrize("share", [0.2, -0.2])
@@ -112,10 +86,10 @@ def test_the_order_of_frames_leaves_no_trace(share: float) -> None:
     """The chunks of the merge look for samples where they may be: were one left out, it would be
     that of a later frame.
     """
-    shape, nodes = (150, 230), scaled((150, 230), share)
+    shape, nodes = (150, 230), np.zeros((2, 2, 2), np.float32)
+    nodes[1, :, 0], nodes[:, 1, 1] = share * shape[0], share * shape[1]  # distances are longer
     motions, order = [Motion(), Motion(local=nodes), Motion(local=nodes + 0.5)], [0, 2, 1]
-    planes, noise = burst(0.1, shape, motions), np.array([[0, 0.01]] * 3)
-    first, _ = merged(arguments(planes, noise=noise, motions=motions))
-    turned = [motions[number] for number in order]
-    second, _ = merged(arguments(planes[order], noise=noise, motions=turned))
+    planes, noise = burst(0.1, shape, motions), [(0, 0.1)] * 3
+    first, _ = merged(planes, noise=noise, motions=motions)
+    second, _ = merged(planes[order], noise=noise, motions=[motions[place] for place in order])
     assert_close(second, first, FLOAT32)

@@ -17,11 +17,6 @@ LOCAL = np.random.default_rng(0).uniform(-0.4, 0.4, (4, 5, 2)).astype(np.float32
 TURNED = Motion((1.5, 0.25), -0.01, LOCAL)
 
 
-def test_a_shift_moves_all_points_alike() -> None:
-    y, x = PIXELS
-    assert np.array_equal(in_frame(Motion((2.0, -3.5)), y, x, SHAPE), [y + 2.0, x - 3.5])
-
-
 def test_a_positive_angle_turns_what_is_below_the_centre_to_the_right() -> None:
     # the centre: (20, 30)
     place = in_frame(Motion(angle=np.pi / 2), 30, 30, (41, 61))

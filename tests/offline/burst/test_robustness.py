@@ -10,10 +10,12 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from panchroma.offline import BEST, render
-from panchroma.offline.burst import MergedBurst, merge_burst, render_burst_bands, select
+from panchroma.offline.burst import Motion, merge_burst, select
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import BoolArray, DoubleArray, FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive
+
+from .scenes import picture, scene, taken
 
 _SHAPE = (132, 150)
 _SHIFTS = ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))
@@ -25,17 +27,7 @@ _SETTINGS = replace(BEST, learned=replace(BEST.learned, used=False))
 
 
 def scene_after(shift: tuple[float, float]) -> FloatArray:
-    """A smooth scene with texture, seen after a shift."""
-    y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]].astype(np.float64)
-    y, x = y - shift[0], x - shift[1]
-    rng = np.random.default_rng(4)
-    grey = np.full(_SHAPE, 0.5)
-    for _ in range(25):
-        wave = rng.normal(0, 0.45, 2)
-        grey += 0.035 * np.sin(wave[0] * y + wave[1] * x + rng.uniform(0, 6))
-    tint = 0.06 * np.sin(0.05 * y + 0.08 * x)
-    channels = np.stack([grey * (1 + tint), grey, grey * (1 - tint)], axis=2)
-    return channels.clip(0.02).astype(np.float32)
+    return scene(Motion(shift), shape=_SHAPE, strength=0)
 
 
 def covered(number: int) -> BoolArray:
@@ -52,21 +44,11 @@ def with_thing(kind: str) -> list[FloatArray]:
     for number, frame in enumerate(frames):
         hidden = frame[covered(number)]
         if kind == "equal":
-            tint = np.array([0.55, 0.25, 0.2], np.float32)
+            tint = np.array([0.6, 0.2, 0.2], np.float32)
             frame[covered(number)] = hidden.sum(axis=1, keepdims=True) * tint
         elif kind == "other":
             frame[covered(number)] = np.array([0.2, 0.3, 0.7], np.float32)
     return frames
-
-
-def taken(frames: list[FloatArray], sigma: float = 0.0) -> list[Mosaic]:
-    rngs = map(np.random.default_rng, range(len(frames)))
-    calibration, pairs = SensorCalibration(), zip(frames, rngs, strict=True)
-    return [simulate_additive(each, _PATTERN, calibration, sigma, rng) for each, rng in pairs]
-
-
-def picture(merged: MergedBurst) -> FloatArray:
-    return np.concatenate(list(render_burst_bands(merged, _SETTINGS)))
 
 
 def error(result: FloatArray, truth: FloatArray, where: BoolArray) -> float:
@@ -84,11 +66,14 @@ def test_what_moves_is_as_in_a_single_render(
     shots = taken(frames, sigma)
     changed = np.any([covered(number) for number in range(len(frames))], axis=0)
     alone = error(render(shots[0], _SETTINGS).rgb, frames[0], changed)
-    found = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
-    assert found < alone + _AS_GOOD[kind]
+
+    def merged_error() -> float:
+        merged = merge_burst(shots, _SETTINGS, reference=0)
+        return error(picture(merged, _SETTINGS), frames[0], changed)
+
+    assert merged_error() < alone + _AS_GOOD[kind]
     monkeypatch.setattr(select, "agreement", lambda *_: np.full(_SHAPE, 255, np.uint8))
-    ghost = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
-    assert ghost > alone + 3, "the measure sees no ghost where all is trusted"
+    assert merged_error() > alone + 3, "the measure sees no ghost where all is trusted"
 
 
 def _flash(frame: FloatArray) -> FloatArray:
@@ -164,7 +149,7 @@ def test_a_bracket_shows_what_one_exposure_clips() -> None:
     assert [frame.gain for frame in merged.frames] == pytest.approx(exposures, rel=0.01)
     clipped = truth.sum(axis=2) > 3
     assert clipped.any()
-    single, both = render(shots[0], _SETTINGS).rgb, picture(merged)
+    single, both = render(shots[0], _SETTINGS).rgb, picture(merged, _SETTINGS)
     assert error(both, truth, clipped) < error(single, truth, clipped) - 3
     assert error(both, truth, ~clipped) < error(single, truth, ~clipped)
     assert merge_burst(shots[::-1], _SETTINGS).reference != 0, "the longest exposure is clipped"

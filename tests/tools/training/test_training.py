@@ -80,8 +80,9 @@ def small(photographs: tuple[str, ...], steps: int) -> run.Plan:
 def examples_made(photographs: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the examples of `small`."""
     folder = tmp_path_factory.mktemp("examples")
-    (folder / "rggb-k4").mkdir()
-    run.make_examples(small(photographs, 1), folder / "rggb-k4", 1, SILENT)
+    run.train(small(photographs, 1), folder, 1, SILENT)
+    for name in ("plan.json", "checkpoint.pt"):
+        (folder / "rggb-k4" / name).unlink()
     return folder
 
 
@@ -108,7 +109,7 @@ def test_an_interrupted_training_ends_with_the_same_weights(
     with pytest.raises(KeyboardInterrupt):
         run.train(plan, folders[1], 1, Reports("step 4"))
     assert run.train(plan, folders[1], 1, reports := Reports()).read_bytes() == expected
-    assert [report.split(":")[0] for report in reports.texts] == ["step 4", "step 6"]
+    assert [report.split(":")[0] for report in reports.texts] == ["step 6"]
 
 
 def test_another_training_does_not_go_on_in_the_same_folder(
