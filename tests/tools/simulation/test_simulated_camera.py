@@ -44,7 +44,7 @@ def test_broadband_filters_are_made_of_red_green_and_blue() -> None:
     np.testing.assert_allclose(filters.of(scene.rgb), mixed, rtol=1e-6)
     assert filters.gamma == (0.5, 0.5, 0.5)
     assert filters.unit == 0.5
-    camera = SimulatedCamera.of(pattern_of("CM/YC"))
+    camera = SimulatedCamera(pattern_of("CM/YC"))
     read = camera.before(scene, filters).noise.read
     assert np.allclose(read, np.array(typical_noise(SensorCalibration()).read) / 2)
 
