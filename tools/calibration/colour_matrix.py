@@ -167,20 +167,15 @@ def _white_preserving(
     """
     basis = np.linalg.svd(neutral[None])[2][1:].T
     start = np.outer(D50, neutral) / (neutral @ neutral)
-    slopes = lab_slopes(reference) * _emphasis(reference)[:, None, None] * used[:, None, None]
+    # CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in `delta_e_2000`).
+    _, a, b = xyz_to_lab(reference).T
+    emphasis = 1 / (1 + 0.045 * np.hypot(a, b))
+    slopes = lab_slopes(reference) * emphasis[:, None, None] * used[:, None, None]
     free = camera @ basis
     design = np.einsum("nij,nk->nijk", slopes, free).reshape(3 * len(camera), -1)
     target = np.einsum("nij,nj->ni", slopes, reference - camera @ start.T).ravel()
     solution, *_ = np.linalg.lstsq(design, target, rcond=None)
     return start + solution.reshape(3, -1) @ basis.T
-
-
-def _emphasis(reference: DoubleArray) -> DoubleArray:
-    """Return weights: CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in
-    `delta_e_2000`).
-    """
-    _, a, b = xyz_to_lab(reference).T
-    return 1 / (1 + 0.045 * np.hypot(a, b))
 
 
 def _surface(excess: DoubleArray, centres: DoubleArray, used: DoubleArray) -> DoubleArray:

@@ -36,7 +36,7 @@ BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)
 def measured(says: SensorCalibration) -> Assumed:
     """What dark and flat frames leave open."""
     errors = [0.01] * (len(says.channels) + 1)
-    return Assumed.of(says, measured={"black_level": {"standard_error": errors}}, even=True)
+    return Assumed(says, measured={"black_level": {"standard_error": errors}}, even=True)
 
 
 PATTERNS = {

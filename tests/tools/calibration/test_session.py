@@ -17,7 +17,7 @@ from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.calibration.conclude import Result, conclude
-from panchroma.tools.calibration.files import check_same
+from panchroma.tools.calibration.files import KINDS, check_same
 from panchroma.tools.calibration.gamma import GammaFit
 from panchroma.tools.calibration.measure import Measurements, Session
 from panchroma.tools.simulation.sensor import simulate_sensor
@@ -58,10 +58,7 @@ def measured(**frames: Mapping[str, Mosaic]) -> Measurements:
     """What frames show; frames: of each kind, by name."""
     every = {name: mosaic for named in frames.values() for name, mosaic in named.items()}
     session = Session(Console(quiet=True), REFERENCE, read=every.__getitem__)
-    session.dark(list(frames.get("dark", ())))
-    session.flat(list(frames.get("flat", ())))
-    session.shots(list(frames.get("shots", ())), true_place().corners)
-    return session.measured
+    return session.measure({kind: [*frames.get(kind, ())] for kind in KINDS}, true_place().corners)
 
 
 def concluded(**frames: Mapping[str, Mosaic]) -> Result:
