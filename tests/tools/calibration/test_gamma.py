@@ -14,7 +14,6 @@ from panchroma.tools.calibration.gamma import (
     combined,
     fit_gamma,
     reconciled,
-    unknowns,
     with_surroundings,
 )
 from panchroma.tools.calibration.measure import measure_chart
@@ -31,7 +30,6 @@ from tests.tools.calibration.known_camera import (
     shot_of,
     true_place,
 )
-from tests.tools.calibration.test_coverage import SIMPLE
 
 GAMMA = np.array(TRUTH.gamma)
 SONY = "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"
@@ -135,26 +133,6 @@ def test_what_does_not_tell_gamma_is_refused_with_the_reason_and_a_remedy() -> N
         of_chart(on_chart(frame(8 * chart().rgb + 0.5)))
 
 
-def made(gamma: Any, deviation: float) -> GammaFit:
-    one, says, place = np.ones(1), SensorCalibration.of_bits(12, channels="RG"), np.zeros((1, 2))
-    information = np.zeros((unknowns(np.zeros((1, 2)), place).size,) * 2)
-    information[:2, :2] = np.eye(2) / deviation**2
-    known = information[:, :2] @ np.array(gamma)
-    about = measured(says), says, 50, one, one, one > 0, 2.0, 1.0, place
-    return GammaFit(information, known, *about)
-
-
-def test_fits_add_up_by_their_information_and_quarrels_widen_the_interval() -> None:
-    both = combined([made([1.0, 2.0], 0.1), made([1.1, 2.0], 0.05)])
-    np.testing.assert_allclose(both.gamma, [1.08, 2.0])
-    np.testing.assert_allclose(np.diag(both.covariance), 0.1**2 * 0.05**2 / (0.1**2 + 0.05**2))
-    assert abs(both.contradiction) < 1
-    quarrel = combined([made([1.0, 2.0], 0.1), made([3.0, 2.0], 0.1)])
-    assert quarrel.contradiction > 10
-    assert quarrel.half_width.max() > 1.0
-    assert "only known to be" in quarrel.fault
-
-
 def test_even_areas_around_a_small_chart_in_a_photograph_halve_the_interval_of_gamma() -> None:
     """A fifth of the frame wide, beside the middle; nothing is known of black level and shading but
     what the shot states. The patches alone tell gamma to 4.8 %.
@@ -179,20 +157,3 @@ def test_areas_of_one_grey_do_not_vouch_for_patches_that_differ_from_eq_7(seed: 
     fit = with_surroundings(of_chart(patches), patches, around)
     assert (fit.around, combined([fit, replace(fit, around=7)]).around) == (0, 7)
     assert (np.abs(fit.gamma - GAMMA) < 1.3 * fit.half_width).all()
-
-
-def test_a_chart_in_a_corner_tells_gamma_there_whatever_the_lens_does() -> None:
-    """In the middle nothing measures gamma; an interval that covered this would be too wide to be
-    of use.
-    """
-    falls = np.zeros((4, 4))
-    falls[0, 0], falls[2, 0] = 0.1, -0.04
-    camera = replace(SIMPLE, falls=falls)
-    scene = np.full((800, 1200, 3), 0.35)
-    scene[:400, :600] = chart().rgb
-    taken = camera.shot(scene, np.random.default_rng(2))
-    fit = measure_chart("corner.dng", taken, REFERENCE, true_place().corners).fit
-    there = SIMPLE.gamma / (1 - falls[:3, 0] * (fit.where**2).sum())
-    assert np.abs(there / SIMPLE.gamma - 1).max() > 0.02
-    assert (np.abs(fit.gamma - there) < 1.2 * fit.half_width).all()
-    assert fit.worst < 0.02
