@@ -60,13 +60,14 @@ def frame(
     seed: int = 0,
     says: SensorCalibration = BLIND,
     pattern: CfaPattern | None = None,
+    truth: SensorCalibration = TRUTH,
 ) -> Mosaic:
-    """A frame of the true sensor looking at (H, W, 3), whose file says `says`. pattern: None =
+    """A frame of the true sensor looking at (H, W, C), whose file says `says`. pattern: None =
     Bayer blocks of this period.
     """
     pattern = pattern or CfaPattern.bayer(period)
     light, random = np.asarray(rgb, np.float32), np.random.default_rng(seed)
-    taken = simulate_sensor(light, pattern, TRUTH, 1.0, random)
+    taken = simulate_sensor(light, pattern, truth, 1.0, random)
     return Mosaic(taken.codes, pattern, says)
 
 

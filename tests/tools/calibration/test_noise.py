@@ -18,7 +18,6 @@ from panchroma.tools.calibration.photon_transfer import (
     measure_flats,
     noise_of_flats,
 )
-from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH, edited, frame
 
 SHAPE = (240, 360)
@@ -124,9 +123,8 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     be 0.
     """
     blunt = replace(BLIND, noise=NoiseModel((2e-4,) * 4, (0.2 * FULL / 3839,) * 4))
-    black, bayer = np.zeros((*SHAPE, 3), np.float32), CfaPattern.bayer()
-    randoms = [np.random.default_rng(seed) for seed in range(2)]
-    frames = [simulate_sensor(black, bayer, blunt, 1.0, random) for random in randoms]
+    black = np.zeros((*SHAPE, 3))
+    frames = [frame(black, seed=seed, says=blunt, truth=blunt) for seed in range(2)]
     dark = measure_dark(frames)
     assert not dark.shows_read
     assert dark.defects == ()  # some pixels read a code more or less

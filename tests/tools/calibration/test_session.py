@@ -23,7 +23,6 @@ from panchroma.tools.calibration.conclude import Result, conclude
 from panchroma.tools.calibration.files import KINDS, check_same
 from panchroma.tools.calibration.gamma import GammaFit
 from panchroma.tools.calibration.measure import Measurements, Session, measure_chart
-from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import (
     BLIND,
@@ -294,21 +293,16 @@ def test_a_black_level_that_is_stated_wrongly_gives_way_to_dark_frames(stated: f
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])
-@pytest.mark.parametrize("kinds", [("dark", "chart"), ("chart",), ("dark",)])
+@pytest.mark.parametrize("kinds", [("dark", "shots"), ("shots",), ("dark",)])
 def test_flat_frames_of_another_gain_tell_no_noise(gain: float, kinds: tuple[str, ...]) -> None:
     shot, read = (tuple(gain * x for x in values) for values in (NOISE.shot, NOISE.read))
     other = replace(TRUTH, noise=NoiseModel(shot, read))
     flats = {
-        f"flat{seed}.dng": simulate_sensor(
-            (level * EVEN).astype(np.float32), PATTERN, other, 1.0,
-            np.random.default_rng(seed),
-        )
+        f"flat{seed}.dng": frame(level * EVEN, seed=seed, truth=other)
         for seed, level in enumerate(np.repeat((0.04, 0.3, 0.6), 2))
-    }  # fmt: skip
-    flats = {name: replace(mosaic, calibration=BLIND) for name, mosaic in flats.items()}
-    frames = {"dark": several("dark", 3), "chart": several("chart", 2)}
-    seen = {"shots" if kind == "chart" else kind: frames[kind] for kind in kinds}
-    outcome = concluded(flat=flats, **seen)
+    }
+    frames = {"dark": several("dark", 3), "shots": several("chart", 2)}
+    outcome = concluded(flat=flats, **{kind: frames[kind] for kind in kinds})
     told = [line for line in outcome.warnings if "noise was left out" in line]
     if gain == 1.0:
         assert (told, "noise" in outcome.facts) == ([], True)
@@ -388,11 +382,10 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
 )
 def test_swapped_channels_show_on_a_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
-    light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
-    codes = simulate_sensor(light, right, true, 1.0, np.random.default_rng(0)).codes
-    good, bad = (Mosaic(codes, pattern, says) for pattern in (right, wrong))
-    shot = measure_chart("chart.dng", good, REFERENCE, true_place().corners)
+    light = chart().rgb if right.channels == "RGB" else chart().rgb @ BROAD
+    taken = frame(light, pattern=right, says=says, truth=true)
+    shot = measure_chart("chart.dng", taken, REFERENCE, true_place().corners)
     np.testing.assert_allclose(shot.fit.gamma, TRUTH.gamma, rtol=0.02)
     said = f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"
     with pytest.raises(InputError, match=said):
-        measure_chart("chart.dng", bad, REFERENCE, true_place().corners)
+        measure_chart("chart.dng", replace(taken, pattern=wrong), REFERENCE, true_place().corners)
