@@ -10,6 +10,7 @@ import pytest
 
 from panchroma.shared import CfaPattern, InputError, Mosaic, SensorCalibration
 from panchroma.tools.calibration.gamma import (
+    Assumed,
     GammaFit,
     combined,
     fit_gamma,
@@ -26,7 +27,6 @@ from tests.tools.calibration.known_camera import (
     WIDTH,
     chart,
     frame,
-    measured,
     shot_of,
     true_place,
 )
@@ -47,14 +47,17 @@ def places(colours: Any, gamma: Any, sigma: float, count: Any, seed: int) -> Pla
     mean = true + rng.normal(0, sigma, true.shape) / np.sqrt(number)
     variance = sigma**2 * rng.chisquare(number - 1) / (number - 1)
     clipped, where = np.zeros(len(true), bool), np.zeros((len(true), 2))
-    return PlaceSamples(mean, variance, number.copy(), clipped, where)
+    dimming = np.zeros_like(mean[:, :-1])
+    return PlaceSamples(mean, variance, number.copy(), clipped, where, dimming)
 
 
 def of_chart(samples: PlaceSamples) -> GammaFit:
     """Gamma of a chart, with black level and shading measured."""
     letters = "RGBCMY"[: samples.mean.shape[1] - 1]
     says = BLIND if letters == "RGB" else SensorCalibration.of_bits(12, channels=letters)
-    return fit_gamma(samples, says, measured(says))
+    errors = [0.01] * (len(letters) + 1)
+    known = {"black_level": {"standard_error": errors}}
+    return fit_gamma(samples, says, Assumed(says, measured=known, even=True))
 
 
 def on_chart(mosaic: Mosaic) -> PlaceSamples:
@@ -150,9 +153,6 @@ def test_areas_of_one_grey_do_not_vouch_for_patches_that_differ_from_eq_7(seed: 
     random = np.random.default_rng(seed)
     patches = places(random.uniform(0.05, 0.6, (24, 3)), GAMMA, 1e-3, 200, seed)
     around = places(np.full((120, 3), 0.3), GAMMA, 1e-3, 200, seed)
-    patches, around = (
-        replace(each, dimming=np.zeros((len(each.mean), 3))) for each in (patches, around)
-    )
     patches.mean[:, -1] *= 1 + random.normal(0, 0.01, 24)
     fit = with_surroundings(of_chart(patches), patches, around)
     assert (fit.around, combined([fit, replace(fit, around=7)]).around) == (0, 7)

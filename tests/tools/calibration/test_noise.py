@@ -2,6 +2,7 @@
 refused.
 """
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -228,16 +229,12 @@ def test_light_that_flickers_is_told_and_passes_for_no_noise(amplitude: float, p
     frames = with_row_noise(flickering(amplitude, period, 0.1, 0.4, 0.8))
     seen = of_flats(frames, dark)
     assert len(seen.flicker) >= 2
-    assert all("the light flickers, rows differ by" in line for line in seen.flicker)
-    assert {line[:7] for line in seen.flicker} <= {"a and b", "c and d", "e and f"} | {
-        "b and a", "d and c", "f and e"
-    }  # fmt: skip
+    said = "([ab] and [ab]|[cd] and [cd]|[ef] and [ef]): the light flickers, rows differ by"
+    assert all(re.match(said, line) for line in seen.flicker)
     noise = noise_of_flats(seen, BLIND, dark)
     for line, shot in zip(noise.lines, NOISE.shot, strict=True):
         assert abs(line.shot * FULL - shot) < 3.5 * line.shot_error * FULL
     with pytest.raises(InputError, match=r"light flickers.*or add dark frames \(`dark`\)"):
         of_flats(frames)
-    steady = of_flats(with_row_noise(flats(0.1, 0.4, 0.8)), dark)
-    assert steady.flicker == []
-    with_row_noise_alone = of_flats(with_row_noise(flats(0.1, 0.4, 0.8)))
-    assert with_row_noise_alone.flicker == []
+    for known in (dark, None):
+        assert of_flats(with_row_noise(flats(0.1, 0.4, 0.8)), known).flicker == []
