@@ -96,4 +96,4 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     # Control points of maps that are known at evenly spaced places.
     even = np.arange(_PLACES, dtype=np.float64)
     down, right = (np.linalg.pinv(basis(_PLACES, count, even)) for count in _POINTS)
-    return Shading([(down @ gain @ right.T).round(_DIGITS).tolist() for gain in gains], shape)
+    return Shading([(down @ gain @ right.T).round(_DIGITS).tolist() for gain in gains], shape)  # type: ignore[arg-type]

@@ -59,14 +59,14 @@ def several(
     return {f"{kind}{seed}.dng": edit(taken(kind, seed)) for seed in range(number)}
 
 
-def measured(old: Camera | None = None, **frames: Mapping[str, Mosaic]) -> Measurements:
+def measured(old: Camera | None = None, /, **frames: Mapping[str, Mosaic]) -> Measurements:
     """What frames show; old: of the file that is updated; frames: of each kind, by name."""
     every = {name: mosaic for named in frames.values() for name, mosaic in named.items()}
     session = Session(Console(quiet=True), REFERENCE, old=old, read=every.__getitem__)
     return session.measure({kind: [*frames.get(kind, ())] for kind in KINDS}, true_place().corners)
 
 
-def concluded(old: Camera | None = None, **frames: Mapping[str, Mosaic]) -> Result:
+def concluded(old: Camera | None = None, /, **frames: Mapping[str, Mosaic]) -> Result:
     return conclude(measured(old, **frames))
 
 

@@ -108,8 +108,9 @@ def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".dng", ".tif"])
 def test_our_shots_are_refused_with_their_command(tmp_path: Path, beside: str, suffix: str) -> None:
     """Their private data lie beside the preview, or beside the samples."""
-    path, private = tmp_path / f"shot{suffix}", {50740: (7, b"Panchroma\0{}")}
-    write_dng(path, noise(96, 96), **{"above": {}, beside: private})
+    path = tmp_path / f"shot{suffix}"
+    directories: dict[str, Any] = {"above": {}, beside: {50740: (7, b"Panchroma\0{}")}}
+    write_dng(path, noise(96, 96), **directories)
     with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
 
