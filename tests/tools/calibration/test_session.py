@@ -377,7 +377,7 @@ def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
     ("right", "wrong", "names"),
     [
         (CfaPattern.bayer(6, "GRBG"), CfaPattern.bayer(6, "GBRG"), "red and blue"),
-        (CMY, CfaPattern.of_letters("WMWC/MWCW/CWCY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
+        (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
     ],
 )
 def test_swapped_channels_show_on_a_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
