@@ -30,6 +30,7 @@ from tests.tools.calibration.known_camera import (
     shot_of,
     true_place,
 )
+from tests.tools.calibration.test_coverage import SIMPLE
 
 GAMMA = np.array(TRUTH.gamma)
 SONY = "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"
@@ -157,3 +158,20 @@ def test_areas_of_one_grey_do_not_vouch_for_patches_that_differ_from_eq_7(seed: 
     fit = with_surroundings(of_chart(patches), patches, around)
     assert (fit.around, combined([fit, replace(fit, around=7)]).around) == (0, 7)
     assert (np.abs(fit.gamma - GAMMA) < 1.3 * fit.half_width).all()
+
+
+def test_a_chart_in_a_corner_tells_gamma_there_whatever_the_lens_does() -> None:
+    """In the middle nothing measures gamma; an interval that covered this would be too wide to be
+    of use.
+    """
+    falls = np.zeros((4, 4))
+    falls[0, 0], falls[2, 0] = 0.1, -0.04
+    camera = replace(SIMPLE, falls=falls)
+    scene = np.full((800, 1200, 3), 0.35)
+    scene[:400, :600] = chart().rgb
+    taken = camera.shot(scene, np.random.default_rng(2))
+    fit = measure_chart("corner.dng", taken, REFERENCE, true_place().corners).fit
+    there = SIMPLE.gamma / (1 - falls[:3, 0] * (fit.where**2).sum())
+    assert np.abs(there / SIMPLE.gamma - 1).max() > 0.02
+    assert (np.abs(fit.gamma - there) < 1.2 * fit.half_width).all()
+    assert fit.worst < 0.02
