@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 
 import imagecodecs
@@ -16,7 +17,7 @@ from tifffile import TiffFile
 
 from panchroma.shared import CfaPattern, DoubleArray, SensorCalibration, read_camera, read_dng
 from panchroma.shared.white_balance import balanced
-from panchroma.tools.calibration.colour_matrix import GREYS, fit_colour
+from panchroma.tools.calibration.colour_matrix import GREYS, fit_colour, light_change
 from panchroma.tools.io.colour import delta_e_2000, encode_srgb, xyz_to_lab
 from tests.sensitivities import CAMERAS, readings
 from tests.tools.calibration.known_camera import (
@@ -161,6 +162,15 @@ def test_charts_under_other_lights_than_those_named_and_what_are_no_two_lights_a
     error = run("calibrate", *words, "-o", output, code=code).err
     assert not output.exists()
     assert re.search(why, error), error
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_white_changes_between_charts_as_it_does_between_their_lights(camera: str) -> None:
+    lights = ("A", "4000", "D50", "D65", "9000")
+    fits = {light: fit_colour(readings(camera, light), REFERENCE, CENTRES) for light in lights}
+    for one, other in combinations(fits, 2):
+        assert 0.85 < light_change(fits[one], fits[other], (one, other)) < 1.55, (one, other)
+        assert light_change(fits[other], fits[one], (one, other)) < -0.8, (one, other)
 
 
 def raised(codes: DoubleArray, more: DoubleArray) -> DoubleArray:
