@@ -65,7 +65,7 @@ def main() -> None:
         pattern = CfaPattern.of_letters(name)
         preview = Preview(pattern, linear=True)
         for noise, protocol in NOISES.items():
-            camera = SimulatedCamera.of(pattern, None, protocol)
+            camera = SimulatedCamera(pattern, None, protocol)
             rows: dict[str, list[list[float]]] = {"best": [], "preview": [], "as Bayer": []}
             for path in map(Path, chosen.scenes or photographs()):
                 scene = load_scene(str(path))

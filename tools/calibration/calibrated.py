@@ -12,7 +12,7 @@ from ..io.versions import program_version
 from ..simulation.drawn.charts import color_checker_xyz
 from .conclude import Result, conclude
 from .files import KINDS, Files, check_same
-from .measure import measure_frames
+from .measure import Session
 from .reference import read_reference
 
 
@@ -53,7 +53,7 @@ def calibrated(
     output: str = "the camera file",
     read: Callable[[str], Mosaic] = read_dng,
 ) -> Result:
-    """Measure the frames, see `measure_frames`, and conclude what camera they are from.
+    """Measure the frames, see `Session`, and conclude what camera they are from.
 
     chart: a file with its colours, see `read_reference`. output: the name of the old camera file,
     for messages.
@@ -67,10 +67,11 @@ def calibrated(
         number = f"{len(files['shots'])} shots are given"
         raise InputError(f"`corners` gives the place of the chart in one shot; {number}")
     colours = color_checker_xyz() if chart is None else read_reference(chart)
-    measurements = measure_frames(console, files, colours, corners, sensor, old, read)
+    measurements = Session(console, colours, sensor, old, read).measure(files, corners)
     if old is not None and measurements.base is not None:
         check_same(output, old, measurements.base)
-    if measurements.base is None or measurements.empty:
+    shown = measurements.dark or measurements.flats or measurements.shots or measurements.shading
+    if measurements.base is None or not shown:
         console.note(*measurements.remarks)
         raise NoCameraError("no frame could be used, and no camera file was written")
     is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)

@@ -4,9 +4,9 @@ on the chart.
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import permutations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from ...shared import BoolArray, CfaPattern, DoubleArray, InputError
 from ...shared.colorimetry import D50, SRGB_TO_XYZ, xyz
@@ -167,20 +167,15 @@ def _white_preserving(
     """
     basis = np.linalg.svd(neutral[None])[2][1:].T
     start = np.outer(D50, neutral) / (neutral @ neutral)
-    slopes = lab_slopes(reference) * _emphasis(reference)[:, None, None] * used[:, None, None]
+    # CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in `delta_e_2000`).
+    _, a, b = xyz_to_lab(reference).T
+    emphasis = 1 / (1 + 0.045 * np.hypot(a, b))
+    slopes = lab_slopes(reference) * emphasis[:, None, None] * used[:, None, None]
     free = camera @ basis
     design = np.einsum("nij,nk->nijk", slopes, free).reshape(3 * len(camera), -1)
     target = np.einsum("nij,nj->ni", slopes, reference - camera @ start.T).ravel()
     solution, *_ = np.linalg.lstsq(design, target, rcond=None)
     return start + solution.reshape(3, -1) @ basis.T
-
-
-def _emphasis(reference: DoubleArray) -> DoubleArray:
-    """Return weights: CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in
-    `delta_e_2000`).
-    """
-    _, a, b = xyz_to_lab(reference).T
-    return 1 / (1 + 0.045 * np.hypot(a, b))
 
 
 def _surface(excess: DoubleArray, centres: DoubleArray, used: DoubleArray) -> DoubleArray:
@@ -265,34 +260,26 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
     """
     srgb = _linear_srgb(reference)
     for names, mixture in _KINDS.items():
-        if set(names) <= set(pattern.channels):
-            own = [pattern.channels.index(letter) for letter in names]
-            _check_order(names, srgb @ mixture, levels[:, own], pattern)
+        if not set(names) <= set(pattern.channels):
+            continue
+        own = [pattern.channels.index(letter) for letter in names]
+        expected, measured = _hues(srgb @ mixture), _hues(levels[:, own])
+        # Channel `order[i]` of the shot sees what the i-th name should.
+        _, order = linear_sum_assignment(expected.T @ measured, maximize=True)
+        true = {names[index]: right for right, index in zip(names, order, strict=True)}
+        wrong = " and ".join(_NAMES[letter] for letter in names if true[letter] != letter)
+        block = "".join(true.get(letter, letter) for letter in "/".join(pattern.letters_from()))
+        if wrong:
+            raise InputError(
+                f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit "
+                f"its sensor, whose pattern probably is {block}; capture the shot again with the "
+                "right pattern"
+            )
 
 
 def _linear_srgb(colours: DoubleArray) -> DoubleArray:
     """XYZ (D50) as linear sRGB, (N, 3)."""
     return colours @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T
-
-
-def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: CfaPattern) -> None:
-    """Check the channels with these names; shown: (24, 3), what they should see; levels: (24, 3),
-    what they see.
-    """
-    expected, measured = _hues(shown), _hues(levels)
-    best = max(
-        permutations(range(3)), key=lambda order: float((expected * measured[:, order]).sum())
-    )
-    if best == (0, 1, 2):
-        return
-    # Channel `order[i]` of the shot sees what the i-th name should.
-    true = {names[index]: right for right, index in zip(names, best, strict=True)}
-    wrong = " and ".join(_NAMES[letter] for letter in names if true[letter] != letter)
-    block = "".join(true.get(letter, letter) for letter in "/".join(pattern.letters_from()))
-    raise InputError(
-        f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its "
-        f"sensor, whose pattern probably is {block}; capture the shot again with the right pattern"
-    )
 
 
 def _hues(levels: DoubleArray) -> DoubleArray:

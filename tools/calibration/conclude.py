@@ -44,16 +44,6 @@ _MANY = 1e-3  # of the pixels
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 _GOOD_READ, _GOOD_NOISE = 0.05, 0.1  # half width over read noise, and over variance at full scale
 
-_REMEDIES = {
-    "gamma": "shoot a ColorChecker",
-    "colour": "shoot a ColorChecker",
-    "noise": "take pairs of flat frames (`flat`), and dark frames (`dark`)",
-    "black_level": "take dark frames (`dark`)",
-    "defects": "take dark and flat frames (`dark`, `flat`)",
-    "shading": "take flat frames (`flat`)",
-}
-"""Remedy for each entry that was not measured."""
-
 # Of a camera file that is updated.
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # entries that a wrong black level makes wrong
 _MOVED = 2.0  # standard errors of the black level, and 95 % intervals of gamma
@@ -66,8 +56,6 @@ class Finding:
 
     Attributes
     ----------
-    name : str
-        Its key in "measured" of camera.json.
     facts : Mapping[str, Any] | None
         For camera.json: how it was measured, and how well it is known; None = it was not, and only
         its warnings count.
@@ -85,7 +73,6 @@ class Finding:
         Why it was not measured, and the remedy; "" = it was, or what is usual.
     """
 
-    name: str
     facts: Mapping[str, Any] | None = None
     changes: Mapping[str, Any] = field(default_factory=dict)
     warnings: Sequence[str] = ()
@@ -104,8 +91,7 @@ class Result:
     measured
         What it was concluded from.
     findings
-        What the frames show, or say that they do not show: by the name in "measured" of
-        camera.json.
+        What the frames show, or do not show: by the name in "measured" of camera.json.
     facts
         Sources of the measured entries: by that name.
     camera
@@ -154,7 +140,7 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     read.
     """
     calibration = measured.calibration
-    findings = {entry.name: entry for find in _ENTRIES if (entry := find(measured))}
+    findings = {name: find(measured) for name, (find, _) in _ENTRIES.items()}
     changes = {name: value for entry in findings.values() for name, value in entry.changes.items()}
     made = provenance or {}
     sources = {
@@ -171,9 +157,9 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     contradictions = tuple(line for entry in findings.values() for line in entry.contradictions)
     lines = [line for entry in findings.values() for line in entry.warnings]
     missing = {}
-    for name, remedy in _REMEDIES.items():
+    for name, (_, remedy) in _ENTRIES.items():
         if name not in known and (name != "colour" or len(calibration.channels) >= FEWEST_CHANNELS):
-            missing[name] = (name in findings and findings[name].missing) or remedy
+            missing[name] = findings[name].missing or remedy
     lines += [f"{name.replace('_', ' ')}: not measured; {why}" for name, why in missing.items()]
     warnings = (*measured.remarks, *lines, *_outdated(measured, sources))
     told = contradictions, warnings, missing, made
@@ -199,7 +185,7 @@ def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
 # --- gamma ---------------------------------------------------------------------------------------
 
 
-def conclude_gamma(measured: Measurements) -> Finding | None:
+def conclude_gamma(measured: Measurements) -> Finding:
     """Return the weights of Eq. 7 as all shots show them together, and what does not fit
     together.
     """
@@ -208,7 +194,7 @@ def conclude_gamma(measured: Measurements) -> Finding | None:
         line = f"it stays as the shots state it ({stated})"
         if len(measured.calibration.channels) >= FEWEST_CHANNELS:
             line += "; shoot a ColorChecker, and add it with `update`"
-        return Finding("gamma", missing=line)
+        return Finding(missing=line)
     black, others = _contradictions(gammas, measured.shots)
     fit = max(gammas.values(), key=lambda each: each.worst)
     refusal = "; ".join(each.fault for each in gammas.values() if each.fault)
@@ -235,7 +221,7 @@ def conclude_gamma(measured: Measurements) -> Finding | None:
                 f"they differ by {moved:.0f} times their intervals (95 %); is this another camera, "
                 "lens or light?"
             )
-    return Finding("gamma", facts, changes, warnings, black + others, refusal, fit)
+    return Finding(facts, changes, warnings, black + others, refusal, fit)
 
 
 def _contradictions(
@@ -349,7 +335,7 @@ class ChartColours:
     gamma: tuple[float, ...]
 
 
-def conclude_colour(measured: Measurements) -> Finding | None:
+def conclude_colour(measured: Measurements) -> Finding:
     """Return the camera's colours: of every chart with enough patches that are not clipped those
     that predict the left-out patches best.
 
@@ -362,14 +348,14 @@ def conclude_colour(measured: Measurements) -> Finding | None:
         line = f"the colours of the camera file, under {names}, stay as they are"
         remedy = "name the light of the chart (`chart_light`) to replace those under it"
         same = {"lights": without_gamma(measured.calibration.lights)}
-        return Finding("colour", changes=same, warnings=[f"{line}; {remedy}"])
+        return Finding(changes=same, warnings=[f"{line}; {remedy}"])
     faults: list[str] = []
     charts = {light: _charts_under(measured, light, faults) for light in lights}
     if missing := [light for light in lights if not charts[light]]:
         if not measured.lights:
-            return Finding("colour", missing="; ".join(faults))
+            return Finding(missing="; ".join(faults))
         why = "no chart without clipped patches was found under the light"
-        return Finding("colour", refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
+        return Finding(refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
     kept = [light for light in two if len(lights) == 1 and light.illuminant not in lights]
     stored = replace(best[0].shot, name="the chart of the camera file")
@@ -377,7 +363,7 @@ def conclude_colour(measured: Measurements) -> Finding | None:
         fit = replace(best[0].fit, neutral=np.array(light.neutral))
         charts[light.illuminant] = [replace(best[0], shot=stored, fit=fit)]
     if measured.lights and (wrong := _wrong_lights(charts)):
-        return Finding("colour", refusal=wrong)
+        return Finding(refusal=wrong)
     warnings, contradictions = [], []
     for chart in best:
         name, mean = chart.shot.name, float(chart.fit.difference.mean())
@@ -415,7 +401,7 @@ def conclude_colour(measured: Measurements) -> Finding | None:
         of_charts += [_kept_facts(measured.known.get("colour", {}), light) for light in kept]
         facts = {name: [chart.get(name) for chart in of_charts] for name in facts}
         facts = {"light": [light.illuminant for light in both], **facts}
-    return Finding("colour", facts, changes, warnings, contradictions, result=best)
+    return Finding(facts, changes, warnings, contradictions, result=best)
 
 
 def _charts_under(measured: Measurements, light: str, faults: list[str]) -> list[ChartColours]:
@@ -486,23 +472,23 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
 # --- dark and flat frames ------------------------------------------------------------------------
 
 
-def conclude_black_level(measured: Measurements) -> Finding | None:
+def conclude_black_level(measured: Measurements) -> Finding:
     """Return the black level of each plane, and a warning of codes that are too coarse for the read
     noise.
     """
     dark = measured.dark
     if dark is None:
-        return None
+        return Finding()
     coarse = (
         "the read noise is smaller than rounding to codes shows, so the dark frames do not "
         "tell it; use more gain or more bits"
     )
     facts = {"frames": dark.frames, "standard_error": rounded(dark.black_error)}
     changes = {"black_level": measured.calibration.black_level}
-    return Finding("black_level", facts, changes, () if dark.shows_read else (coarse,))
+    return Finding(facts, changes, () if dark.shows_read else (coarse,))
 
 
-def conclude_defects(measured: Measurements) -> Finding | None:
+def conclude_defects(measured: Measurements) -> Finding:
     """Return the defects.
 
     Those that the frames or the camera file state stay, unless dark and flat frames together do not
@@ -510,12 +496,13 @@ def conclude_defects(measured: Measurements) -> Finding | None:
     """
     dark, flats, stated = measured.dark, measured.flats, measured.stated_defects
     if measured.base is None:
-        return None
+        return Finding()
     before = stated | set(measured.calibration.defects)
     if not (dark or flats):
-        return Finding("defects", changes={"defects": tuple(sorted(before))}) if stated else None
-    shown = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
-    defects = sorted(shown if dark and flats and flats.blind <= _BLIND else shown | before)
+        return Finding(changes={"defects": tuple(before)})
+    defects = {*(dark.defects if dark else ()), *(flats.dead if flats else ())}
+    if not (dark and flats and flats.blind <= _BLIND):
+        defects |= before
     fraction, warnings = len(defects) / measured.base.samples.size, []
     if gone := stated.difference(defects):
         warnings.append(
@@ -530,19 +517,19 @@ def conclude_defects(measured: Measurements) -> Finding | None:
             f"{100 * flats.blind:.0f} % of the frame; expose the brightest pair up to three "
             "quarters of full scale"
         )
-    return Finding("defects", {"part_of_pixels": fraction}, {"defects": tuple(defects)}, warnings)
+    return Finding({"part_of_pixels": fraction}, {"defects": tuple(defects)}, warnings)
 
 
-def conclude_noise(measured: Measurements) -> Finding | None:
+def conclude_noise(measured: Measurements) -> Finding:
     """Return the noise of each plane, and warnings if it is uncertain."""
     flats, dark, calibration = measured.flats, measured.dark, measured.calibration
     if not flats:
-        return None
+        return Finding()
     noise = noise_of_flats(flats, calibration, dark, measured.assumed().black)
     if fault := contradiction(noise, calibration, dark, [shot.places for shot in measured.shots]):
         line = f"noise was left out: flat frames {', '.join(flats.names)}: {fault}"
         remedy = "take all frames with one gain, and flat frames in steady light"
-        return Finding("noise", warnings=[f"{line}; {remedy}"])
+        return Finding(warnings=[f"{line}; {remedy}"])
     # In scene units noise is as uncertain as their size, which is that of gamma.
     full_scale, error, gamma = calibration.full_scale, 0.0, measured.gamma
     if gamma is not None:
@@ -564,7 +551,7 @@ def conclude_noise(measured: Measurements) -> Finding | None:
     if error > _GOOD_READ and (dark is None or dark.shows_read):  # or dark frames cannot help
         known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
         warnings.append(f"read noise is {known}; take dark frames (`dark`), or more of them")
-    return Finding("noise", facts, {"noise": noise.model(full_scale)}, warnings, result=noise)
+    return Finding(facts, {"noise": noise.model(full_scale)}, warnings, result=noise)
 
 
 def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
@@ -589,11 +576,11 @@ def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
     return f"what is replaced moves: {', '.join(words)}", beyond
 
 
-def conclude_shading(measured: Measurements) -> Finding | None:
+def conclude_shading(measured: Measurements) -> Finding:
     """Return how light falls off, for each plane, and a warning if black level was assumed."""
     result = measured.shading
     if result is None:
-        return None
+        return Finding()
     # Light that is black in truth does not fall off.
     line = "shading was measured with a black level that is assumed; take dark frames (`dark`)"
     shading, warnings = result.shading, [] if measured.assumed().black_measured else [line]
@@ -602,7 +589,7 @@ def conclude_shading(measured: Measurements) -> Finding | None:
     if shading:
         facts |= {"stops": round(shading.stops, 3), "colour": round(shading.colour, 4)}
         facts |= {"residual": shading.residual, "focal_length": shading.focal_length}
-    return Finding("shading", facts, {"shading": shading}, warnings, result=result)
+    return Finding(facts, {"shading": shading}, warnings, result=result)
 
 
 def rounded(values: DoubleArray) -> list[float]:
@@ -610,11 +597,12 @@ def rounded(values: DoubleArray) -> list[float]:
     return [float(f"{value:.3g}") for value in values.tolist()]
 
 
-_ENTRIES = (
-    conclude_gamma,
-    conclude_colour,
-    conclude_noise,
-    conclude_black_level,
-    conclude_defects,
-    conclude_shading,
-)
+_ENTRIES = {
+    "gamma": (conclude_gamma, "shoot a ColorChecker"),
+    "colour": (conclude_colour, "shoot a ColorChecker"),
+    "noise": (conclude_noise, "take pairs of flat frames (`flat`), and dark frames (`dark`)"),
+    "black_level": (conclude_black_level, "take dark frames (`dark`)"),
+    "defects": (conclude_defects, "take dark and flat frames (`dark`, `flat`)"),
+    "shading": (conclude_shading, "take flat frames (`flat`)"),
+}
+"""Key in "measured" of camera.json -> its finding, and the remedy where it was not measured."""

@@ -80,9 +80,20 @@ _WORTHWHILE = 0.6  # of the interval: what areas around a chart have to leave of
 _EXPECTED = 0.03
 
 
-@dataclass(frozen=True, eq=False)
 class Assumed:
-    """Standard deviations of what was assumed, or measured by other frames.
+    """Standard deviations of what is assumed of a camera, or was measured by other frames.
+
+    Parameters
+    ----------
+    calibration : SensorCalibration
+        With its black level.
+    dark : DarkResult | None, optional
+        Measurement of the black level by dark frames; None = there are none.
+    measured : Mapping[str, Mapping[str, Any]], optional
+        Entries of the camera file that an earlier calibration has measured, as its camera file
+        describes them.
+    even : bool, optional
+        Whether these frames have measured shading, if only that there is none.
 
     Attributes
     ----------
@@ -97,43 +108,24 @@ class Assumed:
         Share by which it may do so from one side to the middle.
     """
 
-    black: DoubleArray
-    black_measured: bool
-    colour: float
-    tilt: float
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         calibration: SensorCalibration,
         dark: DarkResult | None = None,
         measured: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
         *,
         even: bool = False,
-    ) -> "Assumed":
-        """Return what is assumed of a camera.
-
-        Parameters
-        ----------
-        calibration : SensorCalibration
-            With its black level.
-        dark : DarkResult | None, optional
-            Measurement of the black level by dark frames; None = there are none.
-        measured : Mapping[str, Mapping[str, Any]], optional
-            Entries of the camera file that an earlier calibration has measured, as its camera file
-            describes them.
-        even : bool, optional
-            Whether these frames have measured shading, if only that there is none.
-        """
+    ) -> None:
         drift = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
         error = dark.black_error if dark else measured.get("black_level", {}).get("standard_error")
-        black = np.maximum(_UNKNOWN_BLACK * level, 4 * drift)
+        self.black_measured = error is not None
+        self.black = np.maximum(_UNKNOWN_BLACK * level, 4 * drift)
         if error is not None:
-            black = np.hypot(error, drift)
-        is_even = even or calibration.shading or "shading" in measured
-        lens = (_KNOWN_COLOUR, _KNOWN_COLOUR) if is_even else (_UNKNOWN_COLOUR, _UNKNOWN_TILT)
-        return cls(black, error is not None, *lens)
+            self.black = np.hypot(error, drift)
+        self.colour, self.tilt = _UNKNOWN_COLOUR, _UNKNOWN_TILT
+        if even or calibration.shading or "shading" in measured:
+            self.colour = self.tilt = _KNOWN_COLOUR
 
     def precision(
         self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
@@ -372,7 +364,7 @@ def fit_gamma(
     calibration
         Of the shot; its levels are used.
     assumed
-        What may be off; None = nothing was measured, see `Assumed.of`.
+        What may be off; None = nothing was measured, see `Assumed`.
     patches
         How many of the places are patches, the first ones; None = all. Others only add to what
         these tell.
@@ -380,7 +372,7 @@ def fit_gamma(
         Whether the black level that is assumed counts while outliers are sought. It does not if the
         patches contradict it: the dark ones, which tell how far it is off, would be left out.
     """
-    assumed = assumed or Assumed.of(calibration)
+    assumed = assumed or Assumed(calibration)
     channels = places.mean.shape[1] - 1
     level, colours = places.mean[:, -1], places.mean[:, :-1]
     exposed = places.exposed & (level > 0)

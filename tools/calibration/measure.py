@@ -1,7 +1,7 @@
 """Measure the frames of one camera, in the order in which one kind needs what another has shown.
 Start reading here.
 
-`measure_frames` reads and measures, `conclude.conclude` makes a camera of what was measured,
+`Session` reads and measures, `conclude.conclude` makes a camera of what was measured,
 `report.build_report` shows it.
 """
 
@@ -29,7 +29,7 @@ from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
 from .measured_shading import ShadingResult, measure_shading
 from .photon_transfer import FlatResult, check_flat, measure_flats, noise_of_flats
-from .places import PlaceSamples, figures, patch_samples, without_shading
+from .places import Named, PlaceSamples, figures, patch_samples, without_shading
 
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).
@@ -118,11 +118,6 @@ class Measurements:
         return {name: dict(facts) for name, facts in self.old.measured.items()} if self.old else {}
 
     @property
-    def empty(self) -> bool:
-        """True if no frame could be used."""
-        return not (self.dark or self.flats or self.shots or self.shading)
-
-    @property
     def calibration(self) -> SensorCalibration:
         """Calibration of the old camera file, or of the frames, with the black level of the dark
         frames.
@@ -167,47 +162,7 @@ class Measurements:
         calibration: of a frame, None = that of the camera.
         """
         even, calibration = self.shading is not None, calibration or self.calibration
-        return Assumed.of(calibration, self.dark, self.known, even=even)
-
-
-def measure_frames(
-    console: Console,
-    files: Files,
-    chart_colours: DoubleArray,
-    corners: Matrix | None = None,
-    sensor: str | None = None,
-    old: Camera | None = None,
-    read: Callable[[str], Mosaic] = read_dng,
-) -> Measurements:
-    """Measure all frames of one camera. A frame that cannot be used is skipped, with a line that
-    says why.
-
-    Parameters
-    ----------
-    console
-        For lines, records and progress.
-    files
-        Paths of each kind.
-    chart_colours
-        XYZ (D50) of the chart, white = 1, (24, 3).
-    corners
-        Of the chart in the only shot, see `ChartPlace`; None = find it.
-    sensor
-        Name of the sensor; None = the name in the frames.
-    old
-        A camera file that is updated: its black level, shading and gamma count as known. None =
-        there is none.
-    read
-        Reads a frame.
-    """
-    session = Session(console, chart_colours, sensor, old, read)
-    session.dark(files["dark"])
-    session.flat(files["flat"])
-    session.shots(files["shots"], corners)
-    session.measured.lights = tuple(kind for kind in files if kind not in KINDS)
-    for light in session.measured.lights:
-        session.shots(files[light], light=light)
-    return session.measured
+        return Assumed(calibration, self.dark, self.known, even=even)
 
 
 def measure_chart(
@@ -232,7 +187,7 @@ def measure_chart(
     corners
         Of the chart, see `ChartPlace`; None = find it.
     assumed
-        What may be off; None = nothing was measured, see `Assumed.of`.
+        What may be off; None = nothing was measured, see `Assumed`.
     """
     if len(mosaic.pattern.channels) < FEWEST_CHANNELS:
         raise InputError(
@@ -254,9 +209,27 @@ def measure_chart(
 
 
 class Session:
-    """Measures frames kind by kind; see `measure_frames`.
+    """Measures the frames of one camera. A frame that cannot be used is skipped, with a line that
+    says why.
 
-    read: reads a frame. `measured` is what was measured so far.
+    Parameters
+    ----------
+    console
+        For lines, records and progress.
+    chart_colours
+        XYZ (D50) of the chart, white = 1, (24, 3).
+    sensor
+        Name of the sensor; None = the name in the frames.
+    old
+        A camera file that is updated: its black level, shading and gamma count as known. None =
+        there is none.
+    read
+        Reads a frame.
+
+    Attributes
+    ----------
+    measured
+        What was measured so far.
     """
 
     def __init__(
@@ -281,6 +254,20 @@ class Session:
         self._cameras: dict[str, tuple[str, tuple[float, ...]]] = {}
         self.measured = Measurements(chart_colours, old=old)
 
+    def measure(self, files: Files, corners: Matrix | None = None) -> Measurements:
+        """Measure all frames, kind by kind.
+
+        files: paths of each kind. corners: of the chart in the only shot, see `ChartPlace`; None =
+        find it.
+        """
+        self.dark(files["dark"])
+        self.flat(files["flat"])
+        self.shots(files["shots"], corners)
+        self.measured.lights = tuple(kind for kind in files if kind not in KINDS)
+        for light in self.measured.lights:
+            self.shots(files[light], light=light)
+        return self.measured
+
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
         frames = self._unshaded(paths, "dark")
@@ -288,9 +275,9 @@ class Session:
             dark = measure_dark([mosaic for _, mosaic in frames]) if frames else None
         except InputError as error:
             self._skip(paths, error)
-            dark = None
+            # What refused frames state is not the camera's.
+            self.measured.base = dark = None
         if dark is None:
-            self.measured.base = None  # what refused frames state is not the camera's
             return
         self.measured.dark = dark
         self._console.say(dark.words)
@@ -304,54 +291,43 @@ class Session:
         self._defects |= set(dark.defects)
 
     def flat(self, paths: Sequence[str]) -> None:
-        """Measure the flat frames; later frames get their shading."""
-        frames = self._unshaded(paths, "flat")
-        if frames:
-            self._measure_shading(frames)
-            self._measure_noise(paths, frames)
-
-    def _measure_shading(self, frames: list[tuple[str, Mosaic]]) -> None:
-        """Measure the shading of flat frames; what a shot states of its shading does not count any
-        more.
+        """Measure the flat frames: their shading, which later frames get, and noise, which only
+        pairs of them show. What a shot states of its shading does not count any more.
         """
-        if self.measured.base is not None:
-            self.measured.base = without_shading(self.measured.base)
+        if not (frames := self._unshaded(paths, "flat")):
+            return
+        measured = self.measured
+        if measured.base is not None:
+            measured.base = without_shading(measured.base)
         before = self._known.setdefault("shading", None)
         try:
-            self.measured.shading = measure_shading(frames)
+            measured.shading = measure_shading(frames)
         except InputError as error:
             kept = ", and the one before is kept" if before else ""
-            self.measured.remarks.append(f"no shading was measured{kept}: {error}")
+            measured.remarks.append(f"no shading was measured{kept}: {error}")
         else:
-            self._known["shading"] = self.measured.shading.shading
-            self._console.say(self.measured.shading.words)
-
-    def _measure_noise(self, paths: Sequence[str], frames: list[tuple[str, Mosaic]]) -> None:
-        """Measure the noise of flat frames, which only pairs of them show."""
+            self._known["shading"] = measured.shading.shading
+            self._console.say(measured.shading.words)
+        calibration = frames[0][1].calibration
         try:
-            names, mosaics = zip(*frames, strict=True)
-            flats = measure_flats(mosaics, self.measured.dark, names)
-            calibration = frames[0][1].calibration
+            flats = measure_flats(frames, measured.dark)
             # Frames that do not show it are refused here, where they can be named.
-            noise_of_flats(
-                flats, calibration, self.measured.dark, self.measured.assumed(calibration).black
-            )
+            noise_of_flats(flats, calibration, measured.dark, measured.assumed(calibration).black)
         except InputError as error:
-            if self.measured.shading is None:
+            if measured.shading is None:
                 self._skip(paths, error)
             else:
-                self.measured.remarks.append(f"no noise was measured: {error}")
-            return
-        self.measured.flats = flats
+                measured.remarks.append(f"no noise was measured: {error}")
+        else:
+            measured.flats = flats
 
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
         """Measure shots of a chart.
 
-        light: see `ShotMeasurement`, the other arguments: see `measure_frames`.
+        light: see `ShotMeasurement`. corners: see `measure`, of each shot.
         """
 
-        def measure(path: str) -> ShotMeasurement:
-            mosaic = self._read(path, "shot")
+        def measure(path: str, mosaic: Mosaic) -> ShotMeasurement:
             shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
             if shading and (zoomed := shading.zoomed(focal_length)):
                 self._console.note(f"{path}: {zoomed}")
@@ -364,13 +340,10 @@ class Session:
             self._console.say(f"{shot.name}: chart at {shot.chart}, {gamma}")
             self.measured.shots.append(replace(shot, light=light))
 
-    def _unshaded(self, paths: Sequence[str], kind: str) -> list[tuple[str, Mosaic]]:
+    def _unshaded(self, paths: Sequence[str], kind: str) -> list[Named]:
         """Return the frames that can be read, without the shading that they state."""
-
-        def read(path: str) -> tuple[str, Mosaic]:
-            return path, without_shading(self._read(path, kind))
-
-        return list(self._process(paths, kind, read))
+        frames = self._process(paths, kind, lambda path, mosaic: (path, without_shading(mosaic)))
+        return list(frames)
 
     def _read(self, path: str, kind: str) -> Mosaic:
         """Return a frame with what is known of the camera.
@@ -428,7 +401,9 @@ class Session:
                     "frames have to be from one camera, with the same settings"
                 )
 
-    def _process(self, paths: Sequence[str], kind: str, work: Callable[[str], R]) -> Iterator[R]:
+    def _process(
+        self, paths: Sequence[str], kind: str, work: Callable[[str, Mosaic], R]
+    ) -> Iterator[R]:
         """Yield the result of `work` for each frame that it can use, with a record; the others are
         skipped.
         """
@@ -436,7 +411,7 @@ class Session:
             try:
                 with self._console.progress(Path(path).name) as progress:
                     progress.stage("measuring", 1)
-                    result = work(path)
+                    result = work(path, self._read(path, kind))
             except Exception as error:
                 self._skip([path], error)
             else:

@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 
 from ...shared import DoubleArray, InputError, Mosaic, Shading
 from ...shared.shading import ZOOMED, basis
-from .places import CLIP, CLIPPED, cut_windows, inliers, levels_of, planes_of
+from .places import CLIP, CLIPPED, Named, cut_windows, inliers, levels_of, planes_of
 
 # Periods along a side of a window, at least, and windows along an axis.
 _PERIODS, _FEWEST, _MOST = 5, 3, 48
@@ -48,8 +48,6 @@ _OTHERWISE = 0.03
 # of the light of the brightest frame: in dimmer ones, which count little, black level decides how
 # it falls off
 _COUNTS = 0.1
-Named = tuple[str, Mosaic]
-"""A frame after its name."""
 Size = tuple[int, ...]
 """Rows and columns."""
 

@@ -18,6 +18,7 @@ from .places import (
     CLIP,
     CLIPPED,
     NO_PLANE,
+    Named,
     PlaceSamples,
     clipped_moments,
     inliers,
@@ -207,9 +208,7 @@ def check_flat(frame: Mosaic) -> None:
         raise InputError(f"is no flat frame: it shows a scene; {instead}")
 
 
-def measure_flats(
-    frames: Sequence[Mosaic], dark: DarkResult | None = None, names: Sequence[str] = ()
-) -> FlatResult:
+def measure_flats(named: Sequence[Named], dark: DarkResult | None = None) -> FlatResult:
     """Measure pairs of equal flat frames: half the variance of their difference is noise without
     fixed pattern. Light that flickers lifts whole rows, which is subtracted.
 
@@ -218,14 +217,13 @@ def measure_flats(
 
     Parameters
     ----------
-    frames : Sequence[Mosaic]
-        Flat frames of one or more exposures, in any order; those that are clipped, or that no other
-        has the exposure of, do not count.
+    named : Sequence[Named]
+        Flat frames of one or more exposures, in any order, after their names; those that are
+        clipped, or that no other has the exposure of, do not count.
     dark : DarkResult | None, optional
         Measurements of dark frames; None = there are none.
-    names : Sequence[str], optional
-        Of the frames, for people.
     """
+    names, frames = zip(*named, strict=True)
     planes = planes_of(frames[0])
     white = len(frames[0].pattern.planes) - 1
     levels = [levels_of(frame).astype(np.float64) for frame in frames]
@@ -247,7 +245,6 @@ def measure_flats(
     # Rows of the sensor have this in common without light.
     most = dark.rows / span**2 if dark else math.inf
     usual = max(min(most, *(excess for _, excess, _ in rows)), 0)
-    names = names or [f"frame {index + 1}" for index in range(len(frames))]
     flicker = [
         f"{names[one]} and {names[two]}: the light flickers, rows differ by "
         f"{100 * math.sqrt(2 * (excess - usual)) / brightness[one]:.2g} %; take flat frames in "

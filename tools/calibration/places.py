@@ -26,6 +26,8 @@ NO_PLANE = 255  # of a defective sample, see `planes_of`
 
 Pixels = tuple[IndexArray, IndexArray]
 """Rows and columns of the pixels of a place."""
+Named = tuple[str, Mosaic]
+"""A frame after its name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,7 +141,7 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
 
 def _photographed(scene: Scene, frame: SimulatedFrame, path: Path, seed: int) -> Mosaic:
     """A shot of a frame, as its file holds it."""
-    camera = SimulatedCamera.of(CfaPattern.bayer(), protocol=_NOISE)
+    camera = SimulatedCamera(CfaPattern.bayer(), protocol=_NOISE)
     mosaic = camera.shoot(scene, np.random.default_rng(seed), frame).mosaic
     write_dng(path, mosaic, Previews()(mosaic))
     return read_dng(path)

@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     measured, pattern = camera_of(arguments)
     if measured:
         lens.check(measured.calibration, arguments.camera)
-    camera = SimulatedCamera.of(pattern, measured, noise, bits=arguments.sensor_bits, lens=lens)
+    camera = SimulatedCamera(pattern, measured, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     stated = arguments.camera and digest(arguments.camera)
     run = file_run(arguments, folder, camera=stated, pattern=asdict(pattern))

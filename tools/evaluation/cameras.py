@@ -86,7 +86,7 @@ class CameraPair:
         # The scene without its colours: filters are what all channels have in common.
         scene = Scene(self.truth, "", channels=channels_of(self.pattern))
         level = self.level.scaled(filters_of(self.pattern).unit)
-        camera = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits)
+        camera = SimulatedCamera(self.pattern, protocol=level, bits=level.bits)
         shot = camera.shoot(scene, np.random.default_rng(self.seed)).mosaic
         return Mosaic(shot.samples[self.window], shot.pattern, shot.calibration)
 

@@ -7,8 +7,6 @@ from ...shared.arrays import FloatArray
 
 ORDER = "RGGB"
 """Filters of the first two rows."""
-# channel, row, column
-_SITES = [("RGB".index(letter), place // 2, place % 2) for place, letter in enumerate(ORDER)]
 
 
 def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
@@ -22,6 +20,7 @@ def sample_bayer(rgb: FloatArray) -> FloatArray:
     units.
     """
     mosaic: FloatArray = np.empty(rgb.shape[:2], np.float32)
-    for channel, row, column in _SITES:
-        mosaic[row::2, column::2] = rgb[row::2, column::2, channel]
+    for place, letter in enumerate(ORDER):
+        row, column = divmod(place, 2)
+        mosaic[row::2, column::2] = rgb[row::2, column::2, "RGB".index(letter)]
     return mosaic

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared import CfaPattern, DoubleArray, FloatArray, InputError
+from ...shared import CfaPattern, FloatArray, InputError
 from ...shared.colorimetry import Matrix, as_rows, nominal_to_xyz
 from ..io.scene import BROADBAND, RGB, Scene
 
@@ -106,16 +106,7 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
         )
     passed = np.array([sources[channel] for channel in channels])
     matrix = passed / passed.sum(axis=1, keepdims=True)
-    return Filters(channels, as_rows(matrix), _weights(channels, passed, there))
-
-
-def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[float, ...]:
-    """gamma: the least-squares solution of "weighted filters add up to all channels", in the units
-    of the filters.
-
-    passed: (C, N), what each filter lets through of each channel.
-    """
-    matrix = passed / passed.sum(axis=1, keepdims=True)
+    # The least-squares solution of "weighted filters add up to all channels".
     weights = np.linalg.lstsq(matrix.T, np.ones(len(there)))[0]
     if weights.min() < _ROUNDING:
         nearest = ", ".join(map("{} {:.3g}".format, channels, weights.round(3) + 0.0))
@@ -124,7 +115,8 @@ def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[float, ...
             f"{_listed(channels)} that add up to it; there are none (the nearest: {nearest}), "
             "choose other filters"
         )
-    return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist())
+    gamma = (weights / passed.sum(axis=1).mean()).round(_DIGITS)
+    return Filters(channels, as_rows(matrix), tuple(gamma.tolist()))
 
 
 def _listed(letters: str | list[str]) -> str:

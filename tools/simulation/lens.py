@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...shared import DoubleArray, InputError, SensorCalibration, Shading
+from ...shared import InputError, SensorCalibration, Shading
 from ...shared.shading import basis
 
 _POINTS = 9, 11  # control points: the maps are then within 0.03 % of a lens of 2 stops and 15 %
@@ -92,11 +92,8 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     square = square / (shape[0] ** 2 + shape[1] ** 2) * 4
     panchromatic = (1 + (2 ** (stops / 2) - 1) * square) ** 2
     losses = [*np.linspace(colour, -colour, planes - 1), 0.0]
-    return Shading([_points(panchromatic / (1 - loss * square)) for loss in losses], shape)  # type: ignore[arg-type]
-
-
-def _points(gain: DoubleArray) -> Sequence[Sequence[float]]:
-    """Control points of a map that is known at evenly spaced places."""
-    place = np.arange(_PLACES, dtype=np.float64)
-    down, right = (np.linalg.pinv(basis(_PLACES, count, place)) for count in _POINTS)
-    return (down @ gain @ right.T).round(_DIGITS).tolist()
+    gains = (panchromatic / (1 - loss * square) for loss in losses)
+    # Control points of maps that are known at evenly spaced places.
+    even = np.arange(_PLACES, dtype=np.float64)
+    down, right = (np.linalg.pinv(basis(_PLACES, count, even)) for count in _POINTS)
+    return Shading([(down @ gain @ right.T).round(_DIGITS).tolist() for gain in gains], shape)  # type: ignore[arg-type]

@@ -99,11 +99,6 @@ class SimulatedBurst:
                 raise InputError(f"`{name}` needs `burst`: it is about the frames of a series")
         return cls(1 if frames is None else frames, motion, stops=tuple(bracket))
 
-    @property
-    def largest(self) -> CameraMotion:
-        """A motion that is at least as large as any of the burst."""
-        return CameraMotion((self.pixels, self.pixels), -math.radians(self.degrees))
-
 
 @dataclass(frozen=True, eq=False)
 class SimulatedFrame:
@@ -206,7 +201,8 @@ def burst_frames(
     # the centre of the scene is that of the frames
     rows, columns = (count // pixel for count in rgb.shape[:2])
     scene = rgb[: rows * pixel, : columns * pixel]
-    margin = -(-reach(burst.largest.times(pixel), scene.shape) // pixel)
+    largest = CameraMotion((burst.pixels, burst.pixels), -math.radians(burst.degrees))
+    margin = -(-reach(largest.times(pixel), scene.shape) // pixel)
     if min(rows, columns) <= 2 * margin:
         size = f"{rgb.shape[1]} x {rgb.shape[0]} pixels"
         remedy = "take a larger picture, a smaller `reduce` or less motion"
@@ -308,61 +304,52 @@ class Exposed(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
 class SimulatedCamera:
-    """A camera that photographs scenes.
+    """A camera that photographs scenes: that in a camera file, or else one with the channels of the
+    pattern.
 
-    Attributes
+    Raises InputError for any other number of bits than a sensor has.
+
+    Parameters
     ----------
     pattern : CfaPattern
         Its filters.
-    sensor : SensorCalibration
-        Its calibration; gamma, noise and colours are replaced where they are not known, see
+    known : Camera | None, optional
+        Of the camera file; None = there is none, and gamma and noise follow from the filters, see
         `before`.
-    measured : bool
-        Whether the sensor has gamma and noise of its own; otherwise they follow from the filters.
-    protocol : Protocol
+    protocol : Protocol, optional
         The noise, and the amount of light.
-    lens : Lens
+    bits : int | None, optional
+        Of a sample; None = those of the file, or 12.
+    lens : Lens, optional
         How it shades.
     """
 
-    pattern: CfaPattern
-    sensor: SensorCalibration
-    measured: bool = False
-    protocol: Protocol = FULL_EXPOSURE
-    lens: Lens = NO_LENS
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         pattern: CfaPattern,
         known: Camera | None = None,
         protocol: Protocol = FULL_EXPOSURE,
         *,
         bits: int | None = None,
         lens: Lens = NO_LENS,
-    ) -> "SimulatedCamera":
-        """The camera in a camera file, or else one with the channels of the pattern.
-
-        bits: of a sample; None = those of the file, or 12. pattern, protocol, lens: see above.
-        Raises InputError for any other number of bits.
-        """
+    ) -> None:
+        self._pattern, self._protocol, self._lens = pattern, protocol, lens
         drawn = SensorCalibration(pattern.channels, sensor="simulated")
-        sensor = known.calibration if known else drawn
+        self._is_measured, sensor = known is not None, known.calibration if known else drawn
         if known is None or bits is not None:
             bits, headroom = BITS if bits is None else bits, protocol.headroom
             # A sensor clips at white, so nothing lies above it.
             levels = SensorCalibration.of_bits(bits, headroom=headroom, channels=sensor.channels)
             sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
-        return cls(pattern, sensor, known is not None, protocol, lens)
+        self._sensor = sensor
 
     def before(self, scene: Scene, filters: Filters) -> SensorCalibration:
         """The calibration for a scene: colours that it does not know follow from the scene and the
         filters.
         """
-        known = self.sensor
-        if not self.measured:
+        known = self._sensor
+        if not self._is_measured:
             known = replace(known, gamma=filters.gamma, noise=typical_noise(known, filters.unit))
         to_xyz, neutral = filters.colours(scene)
         if known.neutral is None:
@@ -385,17 +372,17 @@ class SimulatedCamera:
             None = the scene itself.
         """
         frame = frame or SimulatedFrame(scene.rgb)
-        filters = filters_for(self.pattern, scene)
-        seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
+        filters = filters_for(self._pattern, scene)
+        seen, white = filters.of(frame.rgb), self._protocol.light * frame.exposure
         shape = seen.shape[0], seen.shape[1]
-        calibration = self.lens.calibrated(self.before(scene, filters), shape)
+        calibration = self._lens.calibrated(self.before(scene, filters), shape)
         metadata = frame.metadata(scene.metadata)
         truth = seen if white == 1 else seen * np.float32(white)
-        if isinstance(self.protocol, PaperProtocol):
-            sigma = self.protocol.level
-            mosaic = simulate_additive(truth, self.pattern, calibration, sigma, rng, metadata)
+        if isinstance(self._protocol, PaperProtocol):
+            sigma = self._protocol.level
+            mosaic = simulate_additive(truth, self._pattern, calibration, sigma, rng, metadata)
         else:
-            mosaic = simulate_sensor(seen, self.pattern, calibration, white, rng, metadata)
+            mosaic = simulate_sensor(seen, self._pattern, calibration, white, rng, metadata)
         return Exposed(mosaic, truth, white, scene.notes)
 
 
@@ -405,7 +392,7 @@ def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibra
     Raises InputError when its filters are unknown.
     """
     scene = builtin_scene(1, 1)
-    known = SimulatedCamera.of(pattern, camera).before(scene, filters_for(pattern, scene))
+    known = SimulatedCamera(pattern, camera).before(scene, filters_for(pattern, scene))
     return known if known.noise else replace(known, noise=typical_noise(known))
 
 

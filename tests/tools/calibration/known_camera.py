@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
 from panchroma.tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
-from panchroma.tools.calibration.gamma import Assumed
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.drawn.charts import CORNERS, chart_scene, color_checker_xyz
 from panchroma.tools.simulation.load import load_scene
@@ -31,12 +30,6 @@ TRUTH = SensorCalibration(
 )
 # What a shot says of itself before calibration.
 BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)
-
-
-def measured(says: SensorCalibration) -> Assumed:
-    """What dark and flat frames leave open."""
-    errors = [0.01] * (len(says.channels) + 1)
-    return Assumed.of(says, measured={"black_level": {"standard_error": errors}}, even=True)
 
 
 PATTERNS = {
@@ -60,13 +53,14 @@ def frame(
     seed: int = 0,
     says: SensorCalibration = BLIND,
     pattern: CfaPattern | None = None,
+    truth: SensorCalibration = TRUTH,
 ) -> Mosaic:
-    """A frame of the true sensor looking at (H, W, 3), whose file says `says`. pattern: None =
+    """A frame of the true sensor looking at (H, W, C), whose file says `says`. pattern: None =
     Bayer blocks of this period.
     """
     pattern = pattern or CfaPattern.bayer(period)
     light, random = np.asarray(rgb, np.float32), np.random.default_rng(seed)
-    taken = simulate_sensor(light, pattern, TRUTH, 1.0, random)
+    taken = simulate_sensor(light, pattern, truth, 1.0, random)
     return Mosaic(taken.codes, pattern, says)
 
 

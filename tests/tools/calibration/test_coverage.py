@@ -50,11 +50,11 @@ def test_intervals_hold_whatever_was_not_measured() -> None:
     kinds += ["W off by 1 %: chart+dark+flat"]
     kinds += [f"corner, {where}: chart+dark+flat" for where in ("planes", "light")]
     for kind, counts in campaign(range(4), kinds).items():
-        off = np.abs(counts.off["gamma"])
-        assert off.size or counts.refused + counts.unfit == 4, kind
-        if off.size:
-            assert (off <= 1).mean() >= 0.85, kind
-            assert off.max() < 1.8, kind
+        assert counts.off or counts.refused + counts.unfit == 4, kind
+        for name, values in counts.off.items():
+            off = np.abs(values)
+            assert (off <= 1).mean() >= 0.85, (kind, name)
+            assert off.max() < 1.8, (kind, name)
 
 
 def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
@@ -77,6 +77,7 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
     said = r"the shots contradict each other in gamma.*standard deviations: chart0 0\.9"
     assert re.search(said, outcome.refusal)
+    assert (outcome.measured.gamma.half_width > 0.05).all()  # of each alone it is about 0.01
 
 
 def test_a_sensor_whose_white_does_not_follow_is_said_and_refused_where_pictures_suffer() -> None:

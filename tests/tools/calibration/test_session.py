@@ -1,5 +1,8 @@
 """Frames that do not belong together, or are of another kind than they are given as, are refused
 with that reason.
+
+From measurements to a camera: what is measured replaces what was known, and what was not measured
+stays.
 """
 
 import re
@@ -12,15 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel
+from panchroma.shared import Camera, CaptureMetadata, CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.calibration.conclude import Result, conclude
-from panchroma.tools.calibration.files import check_same
+from panchroma.tools.calibration.files import KINDS, check_same
 from panchroma.tools.calibration.gamma import GammaFit
-from panchroma.tools.calibration.measure import Measurements, Session
-from panchroma.tools.simulation.sensor import simulate_sensor
+from panchroma.tools.calibration.measure import Measurements, Session, measure_chart
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import (
     BLIND,
@@ -38,6 +40,9 @@ from tests.tools.calibration.known_camera import (
 
 SHAPE = (HEIGHT, WIDTH)
 EVEN = np.ones((*SHAPE, 3))
+PATTERN = CfaPattern.bayer(6)
+CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")
+BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green and blue
 
 
 @cache
@@ -54,18 +59,15 @@ def several(
     return {f"{kind}{seed}.dng": edit(taken(kind, seed)) for seed in range(number)}
 
 
-def measured(**frames: Mapping[str, Mosaic]) -> Measurements:
-    """What frames show; frames: of each kind, by name."""
+def measured(old: Camera | None = None, /, **frames: Mapping[str, Mosaic]) -> Measurements:
+    """What frames show; old: of the file that is updated; frames: of each kind, by name."""
     every = {name: mosaic for named in frames.values() for name, mosaic in named.items()}
-    session = Session(Console(quiet=True), REFERENCE, read=every.__getitem__)
-    session.dark(list(frames.get("dark", ())))
-    session.flat(list(frames.get("flat", ())))
-    session.shots(list(frames.get("shots", ())), true_place().corners)
-    return session.measured
+    session = Session(Console(quiet=True), REFERENCE, old=old, read=every.__getitem__)
+    return session.measure({kind: [*frames.get(kind, ())] for kind in KINDS}, true_place().corners)
 
 
-def concluded(**frames: Mapping[str, Mosaic]) -> Result:
-    return conclude(measured(**frames))
+def concluded(old: Camera | None = None, /, **frames: Mapping[str, Mosaic]) -> Result:
+    return conclude(measured(old, **frames))
 
 
 def window(mosaic: Mosaic) -> Mosaic:
@@ -77,6 +79,10 @@ def of_ten_bits(mosaic: Mosaic) -> Mosaic:
     return Mosaic((mosaic.codes >> 2).astype(np.uint16), mosaic.pattern, says)
 
 
+def of_model(model: str) -> Callable[[Mosaic], Mosaic]:
+    return lambda mosaic: replace(mosaic, metadata=CaptureMetadata(make="Acme", model=model))
+
+
 Taken = Callable[[], Mosaic]
 OTHERS: dict[str, Callable[[Mosaic], Mosaic]] = {
     "size is 480 x 300 pixels, that of chart0.dng is 600 x 400 pixels": window,
@@ -85,41 +91,29 @@ OTHERS: dict[str, Callable[[Mosaic], Mosaic]] = {
     ),
     "number of bits is 10, that of chart0.dng is 12": of_ten_bits,
     "sensor is other, that of chart0.dng is bench": lambda mosaic: stating(mosaic, sensor="other"),
+    "model is Acme 2, that of chart0.dng is Acme 1": of_model("2"),
 }
 
 
 @pytest.mark.parametrize("words", OTHERS)
 def test_a_frame_that_is_not_like_the_others_is_refused(words: str) -> None:
-    alone, other = measured(shots=several("chart", 1)), OTHERS[words](taken("chart", 1))
-    seen = measured(shots={**several("chart", 1), "other.dng": other})
+    others = {"other.dng": OTHERS[words](taken("chart", 1))}
+    seen = measured(shots={**several("chart", 1, of_model("1")), **others})
     (line,) = seen.skipped
     assert re.match(f"other.dng: its {words}", line)
-    assert np.array_equal(seen.gamma.gamma, alone.gamma.gamma)
+    assert np.array_equal(seen.gamma.gamma, clean_gamma().gamma)
 
 
-def test_frames_of_another_model_are_refused_and_those_of_another_camera_file_are_told() -> None:
-    def of_model(model: str) -> Callable[[Mosaic], Mosaic]:
-        return lambda mosaic: replace(mosaic, metadata=CaptureMetadata(make="Acme", model=model))
-
-    seen = measured(
-        flat=several("flat", 4, of_model("2")), shots=several("chart", 1, of_model("1"))
-    )
-    (line,) = seen.skipped
-    assert line.startswith("chart0.dng: its model is Acme 1, that of flat0.dng is Acme 2")
-
+def test_frames_of_another_camera_file_are_told() -> None:
     def of_file(camera: str, black: float) -> Callable[[Mosaic], Mosaic]:
         return lambda mosaic: stating(mosaic, camera=camera, black_level=(black,) * 4)
 
     for black, number in ((256.0, 0), (200.0, 1)):
-        darks, shots = (
-            several("dark", 2, of_file("a", 256.0)),
-            several("chart", 2, of_file("b", black)),
-        )
-        seen = measured(dark=darks, shots=shots)
+        shots = several("chart", 2, of_file("b", black))
+        seen = measured(dark=several("dark", 2, of_file("a", 256.0)), shots=shots)
         assert len(seen.remarks) == number
-        assert all(
-            "chart0.dng states the calibration of another camera" in line for line in seen.remarks
-        )
+        said = "chart0.dng states the calibration of another camera"
+        assert all(said in line for line in seen.remarks)
 
 
 def test_the_size_is_kept_and_an_update_with_another_one_is_refused(tmp_path: Path) -> None:
@@ -201,18 +195,30 @@ def test_a_patch_that_does_not_fit_is_named_and_the_colour_stays() -> None:
 STATED = ((3, 4), (50, 60), (200, 300))
 
 
-def test_defects_that_a_shot_states_are_kept_unless_dark_and_flat_frames_show_none() -> None:
-    """Hot pixels at two of the stated places, and at one that nobody states."""
-    hot = np.zeros(SHAPE)
-    for place in (*STATED[:2], (7, 8)):
-        hot[place] = 60
-    shots = several("chart", 1, lambda mosaic: stating(mosaic, defects=STATED))
+@pytest.mark.parametrize("old", [None, Camera(replace(BLIND, defects=STATED), PATTERN)])
+def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all(
+    old: Camera | None,
+) -> None:
+    """Those that shots, or a camera file, state: hot pixels are at two of these places, and a hot
+    and a dead one at places that nobody states.
+    """
+    hot, lit = np.zeros(SHAPE), np.ones(SHAPE)
+    hot[3, 4] = hot[50, 60] = hot[7, 8] = 60
+    lit[9, 10] = 0
+    says = BLIND if old else stating(taken("chart"), defects=STATED).calibration
+    shots = several("chart", 1, lambda mosaic: replace(mosaic, calibration=says))
     darks = several("dark", 2, lambda mosaic: edited(mosaic, lambda codes: codes + hot))
-    assert concluded(shots=shots).camera.calibration.defects == STATED
-    outcome = concluded(dark=darks, flat=several("flat", 4), shots=shots)
-    assert outcome.camera.calibration.defects == ((3, 4), (7, 8), (50, 60))
+    flats = several("flat", 4, lambda mosaic: edited(mosaic, lambda codes: codes * lit))
+    for frames, defects in (
+        ({}, STATED),
+        ({"dark": darks}, (*STATED[:1], (7, 8), *STATED[1:])),
+        ({"flat": flats}, (*STATED[:1], (9, 10), *STATED[1:])),
+        ({"dark": darks, "flat": flats}, ((3, 4), (7, 8), (9, 10), (50, 60))),
+    ):
+        outcome = concluded(old, shots=shots, **frames)
+        assert outcome.camera.calibration.defects == defects
     said = "1 defects that the frames state show neither in dark nor in flat frames"
-    assert said in " ".join(outcome.warnings)
+    assert (said in " ".join(outcome.warnings)) == (old is None)
 
 
 def test_what_a_chart_states_of_lens_and_noise_is_not_lost_where_dark_frames_come_first() -> None:
@@ -287,21 +293,16 @@ def test_a_black_level_that_is_stated_wrongly_gives_way_to_dark_frames(stated: f
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])
-@pytest.mark.parametrize("kinds", [("dark", "chart"), ("chart",), ("dark",)])
+@pytest.mark.parametrize("kinds", [("dark", "shots"), ("shots",), ("dark",)])
 def test_flat_frames_of_another_gain_tell_no_noise(gain: float, kinds: tuple[str, ...]) -> None:
     shot, read = (tuple(gain * x for x in values) for values in (NOISE.shot, NOISE.read))
     other = replace(TRUTH, noise=NoiseModel(shot, read))
     flats = {
-        f"flat{seed}.dng": simulate_sensor(
-            (level * EVEN).astype(np.float32), CfaPattern.bayer(6), other, 1.0,
-            np.random.default_rng(seed),
-        )
+        f"flat{seed}.dng": frame(level * EVEN, seed=seed, truth=other)
         for seed, level in enumerate(np.repeat((0.04, 0.3, 0.6), 2))
-    }  # fmt: skip
-    flats = {name: replace(mosaic, calibration=BLIND) for name, mosaic in flats.items()}
-    frames = {"dark": several("dark", 3), "chart": several("chart", 2)}
-    seen = {"shots" if kind == "chart" else kind: frames[kind] for kind in kinds}
-    outcome = concluded(flat=flats, **seen)
+    }
+    frames = {"dark": several("dark", 3), "shots": several("chart", 2)}
+    outcome = concluded(flat=flats, **{kind: frames[kind] for kind in kinds})
     told = [line for line in outcome.warnings if "noise was left out" in line]
     if gain == 1.0:
         assert (told, "noise" in outcome.facts) == ([], True)
@@ -313,3 +314,78 @@ def test_flat_frames_of_another_gain_tell_no_noise(gain: float, kinds: tuple[str
     else:  # dark frames alone tell only a gain that is clearly higher
         assert kinds == ("dark",)
         assert gain < 2
+
+
+# --- what a camera file keeps ---------------------------------------------------------------------
+
+
+def test_a_new_gamma_rescales_noise_that_was_measured_before() -> None:
+    """Noise is in scene units; in codes it is the same."""
+    known = replace(BLIND, noise=NOISE)
+    stated = concluded(shots=several("chart", 1, lambda mosaic: stating(mosaic, noise=NOISE)))
+    updated = concluded(Camera(known, PATTERN), shots=several("chart", 1))
+    for new in (stated.camera.calibration, updated.camera.calibration):
+        ratio = new.full_scale / known.full_scale
+        assert abs(ratio - 1) > 0.05
+        np.testing.assert_allclose(new.noise.shot, ratio * np.array(NOISE.shot))
+        np.testing.assert_allclose(new.noise.read, ratio * np.array(NOISE.read))
+
+
+def test_parts_that_were_measured_with_a_black_level_far_off_are_named() -> None:
+    known = {"gamma": {}, "colour": {}, "black_level": {"standard_error": [0.01] * 4}}
+    for off, count in ((0, 0), (6, 1)):
+        black = tuple(level + off for level in TRUTH.black_level)
+        old = Camera(replace(BLIND, black_level=black), PATTERN, known)
+        warnings = " ".join(concluded(old, dark=several("dark", 2)).warnings)
+        assert warnings.count("6.0 codes off the one with which gamma, colour") == count
+
+
+def test_that_a_lens_has_no_shading_is_a_measurement() -> None:
+    shading = darker_corners(SHAPE)
+    known = Camera(replace(BLIND, shading=shading), PATTERN, {"shading": {"corner": [1, 0, 1]}})
+    assert concluded(known, dark=several("dark", 2)).camera.calibration.shading == shading
+    even = concluded(known, flat=several("flat", 4)).camera
+    assert even.calibration.shading is None
+    assert "corner" not in even.measured["shading"]
+
+
+@pytest.mark.parametrize(
+    ("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")]
+)
+def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
+    seen = measured(shots=several("chart", 1))
+    other = np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
+    seen.chart_colours = REFERENCE * other
+    outcome = conclude(seen)
+    assert outcome.verdict == verdict
+    said = " ".join((*outcome.contradictions, *outcome.warnings))
+    assert "colours differ from the reference by a mean dE2000" in said
+
+
+@pytest.mark.parametrize(("brighter", "axis"), [(1.0, 0), (1.6, 0), (1.6, 1)])
+def test_uneven_light_on_the_chart_is_told(brighter: float, axis: int) -> None:
+    """Even where correcting the colours for it works."""
+    slope = np.linspace(1, 1 / brighter, SHAPE[axis])
+    shots = {"chart.dng": frame(chart().rgb * np.expand_dims(slope, (1 - axis, 2)))}
+    outcome = concluded(dark=several("dark", 4), flat=several("flat", 4), shots=shots)
+    assert outcome.verdict == ("use it with care" if brighter > 1 else "use it")
+    told = any("the light on the chart is uneven" in line for line in outcome.warnings)
+    assert told == (brighter > 1)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "names"),
+    [
+        (CfaPattern.bayer(6, "GRBG"), CfaPattern.bayer(6, "GBRG"), "red and blue"),
+        (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
+    ],
+)
+def test_swapped_channels_show_on_a_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
+    true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
+    light = chart().rgb if right.channels == "RGB" else chart().rgb @ BROAD
+    taken = frame(light, pattern=right, says=says, truth=true)
+    shot = measure_chart("chart.dng", taken, REFERENCE, true_place().corners)
+    np.testing.assert_allclose(shot.fit.gamma, TRUTH.gamma, rtol=0.02)
+    said = f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"
+    with pytest.raises(InputError, match=said):
+        measure_chart("chart.dng", replace(taken, pattern=wrong), REFERENCE, true_place().corners)

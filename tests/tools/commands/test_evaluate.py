@@ -142,7 +142,7 @@ def test_five_channels_are_compared_by_methods_of_ours(out: Path, tmp_path: Path
         assert rows["best", level]["psnr"] > max(others)
 
     truth, pattern = np.load(scene), read_pattern(BANDS)
-    camera = SimulatedCamera.of(pattern, protocol=PaperProtocol(0.0), bits=16)
+    camera = SimulatedCamera(pattern, protocol=PaperProtocol(0.0), bits=16)
     shot = camera.shoot(Scene(truth, "", channels="VRGNU"), np.random.default_rng(0)).mosaic
     expected = psnr(render(shot, PAPER).rgb, truth, BORDER)
     assert rows["paper", 0.0]["psnr"] == pytest.approx(expected, abs=1e-3)

@@ -11,13 +11,7 @@ import numpy as np
 import pytest
 
 from panchroma.shared import CfaPattern, DoubleArray, FloatArray, NoiseModel, SensorCalibration
-from panchroma.tools.simulation.sensor import (
-    TYPICAL_READ,
-    TYPICAL_SHOT,
-    sample,
-    simulate_additive,
-    simulate_sensor,
-)
+from panchroma.tools.simulation.sensor import sample, simulate_additive, simulate_sensor
 from tests.offline.scenes import every_case, gamma_of, materials
 from tests.reference.sensor import observe
 
@@ -73,17 +67,6 @@ def test_additive_noise_has_its_sigma_on_every_plane_and_is_not_clipped(sigma: f
     assert mosaic.calibration.noise == NoiseModel.gaussian(sigma, 4)
 
 
-@pytest.mark.parametrize("make", [simulate_additive, simulate_sensor])
-def test_the_generator_alone_decides_the_noise(make: Any) -> None:
-    scene = flat(0.4, 0.3, 0.2)
-
-    def shot(seed: int) -> Any:
-        return make(scene, PATTERN, SensorCalibration(), 0.5, rng(seed)).samples
-
-    assert np.array_equal(shot(1), shot(1))
-    assert not np.array_equal(shot(1), shot(2))
-
-
 # --- the noise of a sensor -----------------------------------------------------------------------
 
 # Sixteen bits, so that rounding to codes adds a variance (step**2 / 12) that is little beside the
@@ -115,8 +98,3 @@ def test_light_is_clipped_at_full_scale_not_above() -> None:
     assert mosaic.codes.max() == WHITE
     assert (of_filter("R", mosaic.codes) == WHITE).all()  # 4.0 of 3.0
     assert (of_filter("G", mosaic.codes) < WHITE).all()  # 1.0 of 3.0
-
-
-def test_a_sensor_without_noise_model_gets_a_typical_one() -> None:
-    mosaic = simulate_sensor(flat(0.4, 0.4, 0.4), PATTERN, SensorCalibration(), 1.0, rng())
-    assert mosaic.calibration.noise == NoiseModel((TYPICAL_SHOT,) * 4, (TYPICAL_READ,) * 4)

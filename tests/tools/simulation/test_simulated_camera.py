@@ -36,16 +36,9 @@ def test_channels_are_in_the_order_of_the_pattern() -> None:
     assert filters.gamma == (1.0,) * 4
 
 
-def test_broadband_filters_are_made_of_red_green_and_blue() -> None:
-    scene = scene_of()
-    filters = filters_for(pattern_of("CM/YC"), scene)
-    red, green, blue = np.moveaxis(scene.rgb, -1, 0)
-    mixed = np.stack([green + blue, red + blue, red + green], -1) / 2
-    np.testing.assert_allclose(filters.of(scene.rgb), mixed, rtol=1e-6)
-    assert filters.gamma == (0.5, 0.5, 0.5)
-    assert filters.unit == 0.5
-    camera = SimulatedCamera.of(pattern_of("CM/YC"))
-    read = camera.before(scene, filters).noise.read
+def test_the_noise_of_broadband_filters_is_that_of_as_many_electrons() -> None:
+    pattern, scene = pattern_of("CM/YC"), scene_of()
+    read = SimulatedCamera(pattern).before(scene, filters_for(pattern, scene)).noise.read
     assert np.allclose(read, np.array(typical_noise(SensorCalibration()).read) / 2)
 
 
@@ -56,10 +49,6 @@ def test_filters_add_up_to_all_light(block: str) -> None:
     np.testing.assert_allclose(np.sum(filters.matrix, axis=1), 1)
     collected = np.array(filters.gamma) @ filters.matrix
     np.testing.assert_allclose(collected, collected.mean(), atol=1e-9)  # of each channel as much
-    assert collected.sum() == pytest.approx(sum(filters.gamma))
-    if len(set(map(max, filters.matrix))) == 1:  # 3 for narrow filters, 1.5 for those of two
-        expected = 3 * np.mean((np.array(filters.matrix) ** 2).sum(axis=1))
-        assert sum(filters.gamma) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("block", ["CM/YC", "YC/GM", "CYM/GRB"])

@@ -166,7 +166,7 @@ def simulate(
     if measured:
         lens.check(measured.calibration, camera)
     photographed = _scene(scene, tile.channels, bands, linear, max_pixels)
-    simulated = SimulatedCamera.of(tile, measured, protocol, bits=sensor_bits, lens=lens)
+    simulated = SimulatedCamera(tile, measured, protocol, bits=sensor_bits, lens=lens)
     peak = scene.white if isinstance(scene, Picture) else 1.0
     frames = burst_frames(photographed.rgb, series, source, reduce)
     shots = [

@@ -86,14 +86,11 @@ def _lay(
 
     # Each pixel of the card is the mean of SAMPLES x SAMPLES points.
     x, y = _grid(-margin, width + margin, SAMPLES), _grid(-margin, size + margin, SAMPLES)
-    inner = (x > 0) & (x < width)
     for first in range(0, size + 2 * margin, STRIP):
         below = y[first * SAMPLES : (first + STRIP) * SAMPLES]
-        card = np.full((below.size, x.size, rgb.shape[2]), CARD)
-        drawn = (below > 0) & (below < size)
-        if drawn.any():
-            places = np.meshgrid(x[inner] / size, below[drawn] / size)
-            card[np.ix_(drawn, inner)] = draw(*places, 1 / size)
+        inside = ((below > 0) & (below < size))[:, None] & ((x > 0) & (x < width))
+        places = np.meshgrid(x / size, below / size)
+        card = np.where(inside[..., None], draw(*places, 1 / size), CARD)
         outside = _outside(x[None, :], below[:, None], width, size, CORNER * scale)
         covered = (outside < margin).astype(np.float64)[..., None]
         card *= covered
