@@ -177,24 +177,15 @@ def run_stages(
     [0.25, 0.25]
     """
     for stage in stages:
-        bands = apply_stage(bands, stage, height, progress, check_halos=check_halos)
+        bands = _apply_stage(bands, stage, height, progress, check_halos)
     return bands
 
 
-def apply_stage(
-    bands: Iterable[Band],
-    stage: RowStage,
-    height: int,
-    progress: Progress = SILENT,
-    *,
-    check_halos: bool = False,
+def _apply_stage(
+    bands: Iterable[Band], stage: RowStage, height: int, progress: Progress, check_halos: bool
 ) -> Iterator[Band]:
-    """The picture after one stage, in bands; see `run_stages`.
-
-    Raises
-    ------
-    InputError
-        For what a stage of one's own returns, if it is no such band.
+    """The picture after one stage, in bands. Raises InputError for what a stage of one's own
+    returns, if it is no such band.
     """
     ours = type(stage).__module__.startswith(f"{__package__}.")
     for band, rows in regroup(bands, height, stage.halo):

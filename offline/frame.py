@@ -356,6 +356,9 @@ class Frame:
     fill_error : FloatArray
         Standard deviation of the error of filled luminance in each of the B whole blocks, float32
         B; empty where the settings do nothing with the sites.
+    others : BlockSums | None
+        What the other frames of a burst add to the sums of Eqs. 8-9, while the colour of blocks is
+        estimated; None = there are no others.
     kept : FloatArray | None
         Share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1;
         None = all of them. A burst corrects the rest itself, with the samples of all frames;
@@ -380,6 +383,7 @@ class Frame:
     blocks: FloatArray = field(default_factory=unknown)
     lines: FloatArray = field(default_factory=unknown)
     fill_error: FloatArray = field(default_factory=unknown)
+    others: BlockSums | None = None
     kept: FloatArray | None = None
 
     @property

@@ -509,9 +509,11 @@ class Residuals:
         noise = frame.scaled_variance(rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
         variance = np.where(frame.unclipped[rows], variance, np.float32(UNKNOWN))
-        self._grid, self._first = grid, (grid.blocks[0] + rows.start, grid.blocks[1])
+        # one superpixel around the whole blocks stands for all beyond
+        error = np.pad(error, ((1, 1), (1, 1), (0, 0)))
+        variance = np.pad(variance, 1, constant_values=UNKNOWN)
+        self._grid, self._first = grid, (grid.blocks[0] + rows.start - 1, grid.blocks[1] - 1)
         self._values = np.concatenate([error, variance[..., None]], axis=2)
-        self._outside = np.array([0] * len(grid.sites) + [UNKNOWN], np.float32)
 
     def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray]:
         """Return the residuals at the S sites of some superpixels, mirrored, and the variance of
@@ -519,17 +521,12 @@ class Residuals:
 
         Float32 (S, h, w) and (h, w): 0 and UNKNOWN in superpixels without a whole block.
         """
-        count = self._values.shape[:2]
         places = [
-            np.arange(*span) - first
-            for span, first in zip((rows, columns), self._first, strict=True)
+            (np.arange(*span) - first).clip(0, size - 1)
+            for span, first, size in zip(
+                (rows, columns), self._first, self._values.shape[:2], strict=True
+            )
         ]
-        down, across = (
-            (place >= 0) & (place < size) for place, size in zip(places, count, strict=True)
-        )
-        values = self._values[
-            np.ix_(*(place.clip(0, size - 1) for place, size in zip(places, count, strict=True)))
-        ]
-        values = np.where((down[:, None] & across)[..., None], values, self._outside)
-        planes = np.ascontiguousarray(self._grid.turned(values.transpose(2, 0, 1)))
+        values = self._values[np.ix_(*places)].transpose(2, 0, 1)
+        planes = np.ascontiguousarray(self._grid.turned(values))
         return planes[:-1], planes[-1]

@@ -38,7 +38,7 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from ...shared.site_errors import nearness
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import Frame, Sites, curvature, mean_of_sites
+from ..frame import Frame, curvature, mean_of_sites
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
@@ -67,14 +67,14 @@ _RIDGE = 1e-6  # of D + T, added to v: equations can be solved where one error e
 _ZERO = np.float32(0)
 
 
-def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
+def fill_error(frame: Frame) -> FloatArray:
     """Return f, the error of filled luminance in each whole block, scene units, float32 (rows,
     columns).
     """
-    error = np.empty(sites.shape, np.float32)
+    error = np.empty(frame.sites.shape, np.float32)
 
     def work(rows: slice) -> None:
-        bends = [curvature(luminance, place, sites.grid) for place in sites.at(rows)]
+        bends = [curvature(frame.luminance, place, frame.grid) for place in frame.sites.at(rows)]
         error[rows] = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_CURVED)
 
     in_strips(work, len(error), BLOCK_ROWS)

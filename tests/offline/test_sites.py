@@ -31,9 +31,7 @@ def corrected(band: Band, mosaic: Mosaic, clipping: float = np.inf) -> Band:
 def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArray:
     """Luminance settled with the chromaticities that Eqs. 8-9 find in it."""
     frame = sampled(mosaic, light)
-    blocks = extend(
-        block_sums(frame, light).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape
-    )
+    blocks = extend(block_sums(frame).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape)
     return update_luminance(replace(frame, blocks=blocks.astype(np.float32)), BEST.posterior)
 
 
