@@ -94,8 +94,8 @@ def learned_chromaticities(
     progress: Progress = SILENT,
 ) -> tuple[FloatArray, FloatArray]:
     """c_j of every block of the grid, float32 (block rows, block columns, 3), and its line, (block
-    rows, block columns, 6): the slope s of colour beside c_j l, and s times the luminance of the
-    block. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
+    rows, block columns, 6): c_j + s, with s the slope of colour beside c_j l, and s times the
+    luminance of the block. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
 
     Raises
     ------
@@ -117,6 +117,7 @@ def learned_chromaticities(
         lines[rows.place, :, 6:] = lines[rows.place, :, 3:6] * at_sites[..., None]
         del planes  # before those of the next rows
     lines /= np.tile(frame.gamma32, 3)
+    lines[..., 3:6] += lines[..., :3]
     lines = frame.sites.grid.extend(lines)
     return lines[..., :3], lines[..., 3:]
 

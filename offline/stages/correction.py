@@ -111,8 +111,7 @@ def _block_residuals(frame: Frame, rows: slice) -> tuple[FloatArray, FloatArray]
     filled, weight = sites.in_rows(frame.luminance, rows), sites.whole(frame.blocks)[rows]
     error = sites.in_rows(frame.signal, rows) * gamma[sites.channels]
     if frame.lines.size:
-        slope, level = np.split(sites.whole(frame.lines)[rows], 2, axis=2)
-        weight = weight + slope
+        weight, level = np.split(sites.whole(frame.lines)[rows], 2, axis=2)
         error = error + np.take(level * gamma, sites.channels, axis=2)
     weight = np.take(weight * gamma, sites.channels, axis=2)
     error = error - weight * filled
@@ -290,8 +289,7 @@ class Correction(RowStage):
         error, weight = sites.residual(band, blocks), np.stack(colours, axis=2)
         along = None  # what a unit of luminance adds to each channel, on the lines of blocks
         if frame.lines.size:
-            slope = sites.whole(frame.lines)[blocks, :, : len(gamma)]
-            along = sites.whole(frame.blocks)[blocks] + slope
+            along = sites.whole(frame.lines)[blocks, :, : len(gamma)]
             weight = np.take(along * gamma, sites.channels, axis=2)
         change, tints = estimate_errors(error, weight, frame, blocks)
         if frame.kept is not None:

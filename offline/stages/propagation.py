@@ -10,7 +10,6 @@ Literally: tests/reference/propagation.py.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -63,14 +62,6 @@ class Propagation(RowStage):
             alignment=chunk_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
         )
 
-    @cached_property
-    def _known(self) -> FloatArray:
-        """Values of every block that are spread: c, or with lines c + s and s l_j."""
-        if not self.frame.lines.size:
-            return self.frame.blocks
-        slope, level = np.split(self.frame.lines, 2, axis=2)
-        return np.concatenate([self.frame.blocks + slope, level], axis=2)
-
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, with a chromaticity that does not depend on the band's.
 
@@ -97,7 +88,8 @@ class Propagation(RowStage):
         affinity : FloatArray
             The fields that `solve_affinities` returns for the same rows.
         """
-        grid, known, settings = self.frame.grid, self._known, self.settings
+        grid, settings = self.frame.grid, self.settings
+        known = self.frame.lines if self.frame.lines.size else self.frame.blocks
         (above, _), (left, _) = grid.padding
         fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, rows)[0]
         out = np.empty((rows[1] - rows[0], grid.frame[1], known.shape[-1]), np.float32)
