@@ -230,9 +230,8 @@ def _checked(made: object, returned: str, band: Band, rows: tuple[int, int]) -> 
     for name, plane in planes.items():
         if plane is None and name == "residual":
             continue
-        received, expected = type(plane).__name__, f"float32 {shapes[name]}"
-        if isinstance(plane, np.ndarray):
-            received = f"{plane.dtype} {plane.shape}"
+        is_array, expected = isinstance(plane, np.ndarray), f"float32 {shapes[name]}"
+        received = f"{plane.dtype} {plane.shape}" if is_array else type(plane).__name__
         if received != expected:
             raise InputError(f"{returned} a {name} that is {received}, expected {expected}")
         if not np.isfinite(plane).all():

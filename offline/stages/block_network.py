@@ -118,8 +118,8 @@ def learned_chromaticities(
         del planes  # before those of the next rows
     lines /= np.tile(frame.gamma32, 3)
     lines[..., 3:6] += lines[..., :3]
-    lines = frame.sites.grid.extend(lines)
-    return lines[..., :3], lines[..., 3:]
+    blocks, spread = (frame.grid.extend(planes) for planes in np.split(lines, [3], axis=2))
+    return blocks, spread
 
 
 class Chunk(NamedTuple):

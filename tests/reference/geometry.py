@@ -142,6 +142,16 @@ def is_whole(pattern: CfaPattern, shape: tuple[int, int], index: tuple[int, int]
     return min(top, left) >= 0 and top + found.height <= shape[0] and left + found.width <= shape[1]
 
 
+def whole_blocks(pattern: CfaPattern, shape: tuple[int, int]) -> list[list[tuple[int, int]]]:
+    """Indices of the blocks that lie inside the frame, row by row."""
+    down, across = patch_counts(pattern, shape)
+    rows = (
+        [(i, j) for j in range(across + 1) if is_whole(pattern, shape, (i, j))]
+        for i in range(down + 1)
+    )
+    return [row for row in rows if row]
+
+
 def keys(plane: DoubleArray, y: float, x: float) -> float:
     """Bicubic interpolation (Keys 1981, a = -1/2), the nearest pixel beyond the edges."""
 
