@@ -144,6 +144,18 @@ def test_half_the_light_gives_half_the_picture(
             )
 
 
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8)])
+def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
+    """The network's superpixels there see nothing at all."""
+    scene = np.random.default_rng(0).uniform(0.1, 1, (96, 104, 3)).astype(np.float32)
+    scene[:80] = 0
+    found = render(
+        simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0)), BEST
+    )
+    assert np.isfinite(found.chromaticity).all()
+    assert np.abs(found.rgb[:64]).max() < 1e-6
+
+
 def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
     mosaic = shot(*CASES["odd"])
 
