@@ -149,9 +149,9 @@ def _outliers_in(frame: Frame, settings: DefectsSettings, bad: BoolArray, rows: 
     )
     model = frame.noise or NoiseModel.gaussian(0.0, len(frame.gamma) + 1)
 
-    def noise(light: FloatArray) -> FloatArray:
+    def noise(level: FloatArray) -> FloatArray:
         """Difference of panchromatic samples of some luminance that noise explains."""
-        return np.float32(settings.deviations) * np.sqrt(model.variance(light))
+        return np.float32(settings.deviations) * np.sqrt(model.variance(level))
 
     def around(
         row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] = luminance
