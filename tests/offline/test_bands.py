@@ -1,6 +1,6 @@
 """Rendered in bands: the same bytes, every row once."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,17 +48,3 @@ def test_bands_are_the_whole(
         found = list(render_bands(mosaic, settings))
         assert len(found) > 1 or settings is BEST or shape[0] < 300
         assert np.array_equal(np.concatenate(found), at_once(mosaic, settings))
-
-
-@pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
-@pytest.mark.parametrize("period", [4, 6])
-def test_threads_leave_no_trace(
-    period: int, settings: RenderSettings, each_thread_count: Iterator[int]
-) -> None:
-    mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), (301, 290))
-    whole = render(mosaic, settings)
-    for _ in each_thread_count:
-        again = render(mosaic, settings)
-        for name in ("rgb", "luminance", "chromaticity"):
-            assert np.array_equal(getattr(again, name), getattr(whole, name))
-        assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)

@@ -10,7 +10,6 @@ import pytest
 from panchroma.offline.stages.chromaticity import (
     ChromaticitySettings,
     estimate_chromaticities,
-    oriented_medians,
     sigma_z,
 )
 from panchroma.offline.stages.luminance import recover_luminance
@@ -120,19 +119,3 @@ def test_wild_estimates_stay_finite_and_on_the_constraint(seed: int) -> None:
     # 4: a thousand times).
     before = estimate_chromaticities(sampled(mosaic, light), NO_MEDIANS)
     assert 10 < np.abs(found).max() <= np.abs(before).max()
-
-
-def test_only_rows_that_change_are_done_again() -> None:
-    """Going on step by step, each from scratch, is the same as all at once."""
-    coarse = np.random.default_rng(4).normal(size=(31, 26, 3))
-    coarse[:12] = 0.5
-    step, steps = coarse, 0
-    while not np.array_equal(following := oriented_medians(step, 1), step):
-        step, steps = following, steps + 1
-    assert steps > 3
-    assert np.array_equal(oriented_medians(coarse, 100), step)
-    assert np.array_equal(
-        oriented_medians(coarse, 2),
-        oriented_medians(oriented_medians(coarse, 1), 1),
-    )
-    assert np.array_equal(oriented_medians(coarse, 0), coarse)

@@ -69,9 +69,8 @@ def test_steps_equal_the_whole(
 
 def test_clear_light_stays() -> None:
     """Coefficients far above the noise are kept."""
-    clear = wave((48, 60))
-    mosaic, _ = noisy(clear, NoiseModel.gaussian(1e-4, 4))
-    clear = clear.astype(np.float32)
+    mosaic, _ = noisy(wave((48, 60)), NoiseModel.gaussian(1e-4, 4))
+    clear = wave((48, 60)).astype(np.float32)
     assert_close(denoise_luminance(clear, mosaic, SETTINGS), clear, 1e-3)
 
 

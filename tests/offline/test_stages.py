@@ -63,7 +63,8 @@ def rendered(
     mosaic: Mosaic,
     settings: RenderSettings = PAPER,
     place: int | None = None,
-    **options: bool,
+    *,
+    check_halos: bool = False,
 ) -> FloatArray:
     """A render with one more stage, before that at a place of the list."""
 
@@ -72,7 +73,7 @@ def rendered(
         where = len(usual) if place is None else place
         return [*usual[:where], stage, *usual[where:]]
 
-    return render(mosaic, settings, stages=stages, **options).rgb
+    return render(mosaic, settings, stages=stages, check_halos=check_halos).rgb
 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])

@@ -117,10 +117,9 @@ def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]
 
 def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]:
     """Top left pixel of the block with this (row, column) in the grid of blocks."""
-    found, (row, column) = block(pattern), first_patch(pattern)
-    return row - found.height // 2 + index[0] * pattern.period, column - found.width // 2 + index[
-        1
-    ] * pattern.period
+    found, (row, column), (i, j) = block(pattern), first_patch(pattern), index
+    top, left = row - found.height // 2, column - found.width // 2
+    return top + i * pattern.period, left + j * pattern.period
 
 
 @cache
