@@ -9,16 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from panchroma.offline import (
-    BEST,
-    RenderSettings,
-    memory,
-    network_name,
-    render,
-    rendering_memory,
-)
+from panchroma.offline import BEST, memory, network_name, render, rendering_memory
 from panchroma.offline.bands import Band
 from panchroma.offline.frame import Frame
+from panchroma.offline.settings import RenderSettings
 from panchroma.offline.stages import colour_network as module
 from panchroma.offline.stages.colour_network import (
     REACH,
