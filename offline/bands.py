@@ -177,24 +177,15 @@ def run_stages(
     [0.25, 0.25]
     """
     for stage in stages:
-        bands = apply_stage(bands, stage, height, progress, check_halos=check_halos)
+        bands = _apply_stage(bands, stage, height, progress, check_halos)
     return bands
 
 
-def apply_stage(
-    bands: Iterable[Band],
-    stage: RowStage,
-    height: int,
-    progress: Progress = SILENT,
-    *,
-    check_halos: bool = False,
+def _apply_stage(
+    bands: Iterable[Band], stage: RowStage, height: int, progress: Progress, check_halos: bool
 ) -> Iterator[Band]:
-    """The picture after one stage, in bands; see `run_stages`.
-
-    Raises
-    ------
-    InputError
-        For what a stage of one's own returns, if it is no such band.
+    """The picture after one stage, in bands. Raises InputError for what a stage of one's own
+    returns, if it is no such band.
     """
     ours = type(stage).__module__.startswith(f"{__package__}.")
     for band, rows in regroup(bands, height, stage.halo):
@@ -239,9 +230,8 @@ def _checked(made: object, returned: str, band: Band, rows: tuple[int, int]) -> 
     for name, plane in planes.items():
         if plane is None and name == "residual":
             continue
-        received, expected = type(plane).__name__, f"float32 {shapes[name]}"
-        if isinstance(plane, np.ndarray):
-            received = f"{plane.dtype} {plane.shape}"
+        is_array, expected = isinstance(plane, np.ndarray), f"float32 {shapes[name]}"
+        received = f"{plane.dtype} {plane.shape}" if is_array else type(plane).__name__
         if received != expected:
             raise InputError(f"{returned} a {name} that is {received}, expected {expected}")
         if not np.isfinite(plane).all():

@@ -73,16 +73,15 @@ class Sites:
         """Places of these rows of blocks, 1 or more, in a plane whose first row is the frame's row
         `first`.
         """
-        corner = int(self.grid.whole_rows[rows.start]) - first, int(self.grid.whole_columns[0])
-        counts, period = (rows.stop - rows.start, self.shape[1]), self.grid.period
-        down, across = (
-            [
-                slice(start + site[axis], start + site[axis] + (count - 1) * period + 1, period)
-                for site in self.pattern.sites
-            ]
-            for axis, (start, count) in enumerate(zip(corner, counts, strict=True))
-        )
-        return list(zip(down, across, strict=True))
+        top, left = int(self.grid.whole_rows[rows.start]) - first, int(self.grid.whole_columns[0])
+        (down, across), period = self._extent(rows), self.grid.period
+        corners = ((top + row, left + column) for row, column, _ in self.pattern.sites)
+        return [np.s_[y : y + down : period, x : x + across : period] for y, x in corners]
+
+    def _extent(self, rows: slice) -> tuple[int, int]:
+        """Rows and columns of the frame from one site of these rows of blocks to its last image."""
+        period = self.grid.period
+        return (rows.stop - rows.start - 1) * period + 1, (self.shape[1] - 1) * period + 1
 
     @property
     def pixels(self) -> tuple[IndexArray, IndexArray]:
@@ -209,10 +208,7 @@ class Sites:
             columns of blocks).
         """
         top, left = int(self.grid.whole_rows[rows][0]), int(self.grid.whole_columns[0])
-        period = self.grid.period
-        down, across = (
-            (count - 1) * period + 1 for count in (rows.stop - rows.start, self.shape[1])
-        )
+        (down, across), period = self._extent(rows), self.grid.period
         first = max(top - 1, 0)
         cut, sides = plane[first : top + down + period], ((top == 0, period), (left == 0, period))
         near = np.pad(cut, sides, constant_values=np.nan)
@@ -350,12 +346,15 @@ class Frame:
         Chromaticity of every block, float32 (block rows, block columns, C); empty until it is
         estimated.
     lines : FloatArray
-        Of every block, how colour goes with luminance beside chromaticity: slope, and slope times
-        the luminance of the block, float32 (block rows, block columns, 2 C); empty where no network
-        has found them.
+        Of every block, how colour goes with luminance, a line: what a unit of luminance adds,
+        chromaticity plus a slope, and the slope times the luminance of the block, which is taken
+        off, float32 (block rows, block columns, 2 C); empty where no network has found them.
     fill_error : FloatArray
         Standard deviation of the error of filled luminance in each of the B whole blocks, float32
         B; empty where the settings do nothing with the sites.
+    others : BlockSums | None
+        What the other frames of a burst add to the sums of Eqs. 8-9, while the colour of blocks is
+        estimated; None = there are no others.
     kept : FloatArray | None
         Share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1;
         None = all of them. A burst corrects the rest itself, with the samples of all frames;
@@ -380,6 +379,7 @@ class Frame:
     blocks: FloatArray = field(default_factory=unknown)
     lines: FloatArray = field(default_factory=unknown)
     fill_error: FloatArray = field(default_factory=unknown)
+    others: BlockSums | None = None
     kept: FloatArray | None = None
 
     @property

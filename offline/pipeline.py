@@ -302,20 +302,19 @@ def estimate_colour(
     3
     """
     luminance = _checked_luminance(luminance, frame.shape)
+    frame, lines = replace(frame, luminance=luminance, others=others, kept=alone), frame.lines
     if settings.chromaticity.learned and serves(frame.pattern):
         blocks, lines = learned_chromaticities(
-            frame, luminance, settings.chromaticity, settings.pooling, progress, others
+            frame, settings.chromaticity, settings.pooling, progress
         )
-        frame = replace(frame, lines=lines)
     else:  # c_j, Eqs. 6-9
-        blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, others)
-        blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, others)
-    frame = replace(frame, luminance=luminance, blocks=blocks)
+        blocks = estimate_chromaticities(frame, settings.chromaticity, progress)
+        blocks = pool_blocks(blocks, frame, settings.pooling, progress)
+    frame = replace(frame, blocks=blocks, lines=lines, others=None)
     if not settings.asks_for_sites:
         return frame
-    error = fill_error(luminance, frame.sites)
-    error = error if alone is None else error * alone
-    frame = replace(frame, fill_error=error, kept=alone)
+    error = fill_error(frame)
+    frame = replace(frame, fill_error=error if alone is None else error * alone)
     return replace(frame, luminance=update_luminance(frame, settings.posterior))
 
 

@@ -242,12 +242,8 @@ def kernel(function: F) -> F:
     return callee
 
 
-def _length_of_last(*arguments: Any) -> int:
-    return len(arguments[-1])
-
-
 def parallel_kernel(
-    chunks: Callable[..., int] = _length_of_last,
+    chunks: Callable[..., int] = lambda *arguments: len(arguments[-1]),
 ) -> Callable[[Callable[Concatenate[Chunks, P], None]], Callable[P, None]]:
     """Compile a function when it is first called, once per machine, and let threads call it for
     different chunks.

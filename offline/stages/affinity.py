@@ -30,6 +30,7 @@ from ...shared.arrays import BoolArray, FloatArray
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
+from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import (
     BORDER,
@@ -42,7 +43,7 @@ from ..numerics.conjugate_gradients import (
     product,
     solve,
 )
-from ..numerics.functions import exponential, unset, zeros
+from ..numerics.functions import chunk_at, exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..patches import HALO, PaddedFrame, chunk_patches, pad_frame, patches_of
 from ..stage import Between, Count, Range, StageSettings
@@ -84,53 +85,6 @@ class Filters(NamedTuple):
     slope: Floats2
 
 
-class ChunkGrid(NamedTuple):
-    """Chunks of patches that are solved.
-
-    Attributes
-    ----------
-    period : int
-        K, pixels.
-    first, end, across : int
-        First and end row, and the columns of the padded frame, in patches.
-    down, along : int
-        Patches of a chunk without its halo; `first` is a multiple of `down`.
-    """
-
-    period: int
-    first: int
-    end: int
-    across: int
-    down: int
-    along: int
-
-
-class Pins(NamedTuple):
-    """Values at the blocks, (4, 2 K, 2 K + columns): a table that repeats in both directions, and
-    where in it a chunk begins.
-    """
-
-    values: Floats3
-    row: int
-    column: int
-
-
-class Solutions(NamedTuple):
-    """Results, written.
-
-    Attributes
-    ----------
-    fields : Floats3
-        (4, pixel rows, padded columns).
-    residuals, used : Doubles1, Ints1
-        (chunks,), relative residual of the worst field, and iterations.
-    """
-
-    fields: Floats3
-    residuals: Doubles1
-    used: Ints1
-
-
 def solve_affinities(
     luminance: FloatArray,
     pattern: CfaPattern,
@@ -155,18 +109,17 @@ def solve_affinities(
     """
     grid = pattern.grid((luminance.shape[0], luminance.shape[1]))
     period, across = grid.period, grid.patches[1]
-    down, along = chunk_patches(period)
-    first, end = patches_of(grid, rows or (0, len(luminance)))
+    size = chunk_patches(period)
+    first, end = patches = patches_of(grid, rows or (0, len(luminance)))
     filters = derivative_filters(settings.scales)
     padded = pad_frame(luminance, grid, filters.smooth.shape[1] - 1)
-    count = -(-(end - first) // down) * -(-across // along)
+    count = chunk_count((end - first, across), size)
+    residuals, used = np.empty(count), np.empty(count, np.intp)
     fields = np.empty((CLASSES, (end - first) * period, across * period), np.float32)
-    solutions = Solutions(fields, np.empty(count), np.empty(count, np.intp))
-    chunk_grid = ChunkGrid(period, first, end, across, down, along)
     limits = Limits(settings.tolerance, settings.iterations)
-    pins = _pins(pattern, grid, (along + 2 * HALO) * period)
-    solve_fields(padded, chunk_grid, pins, filters, limits, solutions)
-    check_convergence("affinity", solutions.used, solutions.residuals, settings.tolerance)
+    pins = _pins(pattern, grid, (size[1] + 2 * HALO) * period)
+    solve_fields(padded, patches, size, pins, filters, limits, fields, residuals, used)
+    check_convergence("affinity", used, residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
 
@@ -205,42 +158,49 @@ _NO_ENERGY = np.float32(1e-30)  # scene units squared
 _LEAST_DIAGONAL = np.float32(1e-37)
 
 
-@parallel_kernel(chunks=lambda *arguments: len(arguments[-1].used))
+@parallel_kernel()
 def solve_fields(
     chunks: Chunks,
     frame: PaddedFrame,
-    grid: ChunkGrid,
+    patches: Pair,
+    chunk_size: Pair,
     pins: Floats3,
     filters: Filters,
     limits: Limits,
-    solutions: Solutions,
+    fields: Floats3,
+    residuals: Doubles1,
+    used: Ints1,
 ) -> None:
     """Solve the fields of some rows of patches.
 
     Parameters
     ----------
+    patches : Pair
+        First and end row of patches; chunks begin at the first.
+    chunk_size : Pair
+        Patches of a chunk without its halo, down and across.
     pins : Floats3
         See `_pins`.
     limits : Limits
         Norm of the residual relative to that of the right-hand side, both over the roots of the
         diagonal, and iterations.
+    fields : Floats3
+        (4, pixel rows, padded columns), written.
+    residuals, used : Doubles1, Ints1
+        (chunks,), written: relative residual of the worst field, and iterations.
     """
-    period, reach = grid.period, filters.smooth.shape[1] - 1
-    height = (len(frame.rows) - 2 * reach) // period
-    across = (grid.across + grid.along - 1) // grid.along
+    period, reach = pins.shape[1] // 2, filters.smooth.shape[1] - 1
+    height, width = (len(frame.rows) - 2 * reach) // period, fields.shape[2] // period
     for chunk in range(chunks[0], chunks[1]):
-        top, left = grid.first + chunk // across * grid.down, chunk % across * grid.along
-        bottom = min(top + grid.down, grid.end)
-        right = min(left + grid.along, grid.across)
-        above, before = max(top - HALO, 0), max(left - HALO, 0)
-        size = (
-            (min(bottom + HALO, height) - above) * period,
-            (min(right + HALO, grid.across) - before) * period,
-        )
+        top, bottom, left, right = chunk_at(chunk, (patches[1] - patches[0], width), chunk_size)
+        first, end = patches[0] + top, patches[0] + bottom
+        above, before = max(first - HALO, 0), max(left - HALO, 0)
+        below, after = min(end + HALO, height), min(right + HALO, width)
+        size = (below - above) * period, (after - before) * period
         luminance = _window(
             frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach)
         )
-        given = Pins(pins, above % 2 * period, before % 2 * period)
+        given = _given(pins, (above % 2 * period, before % 2 * period), size)
         links = planes(4, size)
         _weigh(transmission(luminance, period, filters), links)
         cut(links, size)
@@ -251,21 +211,24 @@ def solve_fields(
         norm = _start(links, given, size[1], scale, residual)
         _scale(links, scale)
         system = System(links, links[:0])
-        solutions.residuals[chunk], solutions.used[chunk] = solve(
-            system, residual, solution, limits, norm
-        )
+        residuals[chunk], used[chunk] = solve(system, residual, solution, limits, norm)
         for row in range((bottom - top) * period):
-            place = (top - grid.first) * period + row, left * period
-            inner = (top - above) * period + row, (left - before) * period
-            _finish(solution, scale, given, inner, solutions.fields, place, (right - left) * period)
+            place = top * period + row, left * period
+            inner = (first - above) * period + row, (left - before) * period
+            _finish(solution, scale, given, inner, fields, place, (right - left) * period)
 
 
 @kernel
-def _given(pins: Pins, field: int, row: int, columns: int) -> Floats1:
-    """Values at the blocks in a row of a chunk."""
-    return pins.values[field, (pins.row + row) % pins.values.shape[1]][
-        pins.column : pins.column + columns
-    ]
+def _given(pins: Floats3, place: Pair, size: Pair) -> FloatArray:
+    """Values at the blocks of a chunk, in planes; the chunk begins at this place of the table."""
+    given = planes(CLASSES, size)
+    for field in range(CLASSES):
+        for row in range(size[0]):
+            source = pins[field, (place[0] + row) % pins.shape[1]][place[1] :]
+            line = given[field, BORDER + row]
+            for column in range(size[1]):
+                line[column] = source[column]
+    return given
 
 
 @kernel
@@ -392,7 +355,9 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
 
 
 @kernel
-def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: Floats3) -> float:
+def _start(
+    links: Floats3, given: Floats3, columns: int, scale: Floats2, residual: Floats3
+) -> float:
     """Write what scales the equations to a diagonal of one, and the start's residuals. Returns the
     largest square of a right side.
 
@@ -406,15 +371,14 @@ def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: F
     solved, every = len(residual), zeros(*scale.shape)
     every[:] = _ONE
     linked_sum(links, every, scale)
-    every[:] = _ZERO
-    for row in range(scale.shape[0] - 2 * BORDER):
-        line, pinned = scale[BORDER + row], _given(pins, solved, row, columns)
+    for row in range(BORDER, len(scale) - BORDER):
+        line, pinned = scale[row], given[solved, row]
         for column in range(columns):
             line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST_DIAGONAL))
-    _right_side(links, pins, solved, columns, scale, every)
+    _right_side(links, given[solved], scale, every)
     norm, start = 0.0, every.reshape(-1)
     for field in range(solved):
-        _right_side(links, pins, field, columns, scale, residual[field])
+        _right_side(links, given[field], scale, residual[field])
         norm = max(norm, product(residual[field], residual[field]))
         out = residual[field].reshape(-1)
         for index in range(len(out)):
@@ -423,15 +387,8 @@ def _start(links: Floats3, pins: Pins, columns: int, scale: Floats2, residual: F
 
 
 @kernel
-def _right_side(
-    links: Floats3, pins: Pins, field: int, columns: int, scale: Floats2, out: Floats2
-) -> None:
+def _right_side(links: Floats3, values: Floats2, scale: Floats2, out: Floats2) -> None:
     """Write the scaled sum of the links to blocks."""
-    values = zeros(*scale.shape)
-    for row in range(scale.shape[0] - 2 * BORDER):
-        line, source = values[BORDER + row], _given(pins, field, row, columns)
-        for column in range(columns):
-            line[column] = source[column]
     linked_sum(links, values, out)
     sums, roots = out.reshape(-1), scale.reshape(-1)
     for index in range(len(sums)):
@@ -462,7 +419,7 @@ def _scale(links: Floats3, scale: Floats2) -> None:
 def _finish(
     solution: Floats3,
     scale: Floats2,
-    pins: Pins,
+    given: Floats3,
     inner: Pair,
     fields: Floats3,
     place: Pair,
@@ -475,11 +432,11 @@ def _finish(
     """
     (row, left), solved = inner, len(solution)
     sums = zeros(columns)
-    pinned = _given(pins, solved, row, left + columns)[left:]
+    pinned = given[solved, BORDER + row][left:]
     roots = scale[BORDER + row][left:]
     for field in range(solved):
         source = solution[field, BORDER + row][left:]
-        pin = _given(pins, field, row, left + columns)[left:]
+        pin = given[field, BORDER + row][left:]
         out = fields[field, place[0]][place[1] :]
         for column in range(columns):
             start = pin[column] + _QUARTER * (_ONE - pinned[column])

@@ -46,7 +46,7 @@ from ...shared.arrays import FloatArray, IndexArray
 from ...shared.networks import NETWORKS, load_network
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
-from ..frame import BlockSums, Frame, mean_of_sites
+from ..frame import Frame, mean_of_sites
 from ..numerics.chunks import in_chunks, in_strips
 from ..numerics.gaussian import gaussian, smoothed
 from .chromaticity import ChromaticitySettings, estimate_chromaticities
@@ -89,22 +89,13 @@ def serves(pattern: CfaPattern) -> bool:
 
 def learned_chromaticities(
     frame: Frame,
-    luminance: FloatArray,
     medians: ChromaticitySettings,
     pooling: PoolingSettings,
     progress: Progress = SILENT,
-    others: BlockSums | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """c_j of every block of the grid, float32 (block rows, block columns, 3), and its line, (block
-    rows, block columns, 6): the slope s of colour beside c_j l, and s times the luminance of the
-    block. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
-
-    Parameters
-    ----------
-    luminance : FloatArray
-        (H, W), denoised, scene units.
-    others : BlockSums | None, optional
-        What other frames of a burst add to the sums of each whole block.
+    rows, block columns, 6): c_j + s, with s the slope of colour beside c_j l, and s times the
+    luminance of the block. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
 
     Raises
     ------
@@ -112,22 +103,23 @@ def learned_chromaticities(
         When the network cannot be read.
     """
     network = load_network(PATH)
-    alike = alike_blocks(frame, luminance, medians, pooling, progress, others)
+    alike = alike_blocks(frame, medians, pooling, progress)
     height, width = frame.sites.shape
     lines = np.empty((height, width, 9), np.float32)
     # an even number in a row, so that two threads end together; one where each would see the frame
     columns = [*_chunks(width, 2 * -(-width // (2 * _SIDE)) if width > 2 * _HALO else 1)]
     for rows in _chunks(height, -(-height // _SIDE)):
         known = slice(int(rows.seen[0]), int(rows.seen[-1]) + 1)
-        planes, at_sites = _planes_in_strips(frame, luminance, alike, others, known)
+        planes, at_sites = _planes_in_strips(frame, alike, known)
         seen = rows._replace(seen=rows.seen - known.start)
         _answer(network, planes, seen, columns, lines[..., :6])
         at_sites = at_sites[rows.place.start - known.start :][: rows.place.stop - rows.place.start]
         lines[rows.place, :, 6:] = lines[rows.place, :, 3:6] * at_sites[..., None]
         del planes  # before those of the next rows
     lines /= np.tile(frame.gamma32, 3)
-    lines = frame.sites.grid.extend(lines)
-    return lines[..., :3], lines[..., 3:]
+    lines[..., 3:6] += lines[..., :3]
+    blocks, spread = (frame.grid.extend(planes) for planes in np.split(lines, [3], axis=2))
+    return blocks, spread
 
 
 class Chunk(NamedTuple):
@@ -162,11 +154,7 @@ def _chunks(whole: int, count: int) -> Iterator[Chunk]:
 
 
 def _planes_in_strips(
-    frame: Frame,
-    luminance: FloatArray,
-    alike: tuple[FloatArray, FloatArray],
-    others: BlockSums | None,
-    rows: slice,
+    frame: Frame, alike: tuple[FloatArray, FloatArray], rows: slice
 ) -> tuple[FloatArray, FloatArray]:
     """Planes and luminance of rows, as `block_planes` makes them of all; threads share them."""
     (height, width), count = frame.sites.shape, rows.stop - rows.start
@@ -176,7 +164,7 @@ def _planes_in_strips(
     def work(strip: slice) -> None:
         first, end = rows.start + strip.start, rows.start + strip.stop
         seen = slice(max(first - reach, 0), min(end + reach, height))
-        found, lit = block_planes(frame, luminance, alike, others, seen)
+        found, lit = block_planes(frame, alike, seen)
         inner = slice(first - seen.start, first - seen.start + strip.stop - strip.start)
         planes[:, strip], at_sites[strip] = found[:, inner], lit[inner]
 
@@ -201,17 +189,13 @@ def _answer(
 
 def alike_blocks(
     frame: Frame,
-    luminance: FloatArray,
     medians: ChromaticitySettings,
     pooling: PoolingSettings,
     progress: Progress = SILENT,
-    others: BlockSums | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Chromaticities of the whole blocks, c and c', float32 (rows, columns, 3) each. Parameters as
-    for `learned_chromaticities`.
-    """
-    single = estimate_chromaticities(frame, luminance, medians, progress, others)
-    passes = pooled_in_passes(single, frame, luminance, pooling, _ERROR, progress, others)
+    """Chromaticities of the whole blocks, c and c', float32 (rows, columns, 3) each."""
+    single = estimate_chromaticities(frame, medians, progress)
+    passes = pooled_in_passes(single, frame, pooling, _ERROR, progress)
     return passes[0], passes[-1]
 
 
@@ -246,11 +230,7 @@ def mixed(planes: FloatArray, answer: FloatArray) -> FloatArray:
 
 
 def block_planes(
-    frame: Frame,
-    luminance: FloatArray,
-    alike: tuple[FloatArray, FloatArray],
-    others: BlockSums | None = None,
-    rows: slice | None = None,
+    frame: Frame, alike: tuple[FloatArray, FloatArray], rows: slice | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Inputs of the network for whole blocks, (PLANES, rows, columns), and their luminance, scene
     units, (rows, columns); float32.
@@ -259,8 +239,6 @@ def block_planes(
     ----------
     alike : tuple[FloatArray, FloatArray]
         What `alike_blocks` returns.
-    luminance, others
-        As for `learned_chromaticities`.
     rows : slice | None, optional
         Of blocks; None = all.
     """
@@ -269,7 +247,7 @@ def block_planes(
     channels, counts = sites.channels, sites.pattern.site_counts[:, None, None].astype(np.float32)
     samples = sites.in_rows(frame.signal, rows)
     around = sites.surroundings(frame.signal, rows)
-    lit = sites.in_rows(luminance, rows) / level
+    lit = sites.in_rows(frame.luminance, rows) / level
     read = samples * gamma[channels] / level
     moments = np.concatenate(
         [_planes(sites.means(v)) for v in (lit, read, lit * lit, lit * read, read * read)]
@@ -277,7 +255,7 @@ def block_planes(
     own, weight, product = moments[:3], moments[6:9], moments[9:12]
     at_sites = np.maximum(mean_of_sites(lit), 0)
     x, share = at_sites[None], np.ones_like(weight)
-    if others is not None:
+    if (others := frame.others) is not None:
         unit = counts * level**2
         added = weight + _planes(others.weight[rows]) / unit
         product = product + _planes(others.product[rows] * gamma) / unit

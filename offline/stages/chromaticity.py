@@ -54,30 +54,19 @@ _LEAST_TOTAL = 0.5
 
 
 def estimate_chromaticities(
-    frame: Frame,
-    luminance: FloatArray,
-    settings: ChromaticitySettings,
-    progress: Progress = SILENT,
-    others: BlockSums | None = None,
+    frame: Frame, settings: ChromaticitySettings, progress: Progress = SILENT
 ) -> FloatArray:
     """c_j of every block of the grid, float32 (block rows, block columns, C); sum_i gamma_i c_i = 1
     in each.
 
     Blocks that lie partly or wholly outside the frame take the value of the nearest whole block.
-
-    Parameters
-    ----------
-    luminance : FloatArray
-        (H, W), scene units.
-    others : BlockSums | None, optional
-        What other frames add to the sums of each whole block.
     """
     progress.stage("estimating colour of blocks", settings.repetitions)
-    gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
+    gamma, sums, sigma = frame.gamma, block_sums(frame), sigma_z(frame)
     chromaticity = sums.solved(sigma, gamma)
-    if others is not None:
+    if frame.others is not None:
         own = BlockSums(sums.weight, sums.weight * chromaticity)
-        chromaticity = (own + others).solved(sigma, gamma)
+        chromaticity = (own + frame.others).solved(sigma, gamma)
     if settings.repetitions:
         chromaticity = oriented_medians(chromaticity, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors
@@ -96,20 +85,14 @@ def estimate_chromaticities(
     return frame.sites.grid.extend(scaled.astype(np.float32))
 
 
-def block_sums(frame: Frame, luminance: FloatArray) -> BlockSums:
-    """The sums of Eqs. 8-9 of each whole block.
-
-    Parameters
-    ----------
-    luminance : FloatArray
-        (H, W), scene units.
-    """
+def block_sums(frame: Frame) -> BlockSums:
+    """The sums of Eqs. 8-9 of each whole block."""
     shape = *frame.sites.shape, len(frame.gamma)
     weight, product, signal = np.zeros(shape), np.zeros(shape), frame.signal
 
     def work(rows: slice) -> None:
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
-            filled = luminance[place].astype(np.float64)
+            filled = frame.luminance[place].astype(np.float64)
             weight[rows, :, channel] += filled**2
             product[rows, :, channel] += filled * signal[place]
 

@@ -126,13 +126,14 @@ class ColourNetwork(RowStage):
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows with their chromaticity corrected; they end where chunks do."""
         grid, network, gamma = self._grid, load_network(self.path), self.frame.gamma32
-        residuals, size = Residuals(grid, band, self.frame), _SIDE * grid.period
-        first, last = ((row - grid.origin[0]) // size for row in (rows[0], rows[1] - 1))
+        residuals, period = Residuals(grid, band, self.frame), grid.period
+        first, last = ((row - grid.origin[0]) // (_SIDE * period) for row in (rows[0], rows[1] - 1))
         # an even number of chunks in a row: two threads end together
         count = 2 * -(-grid.shape[1] // (2 * _WIDEST))
         sides = _SIDE, -(-grid.shape[1] // count)
-        result = band.rows(*rows)
+        result, basis = band.rows(*rows), np.empty_like(BASIS)
         result = replace(result, chromaticity=copy_array(result.chromaticity))
+        basis[:, grid.channels] = BASIS
 
         def correct(chunk: tuple[int, int]) -> None:
             window = [
@@ -149,11 +150,15 @@ class ColourNetwork(RowStage):
                 down, across = ((int(places[0]), int(places[-1]) + 1) for places in box)
                 inputs = contrast.around(down, across, REACH).inputs()[None]
                 (answer,) = network.run(None, {"features": inputs})
-                spans = [
-                    grid.span(axis, window[axis], span) for axis, span in enumerate((down, across))
-                ]
                 limited = contrast.around(down, across, 1).answered(answer[0])
-                grid.add(limited, spans, result, gamma)
+                rows, columns = (
+                    grid.pixels(axis, window[axis])[
+                        (_HALO + start) * period : (_HALO + end) * period
+                    ]
+                    for axis, (start, end) in enumerate((down, across))
+                )
+                places = rows - result.first, columns
+                add_answer(limited, basis, gamma, places, result.luminance, result.chromaticity)
 
         chunks = [(down, across) for down in range(first, last + 1) for across in range(count)]
         in_chunks(lambda first, _: correct(chunks[first]), len(chunks))
@@ -365,7 +370,7 @@ class Superpixels:
             All rows of the frame that the superpixels show.
         """
         down, across = (
-            mirrored(self._turned_pixels(axis, span), self.frame[axis])
+            mirrored(self.pixels(axis, span), self.frame[axis])
             for axis, span in enumerate((rows, columns))
         )
         down = down.clip(band.first, band.end - 1) - band.first
@@ -377,35 +382,13 @@ class Superpixels:
         cut_superpixels(band.luminance, band.chromaticity, of_channels, down, across, picture)
         return picture
 
-    def add(self, answer: Answer, spans: list[Span], result: Band, gamma: FloatArray) -> None:
-        """Correct the chromaticity of a band in some superpixels, as far as it has them.
-
-        Parameters
-        ----------
-        spans : list[Span]
-            Rows and columns of the superpixels in the frame.
-        """
-        basis, (rows, columns) = np.empty_like(BASIS), map(self._turned_pixels, (0, 1), spans)
-        basis[:, self.channels] = BASIS
-        places = rows - result.first, columns
-        add_answer(answer, basis, gamma, places, result.luminance, result.chromaticity)
-
-    def span(self, axis: int, window: Span, inner: Span) -> Span:
-        """Return the superpixels of the frame that are some of those inside the outermost `_HALO`
-        of a mirrored window of superpixels.
-        """
-        first, end = (_HALO + superpixel for superpixel in inner)
-        if self.steps[axis] > 0:
-            return window[0] + first, window[0] + end
-        return window[1] - end, window[1] - first
-
     def turned(self, planes: FloatArray) -> FloatArray:
         """Return planes (..., rows, columns) in the orientation that the network knows, or back
         from it; a view.
         """
         return planes[..., :: self.steps[0], :: self.steps[1]]
 
-    def _turned_pixels(self, axis: int, span: Span) -> IndexArray:
+    def pixels(self, axis: int, span: Span) -> IndexArray:
         """Rows, or columns, of the frame at pixels of superpixels, as the network knows them."""
         pixels = self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
         return np.ascontiguousarray(pixels[:: self.steps[axis]])
@@ -509,9 +492,11 @@ class Residuals:
         noise = frame.scaled_variance(rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
         variance = np.where(frame.unclipped[rows], variance, np.float32(UNKNOWN))
-        self._grid, self._first = grid, (grid.blocks[0] + rows.start, grid.blocks[1])
+        # one superpixel around the whole blocks stands for all beyond
+        error = np.pad(error, ((1, 1), (1, 1), (0, 0)))
+        variance = np.pad(variance, 1, constant_values=UNKNOWN)
+        self._grid, self._first = grid, (grid.blocks[0] + rows.start - 1, grid.blocks[1] - 1)
         self._values = np.concatenate([error, variance[..., None]], axis=2)
-        self._outside = np.array([0] * len(grid.sites) + [UNKNOWN], np.float32)
 
     def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray]:
         """Return the residuals at the S sites of some superpixels, mirrored, and the variance of
@@ -519,17 +504,12 @@ class Residuals:
 
         Float32 (S, h, w) and (h, w): 0 and UNKNOWN in superpixels without a whole block.
         """
-        count = self._values.shape[:2]
         places = [
-            np.arange(*span) - first
-            for span, first in zip((rows, columns), self._first, strict=True)
+            (np.arange(*span) - first).clip(0, size - 1)
+            for span, first, size in zip(
+                (rows, columns), self._first, self._values.shape[:2], strict=True
+            )
         ]
-        down, across = (
-            (place >= 0) & (place < size) for place, size in zip(places, count, strict=True)
-        )
-        values = self._values[
-            np.ix_(*(place.clip(0, size - 1) for place, size in zip(places, count, strict=True)))
-        ]
-        values = np.where((down[:, None] & across)[..., None], values, self._outside)
-        planes = np.ascontiguousarray(self._grid.turned(values.transpose(2, 0, 1)))
+        values = self._values[np.ix_(*places)].transpose(2, 0, 1)
+        planes = np.ascontiguousarray(self._grid.turned(values))
         return planes[:-1], planes[-1]

@@ -38,7 +38,7 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from ...shared.site_errors import nearness
 from ..bands import DARK, Band, Halo, RowStage
-from ..frame import Frame, Sites, curvature, mean_of_sites
+from ..frame import Frame, curvature, mean_of_sites
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
@@ -67,14 +67,14 @@ _RIDGE = 1e-6  # of D + T, added to v: equations can be solved where one error e
 _ZERO = np.float32(0)
 
 
-def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
+def fill_error(frame: Frame) -> FloatArray:
     """Return f, the error of filled luminance in each whole block, scene units, float32 (rows,
     columns).
     """
-    error = np.empty(sites.shape, np.float32)
+    error = np.empty(frame.sites.shape, np.float32)
 
     def work(rows: slice) -> None:
-        bends = [curvature(luminance, place, sites.grid) for place in sites.at(rows)]
+        bends = [curvature(frame.luminance, place, frame.grid) for place in frame.sites.at(rows)]
         error[rows] = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_CURVED)
 
     in_strips(work, len(error), BLOCK_ROWS)
@@ -111,8 +111,7 @@ def _block_residuals(frame: Frame, rows: slice) -> tuple[FloatArray, FloatArray]
     filled, weight = sites.in_rows(frame.luminance, rows), sites.whole(frame.blocks)[rows]
     error = sites.in_rows(frame.signal, rows) * gamma[sites.channels]
     if frame.lines.size:
-        slope, level = np.split(sites.whole(frame.lines)[rows], 2, axis=2)
-        weight = weight + slope
+        weight, level = np.split(sites.whole(frame.lines)[rows], 2, axis=2)
         error = error + np.take(level * gamma, sites.channels, axis=2)
     weight = np.take(weight * gamma, sites.channels, axis=2)
     error = error - weight * filled
@@ -290,8 +289,7 @@ class Correction(RowStage):
         error, weight = sites.residual(band, blocks), np.stack(colours, axis=2)
         along = None  # what a unit of luminance adds to each channel, on the lines of blocks
         if frame.lines.size:
-            slope = sites.whole(frame.lines)[blocks, :, : len(gamma)]
-            along = sites.whole(frame.blocks)[blocks] + slope
+            along = sites.whole(frame.lines)[blocks, :, : len(gamma)]
             weight = np.take(along * gamma, sites.channels, axis=2)
         change, tints = estimate_errors(error, weight, frame, blocks)
         if frame.kept is not None:

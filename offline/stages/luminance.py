@@ -121,7 +121,11 @@ def recover_luminance(
 
 def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> FloatArray:
     pattern, signal = mosaic.pattern, mosaic.signal
-    first = _first_threshold(float(signal.max()), settings)
+    first, brightest = settings.threshold, float(signal.max())
+    if settings.relative:
+        first *= max(brightest, 0.0)
+    elif brightest > _WHITE:
+        first = max(first, (brightest - 1) / 2)
     thresholds = (first * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
     holes = _holes(pattern, (pattern.period, signal.shape[1]))
     start = (
@@ -157,12 +161,6 @@ def fill(
         plane, result = result, plane
         progress.advance()
     return plane[:, REACH:-REACH].copy()
-
-
-def _first_threshold(brightest: float, settings: LuminanceSettings) -> float:
-    if settings.relative:
-        return settings.threshold * max(brightest, 0.0)
-    return max(settings.threshold, (brightest - 1) / 2 if brightest > _WHITE else 0.0)
 
 
 def _around(signal: FloatArray, holes: BoolArray) -> FloatArray:

@@ -126,12 +126,7 @@ _APART = 0.42
 
 
 def pool_blocks(
-    blocks: FloatArray,
-    frame: Frame,
-    luminance: FloatArray,
-    settings: PoolingSettings,
-    progress: Progress = SILENT,
-    others: BlockSums | None = None,
+    blocks: FloatArray, frame: Frame, settings: PoolingSettings, progress: Progress = SILENT
 ) -> FloatArray:
     """c_j of every block, float32 (block rows, block columns, C), sum_i gamma_i c_i = 1; `blocks`
     itself where there is no noise.
@@ -140,24 +135,18 @@ def pool_blocks(
     ----------
     blocks : FloatArray
         What `estimate_chromaticities` returns; the first pass compares these.
-    luminance : FloatArray
-        (H, W), denoised, scene units.
-    others : BlockSums | None, optional
-        What other frames add to the sums of each whole block.
     """
     error = settings.curvature_error * len(frame.gamma) ** 2
-    passes = pooled_in_passes(blocks, frame, luminance, settings, error, progress, others)
+    passes = pooled_in_passes(blocks, frame, settings, error, progress)
     return frame.sites.grid.extend(passes[-1])
 
 
 def pooled_in_passes(
     blocks: FloatArray,
     frame: Frame,
-    luminance: FloatArray,
     settings: PoolingSettings,
     error: float,
     progress: Progress = SILENT,
-    others: BlockSums | None = None,
 ) -> list[FloatArray]:
     """c_j of the whole blocks after each pass, float32 (rows, columns, C); those of `blocks` where
     there is no noise. Parameters as for `pool_blocks`; `error` of filled luminance as for
@@ -169,8 +158,8 @@ def pooled_in_passes(
     progress.stage("pooling colour of blocks", len(settings.passes))
     sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey
     chromaticity = np.moveaxis(sites.whole(blocks), 2, 0)
-    sums, filled = precise_sums(frame, luminance, chromaticity, error)
-    if others is not None:
+    sums, filled = precise_sums(frame, chromaticity, error)
+    if (others := frame.others) is not None:
         shown = np.float32(grey) * filled[..., None]
         variances = frame.variance(shown, slice(0, len(filled)), np.arange(len(gamma)))
         precision = 1 / np.maximum(variances, _LEAST_VARIANCE * frame.level**2)
@@ -213,7 +202,7 @@ def _pooled(sums: FloatArray, features: FloatArray, near: FloatArray) -> FloatAr
 
 
 def precise_sums(
-    frame: Frame, luminance: FloatArray, chromaticity: FloatArray, error: float
+    frame: Frame, chromaticity: FloatArray, error: float
 ) -> tuple[FloatArray, FloatArray]:
     """A and B of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows,
     columns).
@@ -233,8 +222,8 @@ def precise_sums(
 
     def work(rows: slice) -> None:
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):
-            value = luminance[place]
-            bend = curvature(luminance, place, frame.sites.grid)
+            value = frame.luminance[place]
+            bend = curvature(frame.luminance, place, frame.grid)
             variance = np.square(np.float32(error) * sensitivity[channel, rows] * bend)
             variance += frame.variance((grey * value)[..., None], rows, np.array([channel]))[..., 0]
             precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)

@@ -10,13 +10,11 @@ Literally: tests/reference/propagation.py.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from ...shared.arrays import FloatArray
-from ...shared.pattern import CfaPattern
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3, Frozen2, Single
@@ -64,14 +62,6 @@ class Propagation(RowStage):
             alignment=chunk_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
         )
 
-    @cached_property
-    def _known(self) -> FloatArray:
-        """Values of every block that are spread: c, or with lines c + s and s l_j."""
-        if not self.frame.lines.size:
-            return self.frame.blocks
-        slope, level = np.split(self.frame.lines, 2, axis=2)
-        return np.concatenate([self.frame.blocks + slope, level], axis=2)
-
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, with a chromaticity that does not depend on the band's.
 
@@ -80,17 +70,34 @@ class Propagation(RowStage):
         ConvergenceError
             When conjugate gradients do not reach their tolerance.
         """
-        luminance, pattern = self.frame.luminance, self.frame.pattern
         # alpha, Eqs. 11-13
-        fields = solve_affinities(luminance, pattern, self.affinity, rows)
-        # c, Eqs. 10 and 14
-        lit = band.rows(*rows).luminance
-        colour = propagate(self._known, fields, luminance, pattern, self.settings, rows)
+        fields = solve_affinities(self.frame.luminance, self.frame.pattern, self.affinity, rows)
+        lit, colour = band.rows(*rows).luminance, self.mixed(fields, rows)
         if self.frame.lines.size:
             along, least = colour, np.float32(_DIMMEST * self.frame.level)
             colour = np.empty((*lit.shape, len(self.frame.gamma32)), np.float32)
             follow_lines(along, lit, least, self.frame.gamma32, colour)
         return Band(rows[0], lit, colour)
+
+    def mixed(self, affinity: FloatArray, rows: tuple[int, int]) -> FloatArray:
+        """c[n] of some rows of the frame, float32 (rows, W, C), Eqs. 10 and 14; with lines, all
+        that is spread.
+
+        Parameters
+        ----------
+        affinity : FloatArray
+            The fields that `solve_affinities` returns for the same rows.
+        """
+        grid, settings = self.frame.grid, self.settings
+        known = self.frame.lines if self.frame.lines.size else self.frame.blocks
+        (above, _), (left, _) = grid.padding
+        fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, rows)[0]
+        out = np.empty((rows[1] - rows[0], grid.frame[1], known.shape[-1]), np.float32)
+        padded = pad_frame(self.frame.luminance, grid)
+        corner = rows[0] + above - first * grid.period, left
+        weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
+        mix(fields, known, padded, Place(first, *corner), weighting, out)
+        return out
 
 
 @parallel_kernel()
@@ -122,40 +129,6 @@ def follow_lines(
                 total += gamma[channel] * value
             for channel in range(channels):
                 out[row, column, channel] /= total
-
-
-def propagate(
-    blocks: FloatArray,
-    affinity: FloatArray,
-    luminance: FloatArray,
-    pattern: CfaPattern,
-    settings: PropagationSettings,
-    rows: tuple[int, int] | None = None,
-) -> FloatArray:
-    """c[n] of some rows of the frame, float32 (rows, W, C).
-
-    Parameters
-    ----------
-    blocks : FloatArray
-        Chromaticity of every block of the frame, (block rows, block columns, C).
-    affinity : FloatArray
-        The fields that `solve_affinities` returns for the same rows.
-    luminance : FloatArray
-        (H, W), the whole frame.
-    rows : tuple[int, int] | None, optional
-        First and end; None = all.
-    """
-    height, width = luminance.shape
-    top, bottom = rows or (0, height)
-    grid = pattern.grid((height, width))
-    (above, _), (left, _) = grid.padding
-    fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, (top, bottom))[0]
-    out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
-    padded = pad_frame(luminance, grid)
-    corner = top + above - first * grid.period, left
-    weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
-    mix(fields, blocks, padded, Place(first, *corner), weighting, out)
-    return out
 
 
 class Place(NamedTuple):

@@ -19,8 +19,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import FloatArray, mirrored
-from ...shared.calibration import NoiseModel
+from ...shared.arrays import mirrored
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
@@ -73,61 +72,31 @@ class Refinement(RowStage):
 
     @cached_property
     def sigma(self) -> float:
-        """sigma_z of Eq. 16, scene units."""
-        return noise_level(self.frame.luminance, self.frame.noise)
+        """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if it is not
+        known.
+        """
+        noise = self.frame.noise
+        return noise.sigma(float(self.frame.luminance.mean(dtype=np.float64))) if noise else 0.0
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
-        """These rows with their chromaticity refined."""
-        luminance, period = self.frame.luminance, self.frame.pattern.period
-        refined = refine(band, rows, luminance, period, self.sigma, self.settings)
-        return Band(rows[0], band.rows(*rows).luminance, refined)
-
-
-def refine(
-    band: Band,
-    rows: tuple[int, int],
-    luminance: FloatArray,
-    period: int,
-    sigma: float,
-    settings: RefinementSettings,
-) -> FloatArray:
-    """c+[n] of some rows of the frame, float32 (rows, W, C).
-
-    Parameters
-    ----------
-    band : Band
-        c[n], with what the window reaches around these rows.
-    luminance : FloatArray
-        (H, W), the whole frame.
-    period : int
-        K, pixels.
-    sigma : float
-        sigma_z of Eq. 16, scene units (see `noise_level`).
-    """
-    if not settings.used:
-        return band.rows(*rows).chromaticity.copy()
-    result = np.empty((rows[1] - rows[0], *band.chromaticity.shape[1:]), np.float32)
-    width = max(settings.strength * sigma, settings.floor)  # h
-    # A window of (K + 1) x (K + 1) for even K.
-    blur, radius = gaussian(settings.blur * period), period // 2
-    margin = (settings.repetitions + 1) * radius + len(blur) // 2
-    down, across = (
-        mirrored(np.arange(first - margin, end + margin), size)
-        for (first, end), size in zip((rows, (0, luminance.shape[1])), luminance.shape, strict=True)
-    )
-    # Beyond the rows of the band, weights alone are needed.
-    at = (down - band.first).clip(0, len(band.chromaticity) - 1)
-    initial = np.ascontiguousarray(band.chromaticity)
-    window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
-    average(initial, luminance, Places(down, at, across), window, result)
-    return result
-
-
-def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
-    """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if there is no
-    noise model.
-    """
-    return noise.sigma(float(luminance.mean(dtype=np.float64))) if noise else 0.0
+        """These rows with their chromaticity refined, c+[n]."""
+        luminance, period, settings = self.frame.luminance, self.frame.pattern.period, self.settings
+        result = np.empty((rows[1] - rows[0], *band.chromaticity.shape[1:]), np.float32)
+        width = max(settings.strength * self.sigma, settings.floor)  # h
+        # A window of (K + 1) x (K + 1) for even K.
+        blur, radius = gaussian(settings.blur * period), period // 2
+        margin = (settings.repetitions + 1) * radius + len(blur) // 2
+        spans = rows, (0, luminance.shape[1])
+        down, across = (
+            mirrored(np.arange(first - margin, end + margin), size)
+            for (first, end), size in zip(spans, luminance.shape, strict=True)
+        )
+        # Beyond the rows of the band, weights alone are needed.
+        at = (down - band.first).clip(0, len(band.chromaticity) - 1)
+        initial = np.ascontiguousarray(band.chromaticity)
+        window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
+        average(initial, luminance, Places(down, at, across), window, result)
+        return Band(rows[0], band.rows(*rows).luminance, result)
 
 
 _ROWS, _COLUMNS = 64, 240  # of a chunk; chosen for speed: no bit depends on it

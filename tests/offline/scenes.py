@@ -73,5 +73,5 @@ def cleaned(mosaic: Mosaic, clipping: float = np.inf) -> Frame:
 
 def sampled(mosaic: Mosaic, luminance: FloatArray, clipping: float = np.inf) -> Frame:
     """The same, with luminance."""
-    frame = cleaned(mosaic, clipping)
-    return replace(frame, luminance=luminance, fill_error=fill_error(luminance, frame.sites))
+    frame = replace(cleaned(mosaic, clipping), luminance=luminance)
+    return replace(frame, fill_error=fill_error(frame))

@@ -1,12 +1,10 @@
 """The four parity fields against their reference, and against what makes them affinities."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from panchroma.offline.patches import band_rows
 from panchroma.offline.stages import affinity as stage
 from panchroma.offline.stages.affinity import AffinitySettings, solve_affinities
 from panchroma.shared import CfaPattern
@@ -38,10 +36,6 @@ def light_of(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> Floa
     )
 
 
-def solve(light: FloatArray, pattern: CfaPattern, settings: AffinitySettings) -> FloatArray:
-    return solve_affinities(light, pattern, settings)
-
-
 def expected(
     luminance: FloatArray, pattern: CfaPattern, scales: tuple[float, ...] = PAPER.scales
 ) -> DoubleArray:
@@ -51,10 +45,10 @@ def expected(
 @every_case
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     light = light_of(pattern, shape)
-    found = solve(light, pattern, TIGHT)
+    found = solve_affinities(light, pattern, TIGHT)
     assert found.dtype == np.float32
     assert_close(found, expected(light, pattern), SOLVED)
-    rendered = solve(light, pattern, PAPER)
+    rendered = solve_affinities(light, pattern, PAPER)
     assert_close(rendered, found.astype(np.float64), RENDERED)
     assert_close(rendered.sum(axis=(0, 1)), np.ones(rendered.shape[2:]), SUM)
     assert rendered.min() >= 0
@@ -69,7 +63,7 @@ def test_equals_the_reference_at_other_scales(scales: tuple[float, ...]) -> None
     pattern, shape = CASES["odd"]
     light = light_of(pattern, shape)
     assert_close(
-        solve(light, pattern, AffinitySettings(scales, 1e-6)),
+        solve_affinities(light, pattern, AffinitySettings(scales, 1e-6)),
         expected(light, pattern, scales),
         SOLVED,
     )
@@ -79,7 +73,7 @@ def test_equals_the_reference_at_other_scales(scales: tuple[float, ...]) -> None
 def test_equals_the_reference_without_edges(value: float) -> None:
     pattern, shape = CASES["odd"]
     light = np.full(shape, value, np.float32)
-    assert_close(solve(light, pattern, TIGHT), expected(light, pattern), SOLVED)
+    assert_close(solve_affinities(light, pattern, TIGHT), expected(light, pattern), SOLVED)
 
 
 def test_blocks_that_differ_from_even_light_by_rounding_take_long_and_converge() -> None:
@@ -106,7 +100,7 @@ def test_difficult_pictures_converge_in_the_papers_settings(kind: str, period: i
         "checkers": (row + column) % 2 * 1.0,
         "rounding": 0.7 + 1e-7 * random.normal(size=shape),
     }[kind].astype(np.float32)
-    found = solve(light, CfaPattern.bayer(period, origin=(1, 2)), PAPER)
+    found = solve_affinities(light, CfaPattern.bayer(period, origin=(1, 2)), PAPER)
     assert np.isfinite(found).all()
     assert_close(found.sum(axis=(0, 1)), np.ones(found.shape[2:]), SUM)
 
@@ -118,14 +112,14 @@ def test_shares_what_edges_cut_off_from_every_block() -> None:
     light = np.full((60, 60), 1.0, np.float32)
     light[:, :20], light[:, 20] = 0.0, 0.5
     pattern = CfaPattern.bayer(16)
-    assert_close(solve(light, pattern, PAPER), expected(light, pattern), 0.05)
+    assert_close(solve_affinities(light, pattern, PAPER), expected(light, pattern), 0.05)
 
 
 def test_solves_where_a_class_has_no_block() -> None:
     """One patch high, blocks one pixel high: those below the frame pin nothing."""
     pattern = CfaPattern.with_block(("RGB",), 6)
     light = light_of(pattern, (6, 40))
-    assert_close(solve(light, pattern, TIGHT), expected(light, pattern), SOLVED)
+    assert_close(solve_affinities(light, pattern, TIGHT), expected(light, pattern), SOLVED)
 
 
 def shaded_steps(shape: tuple[int, int], seed: int = 0) -> FloatArray:
@@ -138,30 +132,13 @@ def shaded_steps(shape: tuple[int, int], seed: int = 0) -> FloatArray:
     )
 
 
-def compare_with_the_whole_frame(light: FloatArray, pattern: CfaPattern) -> None:
-    result, exact = solve(light, pattern, TIGHT), expected(light, pattern)
-    assert_close(result, exact, CUT)
-    assert np.sqrt(np.mean((result - exact) ** 2)) < CUT_RMS
-
-
 @pytest.mark.parametrize(("pattern", "shape"), frames(6, 150, seed=3))
 def test_small_chunks_equal_the_whole_frame(
     pattern: CfaPattern, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Chunks of three patches: nine times as many borders as there will ever be."""
     monkeypatch.setattr(stage, "chunk_patches", lambda _: (3, 3))
-    compare_with_the_whole_frame(shaded_steps(shape), pattern)
-
-
-@pytest.mark.parametrize("period", [3, 6])
-def test_rows_of_patches_and_threads_leave_no_trace(
-    period: int, each_thread_count: Iterator[int]
-) -> None:
-    pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
     light = shaded_steps(shape)
-    entire = solve(light, pattern, PAPER)
-    steps = band_rows(pattern.grid(shape))
-    assert len(steps) > 1
-    for _ in each_thread_count:
-        bands = [solve_affinities(light, pattern, PAPER, rows) for rows in steps]
-        assert np.array_equal(np.concatenate(bands, axis=2), entire)
+    result, exact = solve_affinities(light, pattern, TIGHT), expected(light, pattern)
+    assert_close(result, exact, CUT)
+    assert np.sqrt(np.mean((result - exact) ** 2)) < CUT_RMS

@@ -32,16 +32,25 @@ class TestDenoising(StageTests):
         return denoise_luminance(luminance, mosaic, self.settings.denoising)
 
 
-def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArray]:
-    """A mosaic whose calibration has this noise, and a plane of panchromatic samples at all its
-    pixels.
+def wave(shape: tuple[int, int]) -> DoubleArray:
+    row, column = np.indices(shape)
+    return 0.6 + 0.2 * np.sin(row / 25) * np.cos(column / 30)
+
+
+def noisy(clean: DoubleArray, model: NoiseModel, filled: float = 1.0) -> tuple[Mosaic, FloatArray]:
+    """A mosaic whose calibration has this noise, and a plane with it; at the colour sites it is
+    `filled` times as strong.
     """
     pattern = CfaPattern.bayer(6, origin=(2, 3))
-    mosaic = observe(materials(shape, 3), pattern, gamma_of(pattern))
-    clean = materials(shape, 3) @ np.array(gamma_of(pattern))
-    deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
+    mosaic = observe(materials(clean.shape, 3), pattern, gamma_of(pattern))
     mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=model))
-    return mosaic, clean + np.random.default_rng(3).normal(size=shape) * deviation
+    strength = np.where(pattern.panchromatic_mask(clean.shape), 1, filled)
+    noise = np.random.default_rng(3).normal(size=clean.shape) * strength * deviation(clean, model)
+    return mosaic, (clean + noise).astype(np.float32)
+
+
+def deviation(clean: DoubleArray, model: NoiseModel) -> DoubleArray:
+    return np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
 
 
 @pytest.mark.parametrize("shape", [(45, 38), (7, 9), (9, 37), (140, 9), (8, 270)])
@@ -49,8 +58,8 @@ def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArra
 def test_steps_equal_the_whole(
     shape: tuple[int, int], sizes: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    mosaic, plane = noisy(shape, MODELS[1])
-    settings, luminance = replace(SETTINGS, sizes=sizes), plane.astype(np.float32)
+    mosaic, luminance = noisy(wave(shape), MODELS[1])
+    settings = replace(SETTINGS, sizes=sizes)
     whole = denoise_luminance(luminance, mosaic, settings)
     monkeypatch.setattr(product, "_PIXELS", 1)
     for rows in (16, 7):
@@ -60,21 +69,16 @@ def test_steps_equal_the_whole(
 
 def test_clear_light_stays() -> None:
     """Coefficients far above the noise are kept."""
-    mosaic, _ = noisy((48, 60), NoiseModel.gaussian(1e-4, 4))
-    row, column = np.indices(mosaic.shape)
-    clear = (0.6 + 0.2 * np.sin(row / 9) * np.cos(column / 7)).astype(np.float32)
+    mosaic, _ = noisy(wave((48, 60)), NoiseModel.gaussian(1e-4, 4))
+    clear = wave((48, 60)).astype(np.float32)
     assert_close(denoise_luminance(clear, mosaic, SETTINGS), clear, 1e-3)
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_noise_goes(model: NoiseModel) -> None:
-    shape = (120, 130)
-    mosaic, _ = noisy(shape, model)
-    row, column = np.indices(shape)
-    clean = 0.6 + 0.4 * np.sin(row / 25) * np.cos(column / 30) + 0.8 * (row + column > 120)
-    deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
-    plane = clean + np.random.default_rng(3).normal(size=shape) * deviation
-    found = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)
+    clean = wave((120, 130)) + 0.8 * (np.indices((120, 130)).sum(axis=0) > 120)
+    mosaic, plane = noisy(clean, model)
+    found = denoise_luminance(plane, mosaic, SETTINGS)
     assert np.square(found - clean).mean() < np.square(plane - clean).mean() / 10
 
 
@@ -83,32 +87,19 @@ def test_errors_of_filled_samples_fall_below_the_noise(model: NoiseModel) -> Non
     """Errors of three times the noise at the colour sites: the second pass does not see them. If it
     did, 1.3 times the noise would be left.
     """
-    shape, random = (120, 130), np.random.default_rng(3)
-    mosaic, _ = noisy(shape, model)
-    row, column = np.indices(shape)
-    clean = 0.6 + 0.1 * np.sin(row / 25) * np.cos(column / 30)
-    deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
-    filled = ~mosaic.pattern.panchromatic_mask(shape)
-    plane = clean + random.normal(size=shape) * deviation * np.where(filled, 3, 1)
-    found = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)
-    assert np.sqrt(np.square((found - clean) / deviation)[filled].mean()) < 1
-
-
-@pytest.mark.parametrize("model", [None, NoiseModel.gaussian(0.0, 4)])
-def test_without_noise_the_samples_are_left_alone(model: NoiseModel | None) -> None:
-    mosaic, plane = noisy((40, 50), MODELS[0])
-    given = plane.astype(np.float32)
-    silent = replace(mosaic, calibration=replace(mosaic.calibration, noise=model))
-    assert denoise_luminance(given, silent, SETTINGS) is given
-    assert denoise_luminance(given, mosaic, replace(SETTINGS, strength=0.0)) is given
+    clean = wave((120, 130))
+    mosaic, plane = noisy(clean, model, filled=3)
+    error = (denoise_luminance(plane, mosaic, SETTINGS) - clean) / deviation(clean, model)
+    sites = ~mosaic.pattern.panchromatic_mask(clean.shape)
+    assert np.sqrt(np.square(error[sites]).mean()) < 1
 
 
 def test_windows_leave_no_trace() -> None:
     """A window sees all that its pixels depend on: seams would show where frames of other sizes
     have none.
     """
-    mosaic, plane = noisy((300, 530), MODELS[0])
+    mosaic, plane = noisy(wave((300, 530)), MODELS[0])
     cut = Mosaic(mosaic.signal[:, :200].copy(), mosaic.pattern, mosaic.calibration)
-    whole = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)
-    found = denoise_luminance(plane[:, :200].astype(np.float32), cut, SETTINGS)
+    whole = denoise_luminance(plane, mosaic, SETTINGS)
+    found = denoise_luminance(plane[:, :200].copy(), cut, SETTINGS)
     assert np.array_equal(found[:, :170], whole[:, :170])

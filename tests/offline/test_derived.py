@@ -3,7 +3,6 @@ that clip, and in the white balance.
 """
 
 from dataclasses import replace
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from panchroma.device import Preview
 from panchroma.offline import BEST, PAPER, RenderSettings, render
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import FloatArray
-from panchroma.shared.dng import encode_dng, read_dng
 from panchroma.shared.white_balance import estimate_neutral
 from tests.scenes import leaves
 
@@ -115,14 +113,6 @@ def test_white_balance_is_estimated_with_the_missing_channel(letters: str) -> No
     assert np.array(neutral) / max(neutral) == pytest.approx(
         np.array(expected) / max(expected), abs=0.06
     )
-
-
-@pytest.mark.parametrize("letters", TILES)
-def test_a_dng_keeps_the_channels(letters: str) -> None:
-    mosaic, _ = seen(SCENE, CfaPattern.of_letters(letters, (1, 0)))
-    again = read_dng(BytesIO(encode_dng(mosaic, np.zeros((12, 15, 3), np.uint8))))
-    assert (again.pattern, again.calibration) == (mosaic.pattern, mosaic.calibration)
-    assert np.array_equal(again.codes, mosaic.codes)
 
 
 def test_white_balance_of_a_frame_without_clear_pixels_beside_a_block_is_unknown() -> None:

@@ -1,12 +1,16 @@
 """Eqs. 10 and 14 against their reference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from panchroma.offline.stages.propagation import PropagationSettings, follow_lines, propagate
+from panchroma.offline import Frame
+from panchroma.offline.stages.affinity import AffinitySettings
+from panchroma.offline.stages.propagation import Propagation, PropagationSettings, follow_lines
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, every_case
+from tests.offline.scenes import CASES, cleaned, every_case, shot
 from tests.reference import geometry
 from tests.reference import propagation as reference
 from tests.reference.compare import assert_close
@@ -15,84 +19,66 @@ PAPER = PropagationSettings()
 FLOAT32 = 1e-6  # a few dozen operations on values up to one
 
 
-def case(
-    pattern: CfaPattern, shape: tuple[int, int], seed: int = 0
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Any blocks, affinities and light: the stage does not ask where they come from."""
-    random = np.random.default_rng(seed)
+def case(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[Frame, FloatArray]:
+    """Any blocks and light, and any affinities: the stage does not ask where they come from."""
+    random = np.random.default_rng(0)
     down, across = geometry.patch_counts(pattern, shape)
     blocks = random.uniform(size=(down + 1, across + 1, len(pattern.channels)))
     affinity = random.uniform(size=(2, 2, down * pattern.period, across * pattern.period))
     light = random.uniform(-0.1, 1.0, size=shape)  # noise makes some of it negative
-    return (
-        blocks.astype(np.float32),
-        (affinity / affinity.sum(axis=(0, 1))).astype(np.float32),
-        light.astype(np.float32),
-    )
+    frame = replace(cleaned(shot(pattern, shape)), blocks=blocks.astype(np.float32))
+    affinity /= affinity.sum(axis=(0, 1))
+    return replace(frame, luminance=light.astype(np.float32)), affinity.astype(np.float32)
 
 
-def mixed(
-    blocks: FloatArray,
-    affinity: FloatArray,
-    light: FloatArray,
-    pattern: CfaPattern,
-    settings: PropagationSettings = PAPER,
-) -> FloatArray:
-    return propagate(blocks, affinity, light, pattern, settings)
+def mixed(frame: Frame, affinity: FloatArray, settings: PropagationSettings = PAPER) -> FloatArray:
+    stage = Propagation(frame, AffinitySettings(), settings)
+    return stage.mixed(affinity, (0, frame.shape[0]))
 
 
-def expected(
-    blocks: FloatArray,
-    affinity: FloatArray,
-    light: FloatArray,
-    pattern: CfaPattern,
-    softness: float = 0.0,
-) -> DoubleArray:
+def expected(frame: Frame, affinity: FloatArray, softness: float = 0.0) -> DoubleArray:
     """What softness adds to every affinity."""
-    c = blocks.astype(np.float64)
-    alpha = affinity.astype(np.float64)
-    luminance = light.astype(np.float64)
-    return reference.propagate(c, abs(alpha) + softness, luminance, pattern)
+    blocks, alpha, light = (
+        plane.astype(np.float64) for plane in (frame.blocks, affinity, frame.luminance)
+    )
+    return reference.propagate(blocks, abs(alpha) + softness, light, frame.pattern)
 
 
 @every_case
 @pytest.mark.parametrize("softness", [0.0, 0.5])
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], softness: float) -> None:
-    blocks, affinity, light = case(pattern, shape)
+    frame, affinity = case(pattern, shape)
     affinity[0, 0, 1::3] = -0.01  # as a solver may leave it
-    result = mixed(blocks, affinity, light, pattern, PropagationSettings(softness))
+    result = mixed(frame, affinity, PropagationSettings(softness))
     assert result.dtype == np.float32
-    assert_close(result, expected(blocks, affinity, light, pattern, softness), FLOAT32)
+    assert_close(result, expected(frame, affinity, softness), FLOAT32)
 
 
 def test_likeness_prefers_blocks_as_bright_as_the_pixel_and_does_nothing_in_even_light() -> None:
     pattern = CfaPattern.bayer(6, origin=(5, 5))  # patches begin at (0, 0)
-    blocks, affinity, light = case(pattern, (12, 12))
-    even = np.full_like(light, 0.3)
-    alike = PropagationSettings(0.5, 40.0)
-    assert_close(
-        mixed(blocks, affinity, even, pattern, alike),
-        expected(blocks, affinity, even, pattern, 0.5),
-        FLOAT32,
-    )
+    frame, affinity = case(pattern, (12, 12))
+    even = np.full(frame.shape, 0.3, np.float32)
+    frame, alike = replace(frame, luminance=even), PropagationSettings(0.5, 40.0)
+    assert_close(mixed(frame, affinity, alike), expected(frame, affinity, 0.5), FLOAT32)
     dark = even.copy()
     dark[0, 0] = dark[2, 2] = 0.1  # the corner in block (0, 0), and a pixel
     plain, result = (
-        mixed(blocks, affinity, dark, pattern, s)[2, 2] for s in (PropagationSettings(0.5), alike)
+        mixed(replace(frame, luminance=dark), affinity, settings)[2, 2] - frame.blocks[0, 0]
+        for settings in (PropagationSettings(0.5), alike)
     )
-    assert np.abs(result - blocks[0, 0]).max() < 0.75 * np.abs(plain - blocks[0, 0]).max()
+    assert np.abs(result).max() < 0.75 * np.abs(plain).max()
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0])
 def test_without_light_all_four_count_the_same(value: float) -> None:
     pattern, shape = CASES["odd"]
-    blocks, affinity, _ = case(pattern, shape)
-    light = np.full(shape, value, np.float32)
-    found = mixed(blocks, affinity, light, pattern)
-    assert_close(found, expected(blocks, affinity, light, pattern), FLOAT32)
+    frame, affinity = case(pattern, shape)
+    frame = replace(frame, luminance=np.full(shape, value, np.float32))
+    found = mixed(frame, affinity)
     top, left = geometry.first_patch(pattern)
     inside = found[: top + pattern.period, : left + pattern.period]
-    assert_close(inside, np.broadcast_to(blocks[:2, :2].mean(axis=(0, 1)), inside.shape), FLOAT32)
+    mean = frame.blocks[:2, :2].mean(axis=(0, 1))
+    assert_close(inside, np.broadcast_to(mean, inside.shape), FLOAT32)
 
 
 def test_colours_lie_on_the_line_through_that_of_the_block() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from panchroma.offline.bands import Band
-from panchroma.offline.stages.refinement import RefinementSettings, noise_level, refine
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel
+from panchroma.offline.frame import Frame
+from panchroma.offline.stages.refinement import Refinement, RefinementSettings
+from panchroma.shared import CfaPattern, NoiseModel
 from panchroma.shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
+from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, shot
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_light
@@ -23,28 +24,26 @@ PAPER = RefinementSettings()
 
 def case(
     pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02
-) -> tuple[FloatArray, FloatArray, Mosaic]:
+) -> tuple[FloatArray, Frame]:
+    """Any chromaticities, and a frame with luminance."""
     initial = np.random.default_rng(6).uniform(0.1, 1.0, (*shape, len(pattern.channels)))
     light = luminance_of(materials(shape, len(pattern.channels)), gamma_of(pattern))
-    return initial.astype(np.float32), light.astype(np.float32), shot(pattern, shape, sigma)
+    frame = replace(cleaned(shot(pattern, shape, sigma)), luminance=light.astype(np.float32))
+    return initial.astype(np.float32), frame
 
 
-def refined(
-    initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings
-) -> FloatArray:
-    period, sigma = mosaic.pattern.period, noise_level(light, mosaic.calibration.noise)
-    return refine(Band(0, light, initial), (0, len(light)), light, period, sigma, settings)
+def refined(initial: FloatArray, frame: Frame, settings: RefinementSettings) -> FloatArray:
+    rows = 0, frame.shape[0]
+    return Refinement(frame, settings)(Band(0, frame.luminance, initial), rows).chromaticity
 
 
-def expected(
-    initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings
-) -> DoubleArray:
-    h = max(settings.strength * sigma_of_light(mosaic, light.astype(np.float64)), settings.floor)
+def expected(initial: FloatArray, frame: Frame, settings: RefinementSettings) -> DoubleArray:
+    light = frame.luminance.astype(np.float64)
     return reference.refine(
         initial.astype(np.float64),
-        light.astype(np.float64),
-        mosaic.pattern.period,
-        h=h,
+        light,
+        frame.pattern.period,
+        h=max(settings.strength * sigma_of_light(frame.mosaic, light), settings.floor),
         blur_periods=settings.blur,
         repetitions=settings.repetitions,
     )
@@ -55,10 +54,10 @@ def expected(
 def test_equals_the_reference(
     pattern: CfaPattern, shape: tuple[int, int], sigma: float | None
 ) -> None:
-    initial, light, mosaic = case(pattern, shape, sigma)
-    found = refined(initial, light, mosaic, PAPER)
+    initial, frame = case(pattern, shape, sigma)
+    found = refined(initial, frame, PAPER)
     assert found.dtype == np.float32
-    assert_close(found, expected(initial, light, mosaic, PAPER), FLOAT32)
+    assert_close(found, expected(initial, frame, PAPER), FLOAT32)
 
 
 @pytest.mark.parametrize(
@@ -74,71 +73,32 @@ def test_equals_the_reference(
     ids=str,
 )
 def test_equals_the_reference_at_other_settings(settings: RefinementSettings) -> None:
-    initial, light, mosaic = case(*CASES["odd"])
-    assert_close(
-        refined(initial, light, mosaic, settings),
-        expected(initial, light, mosaic, settings),
-        2 * FLOAT32,
-    )
+    initial, frame = case(*CASES["odd"])
+    found = refined(initial, frame, settings)
+    assert_close(found, expected(initial, frame, settings), 2 * FLOAT32)
 
 
 def test_noise_is_panchromatic_noise_at_the_mean_luminance() -> None:
-    initial, light, mosaic = case(*CASES["odd"])
+    _, frame = case(*CASES["odd"])
     noise = NoiseModel((9.0, 9.0, 9.0, 3e-5), (9.0, 9.0, 9.0, 1e-3))
-    loud = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=noise))
-    found = refined(initial, light, loud, PAPER)
-    assert_close(found, expected(initial, light, loud, PAPER), FLOAT32)
-    sigma = float(np.hypot(1e-3, np.sqrt(3e-5 * light.mean(dtype=np.float64))))
-    plain = Mosaic(
-        mosaic.signal,
-        mosaic.pattern,
-        replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4)),
-    )
-    assert_close(found, refined(initial, light, plain, PAPER), FLOAT32)
-
-
-def test_no_repetitions_change_nothing() -> None:
-    initial, light, mosaic = case(*CASES["odd"])
-    assert np.array_equal(
-        refined(initial, light, mosaic, RefinementSettings(repetitions=0)), initial
-    )
+    loud = replace(frame.mosaic, calibration=replace(frame.mosaic.calibration, noise=noise))
+    sigma = float(np.hypot(1e-3, np.sqrt(3e-5 * frame.luminance.mean(dtype=np.float64))))
+    assert Refinement(replace(frame, mosaic=loud), PAPER).sigma == pytest.approx(sigma)
 
 
 @pytest.mark.parametrize("repetitions", [1, 3])
 @pytest.mark.parametrize(
-    ("shape", "period", "blur", "channels"),
-    [
-        ((1, 1), 3, 1 / 8, 3),
-        ((3, 40), 6, 1 / 8, 2),
-        ((16, 17), 4, 1 / 8, 5),
-        ((131, 283), 6, 1 / 8, 3),
-        ((45, 300), 16, 1 / 8, 3),
-        ((5, 5), 16, 1 / 8, 3),
-    ],
+    ("period", "shape"),
+    [(6, (3, 40)), (4, (16, 17)), (6, (131, 283)), (16, (45, 300)), (16, (3, 5))],
 )
 def test_equals_the_reference_in_tiles(
-    shape: tuple[int, int], period: int, blur: float, channels: int, repetitions: int
+    period: int, shape: tuple[int, int], repetitions: int
 ) -> None:
     """Frames of several tiles, and windows larger than the frame."""
-    random, (row, column) = np.random.default_rng(0), np.indices(shape)
-    light = (
-        0.6 + 0.4 * np.sin(row / 6.0) * np.cos(column / 9.0) + random.normal(0, 0.05, shape)
-    ).astype(np.float32)
-    initial = random.uniform(0.1, 1.0, (*shape, channels)).astype(np.float32)
-    settings = RefinementSettings(strength=1.0, blur=blur, repetitions=repetitions)
-    right = reference.refine(
-        initial.astype(np.float64),
-        light.astype(np.float64),
-        period,
-        h=0.2,
-        blur_periods=blur,
-        repetitions=repetitions,
-    )
-    assert_close(
-        refine(Band(0, light, initial), (0, shape[0]), light, period, 0.2, settings),
-        right,
-        2 * FLOAT32,
-    )
+    initial, frame = case(CfaPattern.bayer(period), shape)
+    settings = RefinementSettings(strength=10.0, repetitions=repetitions)
+    found = refined(initial, frame, settings)
+    assert_close(found, expected(initial, frame, settings), 2 * FLOAT32)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0])
@@ -146,10 +106,10 @@ def test_the_dark_is_left_as_it_was(value: float) -> None:
     """Where the window has no light, and only there; nearby light counts however little it
     resembles.
     """
-    initial, light, mosaic = case(CfaPattern.bayer(6), (40, 50))
-    light[:, :25] = value
-    assert np.array_equal(refined(initial, light, mosaic, PAPER)[:, :22], initial[:, :22])
+    initial, frame = case(CfaPattern.bayer(6), (40, 50))
+    frame.luminance[:, :25] = value
+    assert np.array_equal(refined(initial, frame, PAPER)[:, :22], initial[:, :22])
     # So narrow a window that no weight is left: as in exact arithmetic, where they are smaller than
     # any number.
     narrow = RefinementSettings(strength=0.0, floor=1e-4, repetitions=1)
-    assert np.array_equal(refined(initial, light, mosaic, narrow)[:, :25], initial[:, :25])
+    assert np.array_equal(refined(initial, frame, narrow)[:, :25], initial[:, :25])

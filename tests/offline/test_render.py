@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -33,10 +34,9 @@ from panchroma.shared.errors import InputError, RangeError
 from panchroma.shared.progress import Progress
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import photograph
-from tests.offline.scenes import CASES, every_case, gamma_of, shot
+from tests.offline.scenes import CASES, every_case, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
-from tests.reference.sensor import luminance_of, observe
 from tests.scenes import darker_corners, leaves
 
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5)
@@ -46,10 +46,6 @@ TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
 # The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a
 # hundredth, the picture is not.
 RENDERED, RENDERED_RMS = 2e-2, 1e-3
-# What hole filling leaves after its last iteration is of the size of the last threshold; the corner
-# of a frame is the worst place.
-FILLED = PAPER.luminance.threshold * PAPER.luminance.decay ** (PAPER.luminance.iterations - 1)
-
 # The light changed, root mean square relative to the mean: the same numbers but for rounding, which
 # moves what a solver leaves by its last step. The networks for colour round to 8 bits, where next to
 # nothing can be a whole step.
@@ -67,62 +63,15 @@ def test_equals_the_reference(
     assert {array.dtype for array in (found.rgb, found.luminance, found.chromaticity)} == {
         np.dtype(np.float32)
     }
+    assert np.array_equal(found.rgb, found.chromaticity * found.luminance[..., None])  # Eq. 17
+    measured = pattern.panchromatic_mask(shape)
+    assert np.array_equal(found.luminance[measured], mosaic.signal[measured])
     assert_close(found.luminance, expected.luminance, FLOAT32)
     assert_close(found.chromaticity, expected.chromaticity, FLOAT32)
     assert_close(found.rgb, expected.rgb, FLOAT32)
     rendered = render(mosaic, PAPER).rgb
     assert_close(rendered, expected.rgb, RENDERED)
     assert np.sqrt(np.mean((rendered - expected.rgb) ** 2)) < RENDERED_RMS
-
-
-@every_case
-def test_output_is_chromaticity_times_luminance_and_keeps_the_samples(
-    pattern: CfaPattern, shape: tuple[int, int]
-) -> None:
-    mosaic = shot(pattern, shape)
-    found = render(mosaic, PAPER)
-    assert np.array_equal(found.rgb, found.chromaticity * found.luminance[..., None])  # Eq. 17
-    measured = pattern.panchromatic_mask(shape)
-    assert np.array_equal(found.luminance[measured], mosaic.signal[measured])
-    # Eq. 7 holds for what comes out: seen by the same sensor, panchromatic pixels read what they
-    # read.
-    assert_close(
-        luminance_of(found.rgb.astype(np.float64), mosaic.calibration.gamma), found.luminance, 1e-5
-    )
-
-
-@every_case
-def test_a_flat_scene_returns_from_simulation_as_it_was(
-    pattern: CfaPattern, shape: tuple[int, int]
-) -> None:
-    calibration = observe(
-        np.ones((*shape, len(pattern.channels))), pattern, gamma_of(pattern)
-    ).calibration
-    colour = np.linspace(0.1, 1.0, len(pattern.channels), dtype=np.float32)
-    scene = np.broadcast_to(colour, (*shape, len(colour)))
-    found = render(
-        simulate_additive(scene, pattern, calibration, 0.0, np.random.default_rng(0)), PAPER
-    )
-    assert_close(found.rgb, scene, FILLED)
-    measured = pattern.panchromatic_mask(shape)
-    interior = np.zeros(shape, bool)
-    interior[4:-4, 4:-4] = True
-    assert_close(found.rgb[measured & interior], scene[measured & interior], 2e-5)
-
-
-@pytest.mark.parametrize("settings", [PAPER, BEST])
-@pytest.mark.parametrize("scale", [2.0**-4, 30.0, 300.0])
-def test_the_same_scene_in_other_light_gives_the_same_picture(
-    scale: float, settings: RenderSettings
-) -> None:
-    """Thresholds in scene units do not show."""
-    mosaic = shot(*CASES["paper"], sigma=None)
-    scaled = replace(mosaic, samples=mosaic.signal * np.float32(scale))
-    expected = render(mosaic, settings).rgb
-    assert (
-        np.sqrt(np.square(render(scaled, settings).rgb / np.float32(scale) - expected).mean())
-        < 0.01
-    )
 
 
 @pytest.mark.parametrize("light", [1e-35, 1e-9, 2.0**-18, 6e3, 65535.0, 1e38])
@@ -224,15 +173,16 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
             made()
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(preset: str) -> None:
-    settings, calibration = PRESETS[preset], SensorCalibration.of_bits(12)
+@pytest.mark.parametrize("settings", [*PRESETS.values(), BEST.switched(False)])
+def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(settings: RenderSettings) -> None:
+    calibration = SensorCalibration.of_bits(12)
     for pattern in (
         CfaPattern.bayer(6),
         CfaPattern.bayer(3, origin=(2, 1)),
         CfaPattern.of_letters("RGWW/BWWW/WWWW/WWWW"),
+        CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
     ):
-        for shape in ((2, 3), (3, 2), (3, 3), (2, 60), (60, 2), (5, 7), (13, 4)):
+        for shape in ((2, 3), (3, 2), (3, 3), (2, 60), (60, 2), (5, 7), (13, 4), (4, 18), (4, 4)):
             try:
                 mosaic = Mosaic(
                     np.random.default_rng(0).integers(300, 3000, shape).astype(np.uint16),
@@ -251,15 +201,6 @@ def test_a_frame_of_any_size_has_a_finite_picture_or_is_refused(preset: str) -> 
             way()
 
 
-@pytest.mark.parametrize("shape", [(4, 18), (18, 4), (4, 4)])
-def test_a_frame_of_one_row_of_blocks_is_rendered_without_the_samples_at_its_sites(
-    shape: tuple[int, int],
-) -> None:
-    assert render(
-        shot(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), shape), BEST.switched(False)
-    ).rgb.shape == (*shape, 3)
-
-
 def test_codes_are_asked_for_where_saturation_changes_the_picture() -> None:
     """Where they are not, a program may convert them to scene units before it renders."""
     codes = shot(*CASES["odd"]).codes.copy()
@@ -273,38 +214,26 @@ def test_codes_are_asked_for_where_saturation_changes_the_picture() -> None:
     )
 
 
-class Listener(Progress):
-    """Notes what it is told."""
-
-    def __init__(self) -> None:
-        self.steps: dict[str, int] = {}
-        self.done: Counter[str] = Counter()
-        self.substeps: list[str] = []
-
-    def stage(self, name: str, steps: int) -> None:
-        assert name not in self.steps
-        self.steps[name] = steps
-
-    def advance(self, steps: int = 1) -> None:
-        self.done[list(self.steps)[-1]] += steps
-
-    def substep(self, name: str) -> None:
-        self.substeps.append(name)
-
-
 def test_progress_is_reported_stage_by_stage() -> None:
-    listener = Listener()
-    mosaic = shot(*CASES["odd"])
+    listener, mosaic = Mock(Progress), shot(*CASES["odd"])
     assert np.array_equal(render(mosaic, PAPER, listener).rgb, render(mosaic, PAPER).rgb)
-    assert list(listener.steps) == [
+    reports = listener.mock_calls
+    stages = [call.args for call in reports if call[0] == "stage"]
+    luminance, blocks, pixels = (
         "reconstructing luminance",
         "estimating colour of blocks",
         "colouring pixels",
-    ]
-    assert listener.substeps == ["propagation", "refinement"] * listener.steps["colouring pixels"]
-    assert listener.done["reconstructing luminance"] == listener.steps["reconstructing luminance"]
-    assert listener.done["colouring pixels"] == listener.steps["colouring pixels"]
-    assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())
+    )
+    assert [name for name, _ in stages] == [luminance, blocks, pixels]
+    steps = dict(stages)
+    done, stage = Counter[str](), ""
+    for name, arguments, _ in reports:
+        stage = arguments[0] if name == "stage" else stage
+        done[stage] += name == "advance"
+    assert (done[luminance], done[pixels]) == (steps[luminance], steps[pixels])
+    assert 0 < done[blocks] <= steps[blocks]
+    substeps = [call.args[0] for call in reports if call[0] == "substep"]
+    assert substeps == ["propagation", "refinement"] * steps[pixels]
 
 
 LENS = darker_corners((72, 90))

@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from math import inf, nan
 from typing import Any
@@ -12,58 +13,38 @@ from panchroma.offline.stage import Switch
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.errors import InputError
 
-IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
-    "defects": {"contrast": [-1.0], "deviations": [-1.0], "floor": [0.0]},
-    "highlights": {"shoulder": [0.0, 1.0]},
-    "luminance": {
-        "iterations": [0],
-        "decay": [0.0, 1.0],
-        "threshold": [0.0, nan],
-        "relative": [1],
-    },
-    "denoising": {
-        "strength": [-1.0, nan],
-        "sizes": [(), (8, 6), (0,), (64,), [4, 12], (4.0, 12), "4"],
-        "threshold": [0.0],
-    },
-    "pooling": {
-        "passes": [
-            *(((sigma, 0.1, 5),) for sigma in (-1.0, 1e9, "1")),
-            *(((1.0, weight, 5),) for weight in (0.0, nan)),
-            *(((1.0, 0.1, radius),) for radius in (0, 65, 5.0)),
-            ((1.0, 0.1),),
-            [(1.0, 0.1, 5)],
-        ],
-        "light": [0.0],
-        "curvature_error": [-0.1],
-    },
-    "chromaticity": {"repetitions": [-1]},
-    "affinity": {
-        "scales": [(), (0.5, 0.0), (0.5, True), (inf,), (1e4,), 0.5],
-        "tolerance": [0.0, 1.0],
-        "iterations": [0],
-    },
-    "propagation": {"softness": [-0.1, inf], "likeness": [-1.0]},
-    "refinement": {
-        "strength": [-1.0],
-        "floor": [0.0],
-        "blur": [0.0, 1e9],
-        "repetitions": [-1, 10**9],
-    },
-    "correction": {"used": [1, None, "yes"]},
+NEGATIVE, ZERO, ENDS = (-1,), (0,), (0.0, 1.0)
+IMPOSSIBLE: dict[str, Sequence[Any]] = {
+    **dict.fromkeys(("defects.contrast", "defects.deviations", "denoising.strength"), NEGATIVE),
+    **dict.fromkeys(("pooling.curvature_error", "refinement.strength"), NEGATIVE),
+    **dict.fromkeys(("propagation.softness", "propagation.likeness"), NEGATIVE),
+    "chromaticity.repetitions": NEGATIVE,
+    **dict.fromkeys(("defects.floor", "luminance.threshold", "denoising.threshold"), ZERO),
+    **dict.fromkeys(("luminance.iterations", "affinity.iterations"), ZERO),
+    **dict.fromkeys(("pooling.light", "refinement.floor"), ZERO),
+    **dict.fromkeys(("highlights.shoulder", "luminance.decay", "affinity.tolerance"), ENDS),
+    "luminance.relative": [1],
+    "denoising.sizes": [(), (8, 6), (0,), (64,), [4, 12], (4.0, 12), "4"],
+    "pooling.passes": [
+        *(((sigma, 0.1, 5),) for sigma in (-1.0, 1e9, "1")),
+        *(((1.0, weight, 5),) for weight in (0.0, nan)),
+        *(((1.0, 0.1, radius),) for radius in (0, 65, 5.0)),
+        ((1.0, 0.1),),
+        [(1.0, 0.1, 5)],
+    ],
+    "affinity.scales": [(), (0.5, 0.0), (0.5, True), (inf,), (1e4,), 0.5],
+    "refinement.blur": [0.0, 1e9],
+    "refinement.repetitions": [-1, 10**9],
+    "correction.used": [1, None, "yes"],
 }
 
 
 @pytest.mark.parametrize(
-    ("stage", "knob", "value"),
-    [
-        (stage, knob, value)
-        for stage, knobs in IMPOSSIBLE.items()
-        for knob, values in knobs.items()
-        for value in values
-    ],
+    ("setting", "value"),
+    [(setting, value) for setting, values in IMPOSSIBLE.items() for value in values],
 )
-def test_impossible_settings_are_refused_by_name(stage: str, knob: str, value: Any) -> None:
+def test_impossible_settings_are_refused_by_name(setting: str, value: Any) -> None:
+    stage, knob = setting.split(".")
     with pytest.raises(InputError, match=rf"settings: ({stage}|switch)\.{knob} is .*, exp"):
         replace(getattr(PAPER, stage), **{knob: value})
 

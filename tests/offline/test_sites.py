@@ -9,7 +9,7 @@ from panchroma.offline import BEST, PAPER, UNLEARNED, render
 from panchroma.offline.bands import Band
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import every_case, gamma_of, materials, sampled, shot
@@ -31,9 +31,7 @@ def corrected(band: Band, mosaic: Mosaic, clipping: float = np.inf) -> Band:
 def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArray:
     """Luminance settled with the chromaticities that Eqs. 8-9 find in it."""
     frame = sampled(mosaic, light)
-    blocks = extend(
-        block_sums(frame, light).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape
-    )
+    blocks = extend(block_sums(frame).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape)
     return update_luminance(replace(frame, blocks=blocks.astype(np.float32)), BEST.posterior)
 
 
@@ -112,17 +110,13 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     """A flat scene, rendered exactly: the residuals are noise, and the picture keeps almost all of
     its quality.
     """
-    shape, sigma = (180, 180), 0.02
-    clean = observe(np.full((*shape, 3), 0.3), BAYER)
-    samples = clean.signal + np.random.default_rng(1).normal(0, sigma, shape).astype(np.float32)
-    mosaic = Mosaic(samples, BAYER, replace(clean.calibration, noise=NoiseModel.gaussian(sigma, 4)))
-    result = corrected(
-        Band(0, np.full(shape, 0.9, np.float32), np.full((*shape, 3), 1 / 3, np.float32)), mosaic
-    )
-    change = (result.chromaticity * result.luminance[..., None] - 0.3)[
-        ~BAYER.panchromatic_mask(shape)
-    ]
-    assert np.sqrt(np.square(change).mean()) < 0.15 * sigma
+    scene, sigma = np.full((180, 180, 3), 0.3, np.float32), 0.02
+    mosaic = simulate_additive(scene, BAYER, SensorCalibration(), sigma, np.random.default_rng(1))
+    grey = np.full_like(scene, 1 / 3)
+    result = corrected(Band(0, scene.sum(axis=2), grey), mosaic)
+    change = result.chromaticity * result.luminance[..., None] - scene
+    sites = ~BAYER.panchromatic_mask(mosaic.shape)
+    assert np.sqrt(np.square(change[sites]).mean()) < 0.15 * sigma
 
 
 def test_blocks_at_the_limit_say_nothing() -> None:

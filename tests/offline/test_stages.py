@@ -22,7 +22,6 @@ from panchroma.offline import (
     row_stages,
 )
 from panchroma.offline.bands import Halo
-from panchroma.offline.pipeline import Rendering
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
@@ -60,8 +59,13 @@ class Own(RowStage):
 
 
 def rendered(
-    stage: RowStage, mosaic: Mosaic, settings: RenderSettings = PAPER, place: int | None = None
-) -> Rendering:
+    stage: RowStage,
+    mosaic: Mosaic,
+    settings: RenderSettings = PAPER,
+    place: int | None = None,
+    *,
+    check_halos: bool = False,
+) -> FloatArray:
     """A render with one more stage, before that at a place of the list."""
 
     def stages(*given: Any) -> list[RowStage]:
@@ -69,7 +73,7 @@ def rendered(
         where = len(usual) if place is None else place
         return [*usual[:where], stage, *usual[where:]]
 
-    return render(mosaic, settings, stages=stages)
+    return render(mosaic, settings, stages=stages, check_halos=check_halos).rgb
 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])
@@ -80,9 +84,7 @@ def test_a_stage_that_changes_nothing_changes_no_picture_wherever_it_is(
     mosaic = shot(500, 40)
     expected = render(mosaic, settings).rgb
     for place in (0, 1, None):
-        assert np.array_equal(rendered(Own(same, *look), mosaic, settings, place).rgb, expected), (
-            place
-        )
+        assert np.array_equal(rendered(Own(same, *look), mosaic, settings, place), expected), place
 
 
 def without(name: str) -> Callable[..., list[RowStage]]:
@@ -156,10 +158,8 @@ def test_planes_may_lie_in_memory_as_they_like() -> None:
         changed("chromaticity", lambda plane: np.broadcast_to(np.float32(1 / 3), plane.shape))
     )
     for settings in (PAPER, BEST):
-        assert np.array_equal(
-            rendered(turned, shot(), settings, 1).rgb, render(shot(), settings).rgb
-        )
-        assert np.isfinite(rendered(even, shot(), settings, 1).rgb).all()
+        assert np.array_equal(rendered(turned, shot(), settings, 1), render(shot(), settings).rgb)
+        assert np.isfinite(rendered(even, shot(), settings, 1)).all()
 
 
 class NoStage:
@@ -207,58 +207,46 @@ class TestLearned(RowStageTests):
 
 
 class Mean(RowStage):
-    """Mean over rows, as far as `radius`, with a halo that says something."""
+    """Mean over rows, as far as `radius` or, on one side alone, twice as far, with a halo that says
+    something.
+    """
 
     name = "mean"
 
-    def __init__(self, radius: int, *halo: int, residual: bool = False) -> None:
-        self._radius, self._halo, self._residual = radius, Halo(*halo), residual
+    def __init__(self, radius: int, *halo: int, plane: str = "chromaticity", side: int = 0) -> None:
+        self._radius, self._halo, self._plane, self._side = radius, Halo(*halo), plane, side
 
     @property
     def halo(self) -> Halo:
         return self._halo
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
-        plane = band.luminance if self._residual else band.chromaticity
-        mean = uniform_filter1d(plane, 2 * self._radius + 1, axis=0)
-        changed = {"residual" if self._residual else "chromaticity": mean}
-        return replace(band, **changed).rows(*rows)  # type: ignore[arg-type]
+        plane = band.luminance if self._plane == "residual" else band.chromaticity
+        size, shift = 2 * self._radius + 1, self._side * self._radius
+        changed: Any = {self._plane: uniform_filter1d(plane, size, axis=0, origin=shift)}
+        return replace(band, **changed).rows(*rows)
+
+
+TOO_SMALL = r"the stage 'mean' looks farther than its Halo.*in row"
 
 
 @pytest.mark.parametrize("rows", [50, 300])
 @pytest.mark.parametrize("halo", [(0,), (2,), (2, 6, 1)])
-@pytest.mark.parametrize("residual", [False, True])
-def test_a_halo_that_is_too_small_is_found(
-    rows: int, halo: tuple[int, ...], residual: bool
-) -> None:
+@pytest.mark.parametrize("plane", ["chromaticity", "residual"])
+def test_a_halo_that_is_too_small_is_found(rows: int, halo: tuple[int, ...], plane: str) -> None:
     mosaic = shot(rows)
-
-    def stages(radius: int) -> Callable[..., list[RowStage]]:
-        own = Mean(radius, *halo, residual=residual)
-        return lambda *arguments: [*row_stages(*arguments), own]
-
-    render(mosaic, stages=stages(3))  # nobody asks
-    with pytest.raises(InputError, match=r"the stage 'mean' looks farther than its Halo.*in row"):
-        render(mosaic, stages=stages(3), check_halos=True)
-    checked, plain = (
-        render(mosaic, stages=stages(halo[0]), check_halos=each) for each in (True, False)
-    )
-    assert np.array_equal(checked.rgb, plain.rgb)
+    small, enough = (Mean(radius, *halo, plane=plane) for radius in (3, halo[0]))
+    rendered(small, mosaic, BEST)  # nobody asks
+    with pytest.raises(InputError, match=TOO_SMALL):
+        rendered(small, mosaic, BEST, check_halos=True)
+    checked, plain = (rendered(enough, mosaic, BEST, check_halos=each) for each in (True, False))
+    assert np.array_equal(checked, plain)
 
 
-@pytest.mark.parametrize("down", [-3, 3])
-def test_a_halo_that_is_too_small_on_one_side_is_found(down: int) -> None:
-    class Shift(RowStage):
-        name, halo = "shift", Halo(2)
-
-        def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
-            places = (np.arange(len(band.luminance)) + down).clip(0, len(band.luminance) - 1)
-            return replace(band, chromaticity=band.chromaticity[places]).rows(*rows)
-
-    with pytest.raises(InputError, match="the stage 'shift' looks farther than its Halo"):
-        render(
-            shot(50), stages=lambda *arguments: [*row_stages(*arguments), Shift()], check_halos=True
-        )
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_halo_that_is_too_small_on_one_side_is_found(side: int) -> None:
+    with pytest.raises(InputError, match=TOO_SMALL):
+        rendered(Mean(2, 2, side=side), shot(), BEST, check_halos=True)
 
 
 def test_halos_of_the_stages_of_a_render_pass_the_check() -> None:

@@ -56,17 +56,17 @@ def weights(area: DoubleArray, period: int, scales: tuple[float, ...]) -> csr_ar
 def pins(pattern: CfaPattern, shape: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
     """Pixel of the padded frame -> index of its block, for the colour sites of all blocks."""
     (top, left), (down, across) = first_patch(pattern), patch_counts(pattern, shape)
-    found = {}
-    for i in range(down + 1):
-        for j in range(across + 1):
-            for row, column, _ in block_sites(pattern, (i, j)):
-                place = row - top, column - left
-                if (
-                    0 <= place[0] < down * pattern.period
-                    and 0 <= place[1] < across * pattern.period
-                ):
-                    found[place] = i, j
-    return found
+    places = {
+        (row - top, column - left): index
+        for index in np.ndindex(down + 1, across + 1)
+        for row, column, _ in block_sites(pattern, index)
+    }
+    height, width = down * pattern.period, across * pattern.period
+    return {
+        (row, column): index
+        for (row, column), index in places.items()
+        if 0 <= row < height and 0 <= column < width
+    }
 
 
 def harmonic(neighbours: csr_array, known: IndexArray, values: DoubleArray) -> DoubleArray:

@@ -5,7 +5,7 @@
 import numpy as np
 
 from panchroma.shared import CfaPattern, DoubleArray
-from tests.reference.geometry import block_sites, is_whole, mirrored, patch_counts
+from tests.reference.geometry import block_sites, is_whole, mirrored, patch_counts, whole_blocks
 
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -41,30 +41,19 @@ def estimate(
     """Chromaticities of the whole blocks, before the medians, (rows, columns, C). A block without
     light is grey if sigma is 0.
     """
+
+    def solved(index: tuple[int, int]) -> DoubleArray:
+        samples, lights = [], []
+        for channel in pattern.channels:
+            sites = [site[:2] for site in block_sites(pattern, index) if site[2] == channel]
+            samples.append([float(signal[site]) for site in sites])
+            lights.append([float(luminance[site]) for site in sites])
+        if sigma == 0 and not any(any(light) for light in lights):
+            return np.full(len(gamma), 1 / sum(gamma))
+        return solve_block(samples, lights, gamma, sigma)
+
     shape = (luminance.shape[0], luminance.shape[1])
-    down, across = patch_counts(pattern, shape)
-    rows: list[list[DoubleArray]] = []
-    for i in range(down + 1):
-        row: list[DoubleArray] = []
-        for j in range(across + 1):
-            if not is_whole(pattern, shape, (i, j)):
-                continue
-            sites = block_sites(pattern, (i, j))
-            values = [
-                [float(signal[y, x]) for y, x, name in sites if name == channel]
-                for channel in pattern.channels
-            ]
-            lights = [
-                [float(luminance[y, x]) for y, x, name in sites if name == channel]
-                for channel in pattern.channels
-            ]
-            if sigma == 0 and not any(any(light) for light in lights):
-                row.append(np.full(len(gamma), 1 / sum(gamma)))
-            else:
-                row.append(solve_block(values, lights, gamma, sigma))
-        if row:
-            rows.append(row)
-    return np.array(rows)
+    return np.array([list(map(solved, row)) for row in whole_blocks(pattern, shape)])
 
 
 def proposals(coarse: DoubleArray, row: int, column: int) -> list[DoubleArray]:
@@ -93,14 +82,10 @@ def oriented_medians(
     current = coarse
     for _ in range(repetitions):
         following: DoubleArray = np.empty_like(current)
-        for row in range(current.shape[0]):
-            for column in range(current.shape[1]):
-                before = current[row, column]
-                best = min(
-                    proposals(current, row, column),
-                    key=lambda value: float(np.sum((value - before) ** 2)),
-                )
-                following[row, column] = best
+        for place in np.ndindex(current.shape[:2]):
+            medians = proposals(current, *place)
+            distances = np.square(np.array(medians) - current[place]).sum(axis=1)
+            following[place] = medians[int(np.argmin(distances))]
         if np.array_equal(following, current):
             break
         current = following

@@ -15,12 +15,8 @@ def assert_close(actual: NDArray[Any], expected: NDArray[Any], within: float) ->
     far = np.abs(actual.astype(np.float64) - expected.astype(np.float64))
     wrong = ~(far <= within)
     if wrong.any():
-        place = tuple(
-            int(i)
-            for i in np.unravel_index(
-                int(np.argmax(np.where(np.isnan(far), np.inf, far))), far.shape
-            )
-        )
+        furthest = int(np.argmax(np.where(np.isnan(far), np.inf, far)))
+        place = tuple(int(i) for i in np.unravel_index(furthest, far.shape))
         raise AssertionError(
             f"{int(wrong.sum())} of {far.size} values are further than {within:g} away, "
             f"the furthest at {place}: {actual[place]!r}, expected {expected[place]!r} "

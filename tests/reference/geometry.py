@@ -117,10 +117,9 @@ def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]
 
 def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]:
     """Top left pixel of the block with this (row, column) in the grid of blocks."""
-    found, (row, column) = block(pattern), first_patch(pattern)
-    return row - found.height // 2 + index[0] * pattern.period, column - found.width // 2 + index[
-        1
-    ] * pattern.period
+    found, (row, column), (i, j) = block(pattern), first_patch(pattern), index
+    top, left = row - found.height // 2, column - found.width // 2
+    return top + i * pattern.period, left + j * pattern.period
 
 
 @cache
@@ -140,6 +139,16 @@ def is_whole(pattern: CfaPattern, shape: tuple[int, int], index: tuple[int, int]
     """Whether the block's rectangle lies inside the frame."""
     found, (top, left) = block(pattern), block_corner(pattern, index)
     return min(top, left) >= 0 and top + found.height <= shape[0] and left + found.width <= shape[1]
+
+
+def whole_blocks(pattern: CfaPattern, shape: tuple[int, int]) -> list[list[tuple[int, int]]]:
+    """Indices of the blocks that lie inside the frame, row by row."""
+    down, across = patch_counts(pattern, shape)
+    rows = (
+        [(i, j) for j in range(across + 1) if is_whole(pattern, shape, (i, j))]
+        for i in range(down + 1)
+    )
+    return [row for row in rows if row]
 
 
 def keys(plane: DoubleArray, y: float, x: float) -> float:

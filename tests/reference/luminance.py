@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pywt
+from scipy.signal import convolve2d
 
 from panchroma.offline.stages import luminance as constants
 from panchroma.shared.arrays import BoolArray, DoubleArray
@@ -27,15 +28,7 @@ def convolved(picture: DoubleArray, down: DoubleArray, across: DoubleArray) -> D
     """The picture convolved with a separable filter, where that reads no pixel beyond the
     picture.
     """
-    height, width = picture.shape[0] - len(down) + 1, picture.shape[1] - len(across) + 1
-    columns = sum(
-        (tap * picture[k : k + height] for k, tap in enumerate(down[::-1])),
-        np.zeros((height, picture.shape[1])),
-    )
-    return sum(
-        (tap * columns[:, k : k + width] for k, tap in enumerate(across[::-1])),
-        np.zeros((height, width)),
-    )
+    return convolve2d(picture, np.outer(down, across), "valid")
 
 
 def start(signal: DoubleArray, measured: BoolArray, *, around: bool) -> DoubleArray:

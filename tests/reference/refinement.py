@@ -51,12 +51,8 @@ def refine(
         wide = np.pad(current, ((radius, radius), (radius, radius), (0, 0)), mode="reflect")
         mixed = np.zeros_like(current)
         for down, right, weight in weights:
-            mixed += (
-                weight[..., None]
-                * wide[
-                    radius + down : radius + down + height, radius + right : radius + right + width
-                ]
-            )
+            other = wide[radius + down :, radius + right :][:height, :width]
+            mixed += weight[..., None] * other
         # Eq. 15
         current = np.where(
             (total > 0)[..., None], mixed / np.where(total > 0, total, 1.0)[..., None], current

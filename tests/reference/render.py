@@ -1,6 +1,7 @@
 """The whole of section 3, in float64: from the mosaic to Eq. 17."""
 
 import math
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from panchroma.offline.settings import RenderSettings
 from panchroma.shared import DoubleArray, Mosaic
 from tests.reference import affinity, chromaticity, propagation, refinement
 from tests.reference import luminance as wavelets
-from tests.reference.geometry import block_sites, is_whole, letter, patch_counts
+from tests.reference.geometry import block_sites, letter, whole_blocks
 
 
 class Picture(NamedTuple):
@@ -33,25 +34,11 @@ def sigma_of_colour(mosaic: Mosaic) -> float:
     noise, pattern = mosaic.calibration.noise, mosaic.pattern
     if noise is None:
         return 0.0
-    down, across = patch_counts(pattern, mosaic.shape)
-    whole = [
-        (i, j)
-        for i in range(down + 1)
-        for j in range(across + 1)
-        if is_whole(pattern, mosaic.shape, (i, j))
-    ]
-    level = float(
-        np.mean(
-            [
-                mosaic.signal[row, column]
-                for index in whole
-                for row, column, _ in block_sites(pattern, index)
-            ]
-        )
-    )
-    return math.sqrt(
-        np.mean([noise.sigma(level, channel) ** 2 for channel in range(len(pattern.channels))])
-    )
+    blocks = chain.from_iterable(whole_blocks(pattern, mosaic.shape))
+    sites = [site[:2] for index in blocks for site in block_sites(pattern, index)]
+    level = float(np.mean([mosaic.signal[site] for site in sites]))
+    variances = [noise.sigma(level, channel) ** 2 for channel in range(len(pattern.channels))]
+    return math.sqrt(np.mean(variances))
 
 
 def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
@@ -60,12 +47,8 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     """
     pattern, gamma = mosaic.pattern, mosaic.calibration.gamma
     signal = mosaic.signal.astype(np.float64)
-    measured = np.array(
-        [
-            [letter(pattern, y, x) == "W" for x in range(signal.shape[1])]
-            for y in range(signal.shape[0])
-        ]
-    )
+    places = [letter(pattern, *place) == "W" for place in np.ndindex(mosaic.shape)]
+    measured = np.array(places).reshape(mosaic.shape)
 
     stage = settings.luminance
     start = wavelets.start(signal, measured, around=stage.relative or len(pattern.sites) > 4)

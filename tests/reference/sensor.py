@@ -31,10 +31,9 @@ def observe(
         None if sigma is None else NoiseModel.gaussian(sigma, len(pattern.channels) + 1),
     )
     samples = luminance_of(scene, calibration.gamma)
-    for row in range(scene.shape[0]):
-        for column in range(scene.shape[1]):
-            if (name := letter(pattern, row, column)) != "W":
-                samples[row, column] = scene[row, column, pattern.channels.index(name)]  # Eq. 6
+    for place in np.ndindex(samples.shape):
+        if (name := letter(pattern, *place)) != "W":
+            samples[place] = scene[place][pattern.channels.index(name)]  # Eq. 6
     if noise is not None:
         samples = samples + noise
     return Mosaic(samples.astype(np.float32), pattern, calibration)

@@ -266,10 +266,10 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
     luminance, others = denoise_luminance(filled, frame.mosaic, BEST.denoising), None
     for _ in range(int(random.integers(1, _OTHERS)) if kind == "burst" else 0):
         shot = clean_frame(simulate_additive(scene, pattern, camera, sigma, random))
-        sums = block_sums(shot, luminance)
+        sums = block_sums(replace(shot, luminance=luminance))
         others = sums if others is None else others + sums
-    alike = alike_blocks(frame, luminance, BEST.chromaticity, BEST.pooling, others=others)
-    planes, filled = block_planes(frame, luminance, alike, others)
+    frame = replace(frame, luminance=luminance, others=others)
+    planes, filled = block_planes(frame, alike_blocks(frame, BEST.chromaticity, BEST.pooling))
     sites = Sites.in_frame(mosaic)
     colour = np.moveaxis(scene * (gamma / frame.level), 2, 0)
     at_sites = np.stack([sites.of(plane).mean(axis=2) for plane in colour])

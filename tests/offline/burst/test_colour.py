@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline import Band, Frame
-from panchroma.offline.bands import apply_stage
+from panchroma.offline.bands import run_stages
 from panchroma.offline.burst.colour import ColourSamples, Spreading, relit_sites
 from panchroma.offline.frame import BlockSums
 from panchroma.offline.numerics.linked import SIDE
@@ -63,7 +63,7 @@ def spread(
     stage = Spreading(samples, measured)
     height, whole = len(luminance), Band(0, luminance, before)
     bands = (whole.rows(top, min(top + rows, height)) for top in range(0, height, rows))
-    result = np.concatenate([band.chromaticity for band in apply_stage(bands, stage, height)])
+    result = np.concatenate([band.chromaticity for band in run_stages(bands, [stage], height)])
     assert np.abs((result * measured.gamma).sum(axis=2) - 1).max() < 1e-5  # luminance stays
     return result
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import numba
 import numpy as np
-import pytest
 
 from panchroma.offline.numerics import functions
 from panchroma.offline.numerics.lanes import WIDTH, load, store
@@ -15,7 +14,6 @@ from panchroma.shared.arrays import FloatArray
 APPROXIMATE = 1e-6
 # Python can call what it compiles, with arguments of any type.
 callable_kernel: Callable[..., Any] = numba.njit(fastmath={"contract"}, error_model="numpy")
-MIRRORED = callable_kernel(functions.mirrored)
 
 
 @callable_kernel
@@ -52,9 +50,3 @@ def test_exponential() -> None:
     assert found[0] == 1
     assert (found[2:8] == found[1]).all()
     assert found[1] > 0
-
-
-@pytest.mark.parametrize("size", [1, 2, 3, 7])
-def test_mirrored_is_the_border_of_numpy(size: int) -> None:
-    wide = np.pad(np.arange(size, dtype=np.float32), 20, mode="reflect")
-    assert [MIRRORED(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()

@@ -102,7 +102,7 @@ show(samples=frame.signal, filled=filled, denoised=luminance)
 # followed by medians in four directions. ``best`` asks a network of blocks instead
 # (``block_network``), which sees similar blocks too (``pooling``).
 measured = measure(mosaic)
-paper = estimate_chromaticities(frame, luminance, PAPER.chromaticity)
+paper = estimate_chromaticities(replace(frame, luminance=luminance), PAPER.chromaticity)
 show_blocks(paper=paper, best=measured.blocks)
 
 # %%
