@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from google.protobuf.message import DecodeError
 from torch import nn
 from torch.nn import functional
 
@@ -43,7 +44,7 @@ from ...offline.stages.colour_network import BASIS
 from ...offline.stages.denoising import denoise_luminance
 from ...offline.stages.luminance import recover_luminance
 from ...shared import CfaPattern, DoubleArray, FloatArray, NoiseModel, SensorCalibration
-from ...shared.errors import PanchromaError
+from ...shared.errors import InputError, PanchromaError
 from ..batch.console import Console
 from ..batch.jobs import output_folder
 from ..batch.progress import StageProgress
@@ -327,26 +328,40 @@ def _exchanged() -> list[int]:
 _EXCHANGED = _exchanged()
 
 
-def learn(
-    sides: tuple[list[Path], list[Path]],
-    steps: int,
-    work: Path,
-    progress: StageProgress,
-    start: Path | None = None,
-) -> BlockNetwork:
-    """The network, by gradient descent from the last checkpoint in `work` on.
+def first_network(start: Path | None = None) -> BlockNetwork:
+    """The network before the first step: of random weights, or of those in a file of `save`.
 
-    Parameters
-    ----------
-    sides : tuple[list[Path], list[Path]]
-        Files of examples to learn from, and of those kept back.
-    start : Path | None, optional
-        A file of `save`, whose weights are the first.
+    Raises
+    ------
+    InputError
+        If the file is not such a network.
     """
     torch.manual_seed(0)
     network = BlockNetwork().to(memory_format=torch.channels_last)
     if start is not None:
-        begin_with(network, load_weights(start))
+        try:
+            begin_with(network, load_weights(start))
+        except (OSError, RuntimeError, DecodeError) as error:
+            raise InputError(f"{start}: no network of blocks: name a blocks.onnx") from error
+    return network
+
+
+def learn(
+    network: BlockNetwork,
+    sides: tuple[list[Path], list[Path]],
+    steps: int,
+    work: Path,
+    progress: StageProgress,
+) -> BlockNetwork:
+    """The network after gradient descent, from the last checkpoint in `work` on.
+
+    Parameters
+    ----------
+    network : BlockNetwork
+        What `first_network` returns.
+    sides : tuple[list[Path], list[Path]]
+        Files of examples to learn from, and of those kept back.
+    """
     descent = Descent(network, steps, _REPORT, work / "checkpoint.pt", _FACTOR, _WARM_UP)
     if descent.done == steps:
         return network
@@ -467,10 +482,11 @@ def main() -> int:
         work, names = folder / PATH.stem, [Path(source).name for source in sources]
         claim(work, {"sources": names, "steps": steps, "seed": seed}, "steps, seed")
         torch.set_num_threads(arguments.jobs)
+        first = first_network(arguments.start)
         with console.progress("blocks") as progress:
             seeds = [(seed + variant,) for variant in range(arguments.variants)]
             paths = make_examples(example, sources, seeds, work, arguments.jobs, progress)
-            network = learn(paths, steps, work, progress, arguments.start)
+            network = learn(first, paths, steps, work, progress)
         save(network, folder / PATH.name, paths[0][:: -(-len(paths[0]) // _SEEN)])
         console.say(str(folder / PATH.name))
     except PanchromaError as error:

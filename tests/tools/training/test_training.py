@@ -316,11 +316,11 @@ def test_the_network_of_blocks_learns_goes_on_and_is_written(
     one, other = tmp_path / "one", tmp_path / "other"
     for folder in (one, other):
         folder.mkdir()
-    network = blocks.learn(sides, 6, one, reports)
+    network = blocks.learn(blocks.first_network(), sides, 6, one, reports)
     monkeypatch.setattr(blocks, "_REPORT", 3)
     with pytest.raises(KeyboardInterrupt):
-        blocks.learn(sides, 6, other, Reports("step 3"))
-    again = blocks.learn(sides, 6, other, SILENT)
+        blocks.learn(blocks.first_network(), sides, 6, other, Reports("step 3"))
+    again = blocks.learn(blocks.first_network(), sides, 6, other, SILENT)
     assert len(reports.texts) == 1
     for mine, its in zip(network.parameters(), again.parameters(), strict=True):
         assert mine.detach().numpy() == pytest.approx(its.detach().numpy(), abs=1e-6)
@@ -337,6 +337,9 @@ def test_the_network_of_blocks_learns_goes_on_and_is_written(
     for mine, its in ((answer, found.numpy()), (mixed(inputs[0], answer[0]), lines[0])):
         missed = (mine - its)[..., 64:-64, 64:-64]  # what lies beyond is zero in the file
         assert np.linalg.norm(missed) < 0.1 * np.linalg.norm(its[..., 64:-64, 64:-64])
-    begun = blocks.learn(sides, 0, tmp_path, SILENT, tmp_path / "blocks.onnx")
+    begun = blocks.first_network(tmp_path / "blocks.onnx")
     for mine, its in zip(network.parameters(), begun.parameters(), strict=True):
         assert mine.detach().numpy() == pytest.approx(its.detach().numpy(), rel=1e-3, abs=1e-6)
+    for path in (Path(__file__), network_for(CfaPattern.bayer(6)), tmp_path / "none.onnx"):
+        with pytest.raises(InputError, match=f"{path.name}: no network of blocks"):
+            blocks.first_network(path)
