@@ -7,10 +7,9 @@ from panchroma.offline.settings import UNLEARNED
 from panchroma.offline.stages import luminance as product
 from panchroma.offline.stages.luminance import LuminanceSettings, recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
-from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.arrays import DoubleArray
 from tests.offline.kernels.patterns import frames
 from tests.offline.scenes import CASES, every_case, shot
-from tests.offline.stage_tests import StageTests
 from tests.reference import luminance as reference
 from tests.reference.compare import assert_close
 
@@ -22,11 +21,6 @@ FLOAT32 = 5e-5
 SETTLED = 1e-4
 
 PAPER = LuminanceSettings()
-
-
-class TestLuminance(StageTests):
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        return recover_luminance(mosaic, self.settings.luminance)
 
 
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:

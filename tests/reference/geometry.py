@@ -33,19 +33,6 @@ def letter(pattern: CfaPattern, row: int, column: int) -> str:
 
 
 @cache
-def mirrored(index: int, size: int) -> int:
-    """The pixel 0..size-1 that `index` shows: found one step at a time, turning round at either
-    end.
-    """
-    place, step = 0, 1
-    for _ in range(abs(index)):
-        if not 0 <= place + step < size:
-            step = -step
-        place = place + step if size > 1 else 0
-    return place if index >= 0 else mirrored(-index, size)
-
-
-@cache
 def block(pattern: CfaPattern) -> Block:
     """The smallest rectangle with all sites of a tile, by trying all; the tile itself if its sites
     do not form one small block.
