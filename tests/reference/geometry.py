@@ -9,9 +9,7 @@ from functools import cache
 from itertools import product
 from typing import NamedTuple
 
-import numpy as np
-
-from panchroma.shared import CfaPattern, DoubleArray
+from panchroma.shared import CfaPattern
 
 
 class Block(NamedTuple):
@@ -136,19 +134,3 @@ def whole_blocks(pattern: CfaPattern, shape: tuple[int, int]) -> list[list[tuple
         for i in range(down + 1)
     )
     return [row for row in rows if row]
-
-
-def keys(plane: DoubleArray, y: float, x: float) -> float:
-    """Bicubic interpolation (Keys 1981, a = -1/2), the nearest pixel beyond the edges."""
-
-    def taps(t: float) -> list[float]:
-        distances = [1 + t, t, 1 - t, 2 - t]
-        return [
-            1.5 * d**3 - 2.5 * d**2 + 1 if d <= 1 else -0.5 * d**3 + 2.5 * d**2 - 4 * d + 2
-            for d in distances
-        ]
-
-    top, left = int(np.floor(y)), int(np.floor(x))
-    rows = np.clip(np.arange(top - 1, top + 3), 0, plane.shape[0] - 1)
-    columns = np.clip(np.arange(left - 1, left + 3), 0, plane.shape[1] - 1)
-    return float(np.array(taps(y - top)) @ plane[np.ix_(rows, columns)] @ np.array(taps(x - left)))
