@@ -99,8 +99,5 @@ def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> 
     )
     # whole blocks fill a rectangle
     rows, columns = (np.flatnonzero(whole.any(axis=axis)) for axis in (1, 0))
-    nearest = (
-        np.arange(down + 1).clip(rows[0], rows[-1]) - rows[0],
-        np.arange(across + 1).clip(columns[0], columns[-1]) - columns[0],
-    )
-    return coarse[np.ix_(*nearest)]
+    beyond = (rows[0], down - rows[-1]), (columns[0], across - columns[-1]), (0, 0)
+    return np.pad(coarse, beyond, mode="edge")

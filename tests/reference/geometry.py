@@ -92,12 +92,8 @@ def first_patch(pattern: CfaPattern) -> tuple[int, int]:
 def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]:
     """How many patches, down and across, it takes to cover the frame."""
     row, column = first_patch(pattern)
-    down = across = 1
-    while row + down * pattern.period < shape[0]:
-        down += 1
-    while column + across * pattern.period < shape[1]:
-        across += 1
-    return down, across
+    period = pattern.period
+    return len(range(row, shape[0], period)), len(range(column, shape[1], period))
 
 
 def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]:
