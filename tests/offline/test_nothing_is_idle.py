@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.offline import BEST, PAPER, render
+from panchroma.offline import BEST, PAPER, PRESETS, render
 from panchroma.offline.stage import Switch
 from panchroma.offline.stages.pooling import PoolingPass
 from panchroma.shared import CfaPattern, Mosaic
@@ -20,7 +20,6 @@ from tests.reference.sensor import observe
 SEEN = 1e-4
 
 Change = tuple[Any, float | None]
-PRESETS = {"paper": PAPER, "best": BEST}
 SWITCHES = [stage.name for stage in fields(PAPER) if isinstance(getattr(PAPER, stage.name), Switch)]
 # Every field of every stage of the settings -> another value, and the noise of the shot: what its
 # calibration admits (None: that it has none and knows nothing of it), or with BLIND, what it does
