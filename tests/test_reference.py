@@ -5,14 +5,13 @@ from itertools import product
 import numpy as np
 import pytest
 import pywt
-from scipy import ndimage, optimize
+from scipy import optimize
 from scipy.sparse import csr_array, diags_array
 
 from panchroma.shared import CfaPattern, DoubleArray
 from tests.reference import (
     affinity,
     chromaticity,
-    gaussian,
     geometry,
     luminance,
     propagation,
@@ -94,22 +93,6 @@ def test_medians_remove_an_outlier_and_keep_a_line() -> None:
     line = np.full((9, 9, 2), 0.5)
     line[4] = 0.9, 0.1
     assert_close(chromaticity.oriented_medians(line, gamma, 20), line, ROUNDING)
-
-
-@pytest.mark.parametrize("sigma", [0.5, 0.75, 1.0, 2.0])
-@pytest.mark.parametrize("shape", SIZES)
-def test_gaussians_are_those_of_ndimage(
-    random: np.random.Generator, shape: tuple[int, int], sigma: float
-) -> None:
-    picture = random.normal(size=shape)
-    assert_close(
-        gaussian.blur(picture, sigma),
-        ndimage.gaussian_filter(picture, sigma, mode="mirror"),
-        ROUNDING,
-    )
-    for axis, order in ((0, (1, 0)), (1, (0, 1))):
-        theirs = ndimage.gaussian_filter(picture, sigma, order=order, mode="mirror")
-        assert_close(gaussian.derivative(picture, sigma, axis), theirs, ROUNDING)
 
 
 def test_fields_are_harmonic_sum_to_one_and_stay_within_bounds(random: np.random.Generator) -> None:

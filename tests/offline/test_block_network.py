@@ -30,7 +30,6 @@ from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.offline.scenes import sampled
-from tests.offline.stage_tests import FLAT_IN_STEPS, StageTests
 from tests.scenes import leaves
 
 PATTERNS = ("K=3", "K=4", "K=6", "K=8", "RGWW/BWWW/WWWW/WWWW", "kodak")
@@ -73,19 +72,6 @@ def error(blocks: FloatArray, frame: Frame, rgb: FloatArray) -> float:
 
 def learned(frame: Frame) -> tuple[FloatArray, FloatArray]:
     return learned_chromaticities(frame, BEST.chromaticity, BEST.pooling)
-
-
-class TestBlockNetwork(StageTests):
-    flat = 3 * FLAT_IN_STEPS  # also where luminance is half as much again
-
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        if not serves(mosaic.pattern):
-            return np.zeros((1, 1, 6), np.float32)
-        clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
-        light = np.where(clear, mosaic.signal, mosaic.signal[clear].mean())
-        blocks, lines = learned(sampled(mosaic, light))
-        # and their colours where luminance is half as much again
-        return np.concatenate([blocks, (2 * blocks + lines[..., :3]) / 3], axis=2)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.03])

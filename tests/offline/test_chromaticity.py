@@ -12,11 +12,9 @@ from panchroma.offline.stages.chromaticity import (
     estimate_chromaticities,
     sigma_z,
 )
-from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, sampled, shot
-from tests.offline.stage_tests import StageTests
 from tests.reference import chromaticity as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_colour
@@ -27,12 +25,6 @@ FLOAT32 = 3e-7
 
 PAPER = ChromaticitySettings()
 NO_MEDIANS = ChromaticitySettings(repetitions=0)
-
-
-class TestChromaticity(StageTests):
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        luminance = recover_luminance(mosaic, self.settings.luminance)
-        return estimate_chromaticities(sampled(mosaic, luminance), self.settings.chromaticity)
 
 
 def expected(mosaic: Mosaic, luminance: FloatArray, settings: ChromaticitySettings) -> DoubleArray:

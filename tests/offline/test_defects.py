@@ -9,12 +9,10 @@ from panchroma.offline import BEST, PAPER, render
 from panchroma.offline.frame import Frame, Sites
 from panchroma.offline.stages.chromaticity import ChromaticitySettings
 from panchroma.offline.stages.defects import DefectsSettings, mend_defects
-from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import BoolArray, FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import every_case, shot
-from tests.offline.stage_tests import StageTests
 
 SETTINGS = BEST.defects
 LISTED = replace(SETTINGS, contrast=0.0)
@@ -64,12 +62,6 @@ def dots() -> FloatArray:
     scene = np.full((60, 60, 3), 0.1, np.float32)
     scene[::4, ::5] = 0.8
     return scene
-
-
-class TestDefects(StageTests):
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        hurt, hot = with_hot(mosaic, 0.03)
-        return recover_luminance(mend(listing(hurt, hot)), PAPER.luminance)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
@@ -146,10 +138,7 @@ def test_a_listed_sample_on_a_slope_becomes_the_slope() -> None:
     )
     places = np.zeros(sound.shape, bool)
     places[[10, 21, 21, 40], [11, 33, 34, 5]] = True
-    assert (
-        np.abs(mend(listing(with_hot(sound, 0.0)[0], places), LISTED).signal - sound.signal).max()
-        < 1e-3
-    )
+    assert np.abs(mend(listing(sound, places), LISTED).signal - sound.signal).max() < 1e-3
 
 
 def test_along_an_edge_the_edge_goes_on() -> None:

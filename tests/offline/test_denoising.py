@@ -8,11 +8,9 @@ import pytest
 from panchroma.offline.settings import BEST
 from panchroma.offline.stages import denoising as product
 from panchroma.offline.stages.denoising import denoise_luminance
-from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import gamma_of, materials
-from tests.offline.stage_tests import StageTests
 from tests.reference.compare import assert_close
 from tests.reference.sensor import observe
 
@@ -24,12 +22,6 @@ MODELS = [
     NoiseModel((3e-3,) * 4, (0.0,) * 4),
 ]
 SETTINGS = BEST.denoising
-
-
-class TestDenoising(StageTests):
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        luminance = recover_luminance(mosaic, self.settings.luminance)
-        return denoise_luminance(luminance, mosaic, self.settings.denoising)
 
 
 def wave(shape: tuple[int, int]) -> DoubleArray:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from panchroma.device import Preview
 from panchroma.offline import BEST, PAPER, RenderSettings, render
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.white_balance import estimate_neutral
+from panchroma.tools.simulation.sensor import simulate_additive
 from tests.scenes import leaves
 
 GAMMA = {"RGB": (0.9, 1.1, 0.8), "RC": (0.9, 1.7)}
@@ -26,14 +27,11 @@ def seen(scene: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Mo
     colours = scene
     if pattern.channels == "RC":
         colours = np.stack([scene[..., 0], scene[..., 1:].mean(axis=2)], axis=2)
-    gamma = GAMMA[pattern.channels]
-    samples = (colours @ np.array(gamma)).astype(np.float32)
-    for channel, *lattice in pattern.lattices:
-        samples[*lattice] = colours[..., channel][*lattice]
-    samples += np.random.default_rng(0).normal(0, sigma, samples.shape).astype(np.float32)
-    noise = NoiseModel.gaussian(sigma, len(gamma) + 1)
-    calibration = SensorCalibration.of_bits(12, channels=pattern.channels, gamma=gamma, noise=noise)
-    return Mosaic(samples, pattern, calibration), colours
+    calibration = SensorCalibration.of_bits(
+        12, channels=pattern.channels, gamma=GAMMA[pattern.channels]
+    )
+    random = np.random.default_rng(0)
+    return simulate_additive(colours, pattern, calibration, sigma, random), colours
 
 
 def psnr(one: NDArray[Any], other: FloatArray) -> float:

@@ -10,13 +10,11 @@ import pytest
 from panchroma.offline import BEST, PAPER, render
 from panchroma.offline.numerics.interpolation import interpolate
 from panchroma.offline.stages.highlights import clipping_level, restore_highlights
-from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.io.display import ColourTransform
 from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.offline.scenes import cleaned, every_case, gamma_of, materials
-from tests.offline.stage_tests import StageTests
 from tests.scenes import darker_corners
 
 NEUTRAL = (0.5, 1.0, 0.6)
@@ -87,12 +85,6 @@ def test_burnt_light_is_white_and_lost_where_filters_are_shaded_differently(colo
     assert np.abs(white / white.mean(axis=2, keepdims=True) - 1).max() < 0.01
     assert rendering.lost is not None
     assert np.median(rendering.lost[inside]) == 255
-
-
-class TestHighlights(StageTests):
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        frame = cleaned(mosaic, 0.8 * float(mosaic.signal.max()))
-        return recover_luminance(restore_highlights(frame, BEST.highlights).mosaic, PAPER.luminance)
 
 
 @pytest.mark.parametrize("colour", [NEUTRAL, (0.9, 0.7, 0.4)])

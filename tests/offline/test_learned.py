@@ -16,17 +16,13 @@ from panchroma.offline.settings import RenderSettings
 from panchroma.offline.stages import colour_network as module
 from panchroma.offline.stages.colour_network import (
     REACH,
-    UNKNOWN,
     ColourNetwork,
-    Residuals,
-    Superpixels,
 )
 from panchroma.offline.stages.correction import SiteResidual
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.shared.networks import NETWORKS, load_network, network_for
-from panchroma.shared.pattern import BAYER_ORDERS
 from panchroma.shared.runtime import onnxruntime
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import sampled
@@ -37,8 +33,11 @@ WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
 GREY = SensorCalibration()
 ONES = np.ones(3, np.float32)
 TILES = [
-    *map(CfaPattern.bayer, (4, 5, 6, 8)),
-    CfaPattern.with_block(("RG", "BW"), 4),
+    CfaPattern.bayer(4, origin=(3, 1)),
+    CfaPattern.bayer(5, origin=(1, 4)),
+    CfaPattern.bayer(6, origin=(4, 5)),
+    CfaPattern.bayer(8, origin=(2, 3)),
+    CfaPattern.with_block(("RG", "BW"), 4, (1, 2)),
     CfaPattern.of_letters("kodak"),
 ]
 LEAVES = leaves(220, 330)
@@ -81,9 +80,6 @@ def blocks_of(period: int, *letters: str) -> list[CfaPattern]:
     return [CfaPattern.with_block(tuple(each.split("/")), period) for each in letters]
 
 
-KODAK = CfaPattern.of_letters("kodak").tile
-
-
 NAMED = pytest.mark.parametrize(
     "path", sorted(NETWORKS.glob("*-k*.onnx")), ids=lambda path: path.stem
 )
@@ -121,51 +117,6 @@ def test_the_other_orders_are_mirror_images(pattern: CfaPattern, axes: tuple[int
     image = CfaPattern(tuple("".join(row) for row in letters.tolist()))
     found = refined(np.ascontiguousarray(np.flip(rgb, axes)), image)
     assert_close(found, np.flip(refined(rgb, pattern), axes), FLOAT32)
-
-
-def site_places(pattern: CfaPattern) -> tuple[tuple[int, ...], ...]:
-    """Channel, row and column in every superpixel of a frame of which the samples of its block are
-    those of the picture there, site by site.
-    """
-    shape, period = (40, 53), pattern.period
-    rgb = np.random.default_rng(1).uniform(0.1, 1, (*shape, 3)).astype(np.float32)
-    light = np.ascontiguousarray(rgb.sum(axis=2))
-    band = Band(0, light, rgb / light[..., None])
-    sites = sampled(simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0)), light)
-    black = Band(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
-    band = replace(band, residual=SiteResidual(sites)(black, (0, shape[0])).residual)
-    grid = Superpixels.of(sites.sites)
-    whole = (0, grid.shape[0]), (0, grid.shape[1])
-    picture = grid.cut(band, ONES, *whole, weights=np.eye(3, dtype=np.float32)).reshape(
-        3, period, period, *grid.shape
-    )
-    error, variance = Residuals(grid, band, sites).of(*whole)
-    known = variance < UNKNOWN
-    assert known.sum() == sites.unclipped.size
-    same = np.abs(picture[..., known] - error[:, None, None, None, known]) < 1e-6
-    numbers, *places = np.nonzero(same.all(axis=-1))
-    assert numbers.tolist() == [*range(len(error))]
-    return tuple(zip(*(place.tolist() for place in places), strict=True))
-
-
-@pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2), (5, 4)])
-@pytest.mark.parametrize(
-    "tiles",
-    [
-        [CfaPattern.bayer(6, order) for order in ("RGGB", "GRBG", "BGGR")],
-        [CfaPattern.bayer(5, order) for order in BAYER_ORDERS],
-        blocks_of(4, "RG/BW", "WB/GR"),
-        [CfaPattern(KODAK), CfaPattern(tuple(row[::-1] for row in KODAK))],
-    ],
-)
-def test_every_superpixel_holds_its_own_block(
-    origin: tuple[int, int], tiles: list[CfaPattern]
-) -> None:
-    """In the middle, and in one order for all mirror images."""
-    (places,) = {site_places(replace(tile, origin=origin)) for tile in tiles}
-    middle = np.add(np.min(places, axis=0), np.max(places, axis=0))[1:] / 2
-    assert np.abs(middle - (tiles[0].period - 1) / 2).max() <= 0.5
-    assert len(places) == len(tiles[0].sites)
 
 
 def test_luminance_stays() -> None:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.offline import BEST, PAPER, RowStage, measure, render, row_stages
+from panchroma.offline import BEST, PAPER, PRESETS, render
 from panchroma.offline.stage import Switch
 from panchroma.offline.stages.pooling import PoolingPass
-from panchroma.shared import CfaPattern, Mosaic, Shading
-from panchroma.shared.errors import ConvergenceError, InputError
+from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared.errors import ConvergenceError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
 
@@ -20,7 +20,6 @@ from tests.reference.sensor import observe
 SEEN = 1e-4
 
 Change = tuple[Any, float | None]
-PRESETS = {"paper": PAPER, "best": BEST}
 SWITCHES = [stage.name for stage in fields(PAPER) if isinstance(getattr(PAPER, stage.name), Switch)]
 # Every field of every stage of the settings -> another value, and the noise of the shot: what its
 # calibration admits (None: that it has none and knows nothing of it), or with BLIND, what it does
@@ -137,34 +136,3 @@ def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> 
     mosaic, plain = busy_shot(sigma), replace(BEST, noise=PAPER.noise)
     off = replace(plain, denoising=PAPER.denoising, pooling=PAPER.pooling)
     assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
-
-
-def every_stage(letters: str | None) -> Mosaic:
-    """A shot that every stage in rows has something to do with: noisy, shaded, of materials that
-    are wider than blocks.
-    """
-    pattern = CfaPattern.of_letters(letters) if letters else CfaPattern.bayer(4, origin=(1, 2))
-    mosaic = shot(pattern, (120, 130), 0.005)
-    points = 1 + 0.1 * (np.arange(5)[:, None] - 2 + np.zeros(5))  # a ramp, 1 in the middle
-    shading = Shading((points.tolist(),) * len(pattern.planes), (120, 130))
-    return replace(mosaic, calibration=replace(mosaic.calibration, shading=shading))
-
-
-@pytest.mark.parametrize("letters", [None, "WBWG/BWGW/WGWR/GWRW"])
-@pytest.mark.parametrize("preset", PRESETS)
-def test_every_stage_in_rows_can_be_left_out_and_matters(preset: str, letters: str | None) -> None:
-    settings, mosaic = PRESETS[preset], every_stage(letters)
-    whole = render(mosaic, settings).rgb
-    names = [stage.name for stage in row_stages(measure(mosaic, settings), settings)]
-    for number, name in enumerate(names):
-
-        def others(*given: Any, left_out: int = number) -> list[RowStage]:
-            return [stage for place, stage in enumerate(row_stages(*given)) if place != left_out]
-
-        if name == "residual":  # the stages after it say that they need it
-            with pytest.raises(InputError, match="no stage has measured"):
-                render(mosaic, settings, stages=others)
-            continue
-        changed = np.abs(render(mosaic, settings, stages=others).rgb - whole)
-        assert changed.max() > SEEN, name
-        assert changed.mean() > SEEN / 10, name

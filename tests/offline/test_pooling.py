@@ -9,11 +9,10 @@ from panchroma.offline import Frame, render
 from panchroma.offline.settings import BEST
 from panchroma.offline.stages.chromaticity import estimate_chromaticities
 from panchroma.offline.stages.pooling import pool_blocks
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import every_case, gamma_of, materials, sampled
-from tests.offline.stage_tests import StageTests
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
 
@@ -36,13 +35,6 @@ def taken(scene: DoubleArray, noise: NoiseModel, pattern: CfaPattern) -> Frame:
     known = replace(clean.calibration, noise=noise)
     mosaic = replace(clean, samples=samples.astype(np.float32), calibration=known)
     return sampled(mosaic, luminance_of(scene, gamma_of(pattern)).astype(np.float32))
-
-
-class TestPooling(StageTests):
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
-        light = np.full(mosaic.shape, mosaic.signal[clear].mean(), np.float32)
-        return pooled_of(sampled(mosaic, light))
 
 
 @every_case

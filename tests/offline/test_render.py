@@ -32,11 +32,12 @@ from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, 
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError, RangeError
 from panchroma.shared.progress import Progress
-from panchroma.tools.simulation.sensor import simulate_additive
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.data import photograph
-from tests.offline.scenes import CASES, every_case, shot
+from tests.offline.scenes import CASES, every_case, gamma_of, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
+from tests.reference.sensor import observe
 from tests.scenes import darker_corners, leaves
 
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5)
@@ -46,6 +47,8 @@ TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
 # The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a
 # hundredth, the picture is not.
 RENDERED, RENDERED_RMS = 2e-2, 1e-3
+# What hole filling leaves after its last iteration, and the networks, with their 8 bits.
+FLAT = 4e-3
 # The light changed, root mean square relative to the mean: the same numbers but for rounding, which
 # moves what a solver leaves by its last step. The networks for colour round to 8 bits, where next to
 # nothing can be a whole step.
@@ -72,6 +75,30 @@ def test_equals_the_reference(
     rendered = render(mosaic, PAPER).rgb
     assert_close(rendered, expected.rgb, RENDERED)
     assert np.sqrt(np.mean((rendered - expected.rgb) ** 2)) < RENDERED_RMS
+
+
+@pytest.mark.parametrize("settings", PRESETS.values(), ids=PRESETS)
+class TestEveryPreset:
+    @every_case
+    def test_a_flat_scene_comes_back(
+        self, pattern: CfaPattern, shape: tuple[int, int], settings: RenderSettings
+    ) -> None:
+        colour = np.linspace(0.3, 0.9, len(pattern.channels))
+        scene = np.broadcast_to(colour, (*shape, len(colour)))
+        found = render(observe(scene, pattern, gamma_of(pattern), 1e-4), settings)
+        assert_close(found.rgb, scene, FLAT)
+
+    def test_threads_leave_no_trace(
+        self, each_thread_count: Iterator[int], settings: RenderSettings
+    ) -> None:
+        """Also where samples are listed, hot or clipped."""
+        defects = tuple((row, row * 7 % 90) for row in range(151))
+        noise = NoiseModel.gaussian(0.02, 4)
+        camera = SensorCalibration.of_bits(12, headroom=False, noise=noise, defects=defects)
+        pattern, random = CfaPattern.bayer(6, origin=(1, 2)), np.random.default_rng(0)
+        mosaic = simulate_sensor(2.5 * leaves(151, 90), pattern, camera, 1.0, random)
+        pictures = [render(mosaic, settings).rgb for _ in each_thread_count]
+        assert all(np.array_equal(picture, pictures[0]) for picture in pictures)
 
 
 @pytest.mark.parametrize("light", [1e-35, 1e-9, 2.0**-18, 6e3, 65535.0, 1e38])
@@ -242,14 +269,14 @@ LENS = darker_corners((72, 90))
 @pytest.mark.parametrize("shading", [None, LENS])
 def test_the_public_pieces_make_the_picture_of_a_render(shading: Shading | None) -> None:
     camera = SensorCalibration(shading=shading)
-    taken = simulate_additive(
-        leaves(72, 90), CfaPattern.bayer(6), camera, 0.02, np.random.default_rng(0)
-    )
+    scene, random = leaves(72, 90), np.random.default_rng(0)
+    taken = simulate_additive(scene, CfaPattern.bayer(6), camera, 0.02, random)
     mosaic = replace(taken, samples=taken.codes)
     frame = clean_frame(mosaic)
     filled = recover_luminance(frame.mosaic, BEST.luminance)
     luminance = denoise_luminance(filled, frame.mosaic, BEST.denoising)
     expected, given = render(mosaic).rgb, luminance.copy()
+    assert np.abs(expected - scene).mean() < 0.03  # 0.07 if the shading stayed
     read_only = luminance.copy()
     read_only.flags.writeable = False
     double: Any = luminance.astype(np.float64)

@@ -13,7 +13,6 @@ from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import every_case, gamma_of, materials, sampled, shot
-from tests.offline.stage_tests import StageTests
 from tests.reference.chromaticity import extend
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
@@ -47,12 +46,6 @@ def wrong_light(mosaic: Mosaic) -> FloatArray:
     true = true_light(mosaic)
     wrong = true * np.random.default_rng(9).uniform(0.9, 1.1, true.shape).astype(np.float32)
     return np.where(mosaic.pattern.panchromatic_mask(mosaic.shape), true, wrong)
-
-
-class TestSettling(StageTests):
-    def run(self, mosaic: Mosaic) -> FloatArray:
-        clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
-        return settled(mosaic, np.where(clear, mosaic.signal, mosaic.signal[clear].mean()))
 
 
 def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> None:

@@ -27,7 +27,6 @@ from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import ROOT
-from tests.offline.stage_tests import FLAT_IN_STEPS, RowStageTests
 from tests.scenes import leaves
 
 
@@ -106,6 +105,11 @@ def test_without_any_stage_the_picture_is_grey_luminance(
         np.testing.assert_allclose(
             grey.rgb, np.repeat(grey.luminance[..., None] / 3, 3, axis=2), rtol=1e-5, atol=1e-7
         )
+
+
+def test_stages_that_need_the_residual_say_so() -> None:
+    with pytest.raises(InputError, match="no stage has measured"):
+        render(shot(), stages=without("residual"))
 
 
 def spoilt(value: float) -> Callable[[FloatArray], FloatArray]:
@@ -188,22 +192,6 @@ def test_the_readme_links_every_stage() -> None:
     page = (ROOT / "offline" / "README.md").read_text("utf-8")
     files = {path.stem for path in (ROOT / "offline" / "stages").glob("*.py")} - {"__init__"}
     assert set(re.findall(r"\[(\w+)\]\(stages/\1\.py\)", page)) == files
-
-
-class TestPropagation(RowStageTests):
-    settings, name = PAPER, "propagation"
-
-
-class TestRefinement(RowStageTests):
-    settings, name = PAPER, "refinement"
-
-
-class TestCorrection(RowStageTests):
-    name, flat = "correction", FLAT_IN_STEPS
-
-
-class TestLearned(RowStageTests):
-    name, flat = "learned", FLAT_IN_STEPS
 
 
 class Mean(RowStage):

@@ -3,30 +3,31 @@
 """
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from panchroma.shared import CfaPattern, DoubleArray, IndexArray
-from tests.reference.gaussian import derivative
-from tests.reference.geometry import block_sites, first_patch, mirrored, patch_counts
+from tests.reference.geometry import block_sites, first_patch, patch_counts
 
 
 def padded(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
     """Luminance of the padded frame: the frame, mirrored out to whole patches."""
-    (top, left), (down, across) = (
-        first_patch(pattern),
-        patch_counts(pattern, (luminance.shape[0], luminance.shape[1])),
-    )
-    rows = [mirrored(top + y, luminance.shape[0]) for y in range(down * pattern.period)]
-    columns = [mirrored(left + x, luminance.shape[1]) for x in range(across * pattern.period)]
-    return luminance[np.ix_(rows, columns)]
+    height, width = luminance.shape
+    (top, left), (down, across) = first_patch(pattern), patch_counts(pattern, (height, width))
+    below, right = top + down * pattern.period - height, left + across * pattern.period - width
+    return np.pad(luminance, ((-top, below), (-left, right)), mode="reflect")
 
 
 def edges(area: DoubleArray, period: int, scales: tuple[float, ...], axis: int) -> DoubleArray:
     """e_h (axis 1) or e_v (axis 0) of Eq. 13, divided by the mean of the K x K patch; zero in a
     patch without gradients.
     """
-    energy = sum((derivative(area, scale, axis) ** 2 for scale in scales), np.zeros_like(area))
+    order = [int(each == axis) for each in (0, 1)]
+    energy = sum(
+        (gaussian_filter(area, scale, order, mode="mirror") ** 2 for scale in scales),
+        np.zeros_like(area),
+    )
     result = np.zeros_like(energy)
     for top in range(0, area.shape[0], period):
         for left in range(0, area.shape[1], period):

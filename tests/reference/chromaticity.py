@@ -5,7 +5,7 @@
 import numpy as np
 
 from panchroma.shared import CfaPattern, DoubleArray
-from tests.reference.geometry import block_sites, is_whole, mirrored, patch_counts, whole_blocks
+from tests.reference.geometry import block_sites, is_whole, patch_counts, whole_blocks
 
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -58,15 +58,12 @@ def estimate(
 
 def proposals(coarse: DoubleArray, row: int, column: int) -> list[DoubleArray]:
     """The four 1-D medians of five through one block, channel by channel."""
-    height, width, _ = coarse.shape
-    medians = []
-    for down, right in ORIENTATIONS:
-        line = [
-            coarse[mirrored(row + step * down, height), mirrored(column + step * right, width)]
-            for step in range(-2, 3)
-        ]
-        medians.append(np.sort(line, axis=0)[2])
-    return medians
+    wide = np.pad(coarse, ((2, 2), (2, 2), (0, 0)), mode="reflect")
+    steps = np.arange(5) - 2
+    return [
+        np.median(wide[row + 2 + steps * down, column + 2 + steps * right], axis=0)
+        for down, right in ORIENTATIONS
+    ]
 
 
 def oriented_medians(
@@ -102,8 +99,5 @@ def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> 
     )
     # whole blocks fill a rectangle
     rows, columns = (np.flatnonzero(whole.any(axis=axis)) for axis in (1, 0))
-    nearest = (
-        np.arange(down + 1).clip(rows[0], rows[-1]) - rows[0],
-        np.arange(across + 1).clip(columns[0], columns[-1]) - columns[0],
-    )
-    return coarse[np.ix_(*nearest)]
+    beyond = (rows[0], down - rows[-1]), (columns[0], across - columns[-1]), (0, 0)
+    return np.pad(coarse, beyond, mode="edge")

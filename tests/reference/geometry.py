@@ -9,9 +9,7 @@ from functools import cache
 from itertools import product
 from typing import NamedTuple
 
-import numpy as np
-
-from panchroma.shared import CfaPattern, DoubleArray
+from panchroma.shared import CfaPattern
 
 
 class Block(NamedTuple):
@@ -30,19 +28,6 @@ def letter(pattern: CfaPattern, row: int, column: int) -> str:
     return pattern.tile[(row - pattern.origin[0]) % pattern.period][
         (column - pattern.origin[1]) % pattern.period
     ]
-
-
-@cache
-def mirrored(index: int, size: int) -> int:
-    """The pixel 0..size-1 that `index` shows: found one step at a time, turning round at either
-    end.
-    """
-    place, step = 0, 1
-    for _ in range(abs(index)):
-        if not 0 <= place + step < size:
-            step = -step
-        place = place + step if size > 1 else 0
-    return place if index >= 0 else mirrored(-index, size)
 
 
 @cache
@@ -107,12 +92,8 @@ def first_patch(pattern: CfaPattern) -> tuple[int, int]:
 def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]:
     """How many patches, down and across, it takes to cover the frame."""
     row, column = first_patch(pattern)
-    down = across = 1
-    while row + down * pattern.period < shape[0]:
-        down += 1
-    while column + across * pattern.period < shape[1]:
-        across += 1
-    return down, across
+    period = pattern.period
+    return len(range(row, shape[0], period)), len(range(column, shape[1], period))
 
 
 def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]:
@@ -149,19 +130,3 @@ def whole_blocks(pattern: CfaPattern, shape: tuple[int, int]) -> list[list[tuple
         for i in range(down + 1)
     )
     return [row for row in rows if row]
-
-
-def keys(plane: DoubleArray, y: float, x: float) -> float:
-    """Bicubic interpolation (Keys 1981, a = -1/2), the nearest pixel beyond the edges."""
-
-    def taps(t: float) -> list[float]:
-        distances = [1 + t, t, 1 - t, 2 - t]
-        return [
-            1.5 * d**3 - 2.5 * d**2 + 1 if d <= 1 else -0.5 * d**3 + 2.5 * d**2 - 4 * d + 2
-            for d in distances
-        ]
-
-    top, left = int(np.floor(y)), int(np.floor(x))
-    rows = np.clip(np.arange(top - 1, top + 3), 0, plane.shape[0] - 1)
-    columns = np.clip(np.arange(left - 1, left + 3), 0, plane.shape[1] - 1)
-    return float(np.array(taps(y - top)) @ plane[np.ix_(rows, columns)] @ np.array(taps(x - left)))

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pywt
+from scipy.ndimage import gaussian_filter
 from scipy.signal import convolve2d
 
 from panchroma.offline.stages import luminance as constants
 from panchroma.shared.arrays import BoolArray, DoubleArray
-from tests.reference.gaussian import blur
 
 # Analysis reads l[n-3..n], the box one coefficient more on both sides, synthesis reads coefficients
 # n..n+3.
@@ -35,10 +35,11 @@ def start(signal: DoubleArray, measured: BoolArray, *, around: bool) -> DoubleAr
     """l_0: the samples; or else in every hole the mean of the panchromatic samples around it."""
     if not around:
         return signal
-    mean = blur(np.where(measured, signal, 0), constants._AROUND) / blur(
-        measured.astype(np.float64), constants._AROUND
+    total, weight = (
+        gaussian_filter(plane, constants._AROUND, mode="mirror")
+        for plane in (np.where(measured, signal, 0), measured.astype(np.float64))
     )
-    return np.where(measured, signal, mean)
+    return np.where(measured, signal, total / weight)
 
 
 def first_threshold(signal: DoubleArray, threshold: float, *, relative: bool = False) -> float:

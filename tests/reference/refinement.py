@@ -1,9 +1,9 @@
 """Eqs. 15-16: non-local averaging of chromaticity, with weights from luminance."""
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from panchroma.shared.arrays import DoubleArray
-from tests.reference.gaussian import blur, gaussian
 
 
 def matches(
@@ -13,7 +13,7 @@ def matches(
     (H, W), before normalisation.
     """
     height, width = luminance.shape
-    reach = max(gaussian(std))
+    reach = int(4 * std + 0.5)  # where the Gaussian ends
     # the patches around n and n' are patches of the mirrored picture
     wide = np.pad(luminance, radius + reach, mode="reflect")
     centre = wide[radius : wide.shape[0] - radius, radius : wide.shape[1] - radius]
@@ -22,7 +22,7 @@ def matches(
     for down in range(-radius, radius + 1):
         for right in range(-radius, radius + 1):
             other = wide[radius + down :, radius + right :][: centre.shape[0], : centre.shape[1]]
-            distance = blur((other - centre) ** 2, std)[frame]
+            distance = gaussian_filter((other - centre) ** 2, std, mode="mirror")[frame]
             # Eq. 16
             found.append(
                 (down, right, np.exp(-distance / (2 * h**2)) * np.maximum(other[frame], 0.0))

@@ -21,13 +21,6 @@ def codes() -> Any:
     return np.random.default_rng(1).integers(0, 4096, SHAPE, np.uint16)
 
 
-def test_black_reads_zero_and_white_full_scale_exactly() -> None:
-    calibration = SensorCalibration.of_bits(12)
-    for code, value in ((calibration.black_level[0], 0.0), (calibration.white_level, 3.0)):
-        signal = Mosaic(np.full(SHAPE, code, np.uint16), PATTERN, calibration).signal
-        assert np.all(signal == np.float32(value))
-
-
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])
 def test_every_code_survives_scene_units(bits: int) -> None:
     """And values stay what they are."""

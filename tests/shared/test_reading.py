@@ -12,7 +12,7 @@ from PIL import Image
 from panchroma.shared.errors import ConvergenceError, InputError, MissingFileError, OutputError
 from panchroma.shared.jpeg_check import read_header
 from panchroma.shared.reading import opened_file, read_text, read_whole
-from panchroma.shared.series import frame_name, frame_number
+from panchroma.shared.series import frame_number
 
 # --- reading --------------------------------------------------------------------------------------
 
@@ -74,14 +74,6 @@ def test_errors_are_those_of_python_too(tmp_path: Path) -> None:
 
 
 # --- series ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("count", [1, 9, 10, 123])
-def test_the_frames_of_a_burst_sort_by_name_and_are_known_by_it(count: int) -> None:
-    numbers = range(1, count + 1)
-    names = [frame_name("a-1", number, count) for number in numbers]
-    assert names == sorted(names)
-    assert [frame_number(name) for name in names] == [("a-1", number) for number in numbers]
 
 
 @pytest.mark.parametrize("name", ["rose", "rose-", "-1", "rose-1a", "rose_1", ""])

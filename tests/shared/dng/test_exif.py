@@ -33,6 +33,7 @@ def test_everything_survives() -> None:
     for field in dataclasses.fields(METADATA):
         assert getattr(METADATA, field.name) != field.default
     assert survivor(METADATA) == METADATA
+    assert survivor(replace(METADATA, artist="one\0two")).artist == "onetwo"
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ from panchroma.shared.dng.tags import TAG, Photometric
 from panchroma.shared.errors import OutputError
 from panchroma.shared.pattern import BAYER_ORDERS, PERIODS
 from panchroma.shared.tiff import Directory, Fields, FieldType, encode_tiff
+from tests.scenes import darker_corners
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 
 # --- codec ----------------------------------------------------------------------------------------
@@ -67,6 +68,7 @@ def assert_survives(original: Mosaic) -> None:
         *(mosaic(shape=shape) for shape in ((6, 6), (7, 301), (300, 13), (257, 256))),
         mosaic(calibrated=calibration(black_level=(3.0,) * 4, white_level=200)),  # 8 bits
         mosaic(calibrated=calibration(neutral=(0.5,) * 3, neutral_estimated=True)),
+        mosaic(calibrated=calibration(shading=darker_corners((37, 53)))),
         Mosaic(mosaic().samples, CfaPattern.bayer(6), SensorCalibration()),  # and no metadata
         mosaic().in_scene_units(),  # as codes
     ],

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import rawpy
 from PIL import Image
-from tifffile import TiffFile
+from tifffile import DATATYPE, TiffFile
 
 from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.dng import encode_dng, read_dng, read_preview, write_dng
@@ -42,6 +42,7 @@ CASES = [
 def test_tifffile_and_libraw_read_the_very_samples(original: Mosaic) -> None:
     data = encode_dng(original, preview())
     with TiffFile(BytesIO(data)) as file:
+        assert file.pages.first.tags["SubIFDs"].dtype == DATATYPE.LONG  # older ones know no IFD
         np.testing.assert_array_equal(file.pages.first.pages[0].asarray(), original.codes)
     with rawpy.imread(BytesIO(data)) as raw:
         np.testing.assert_array_equal(raw.raw_image, original.codes)
