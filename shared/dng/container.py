@@ -5,17 +5,17 @@ and the digest of the samples.
 import hashlib
 from html import escape
 from itertools import product
-from typing import Any
 
 import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ByteArray, CodeArray
+from ..arrays import ByteArray
 from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
 from .exif import metadata_directory, printable
+from .lossless_jpeg import encode_lossless
 from .tags import DNG_VERSION, LONGEST_SIDE, MAKER, TAG, Compression, Photometric
 
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
@@ -109,22 +109,6 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     fields = picture_fields(samples.shape, bits, Compression.JPEG, photometric)
     fields[TAG["NewSubfileType"]] = FieldType.LONG, [0]
     return Directory(fields, strips=[encode_lossless(samples, bits)])
-
-
-def encode_lossless(samples: CodeArray, bits: int) -> bytes:
-    """Samples (H, W) or (H, W, 3) as a lossless JPEG (ITU T.81, annex H).
-
-    Each is predicted by the one on its left (predictor 1: darktable reads no other).
-
-    Parameters
-    ----------
-    bits : int
-        Bits of a sample, 10 to 16.
-    """
-    options: dict[str, Any] = {"lossless": True, "predictor": 1, "bitspersample": bits}
-    if samples.ndim == 3:  # each plane as it is
-        options |= {"colorspace": "RGB", "outcolorspace": "RGB"}
-    return bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(samples), **options))
 
 
 def raw_digest(samples: NDArray[np.uint16]) -> bytes:

@@ -8,10 +8,11 @@ import multiprocessing
 import os
 import signal
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from itertools import chain, islice
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -130,15 +131,20 @@ def in_processes(
         waiting = iter(items)
         running: dict[Future[tuple[Any, list[str]]], P] = {}
         while True:
+            batch = deque(islice(waiting, _AHEAD - len(running)))
+            if not (batch or running):
+                return
             if not pools[-1].active:  # a process died before it had an item
                 unfinished = [future for future in running if not future.done()]
-                waiting = chain([running.pop(future) for future in unfinished], waiting)
+                batch.extend(running.pop(future) for future in unfinished)
                 stop()
                 start()
-            for item in islice(waiting, _AHEAD - len(running)):
-                running[pools[-1].schedule(_call, (function, item))] = item
-            if not running:
-                return
+            with suppress(RuntimeError):  # the pool has failed meanwhile: see above
+                while batch:
+                    future = pools[-1].schedule(_call, (function, batch[0]))
+                    running[future] = batch.popleft()
+            if batch:
+                waiting = chain(batch, waiting)
             done, _ = wait(running, _POLL_POOL, FIRST_COMPLETED)
             raise_lost_signal()
             for future in done:

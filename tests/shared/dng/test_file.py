@@ -21,12 +21,8 @@ from panchroma.shared import CfaPattern, InputError, Mosaic, NoiseModel, SensorC
 from panchroma.shared.calibration import BITS
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.dng import encode_dng, read_dng, read_preview, record, verify_dng, write_dng
-from panchroma.shared.dng.container import (
-    encode_lossless,
-    main_directory,
-    raw_digest,
-    raw_directory,
-)
+from panchroma.shared.dng.container import main_directory, raw_digest, raw_directory
+from panchroma.shared.dng.lossless_jpeg import encode_lossless
 from panchroma.shared.dng.record import RECORD_ID, decode_record, encode_record
 from panchroma.shared.dng.tags import TAG, Photometric
 from panchroma.shared.errors import OutputError
@@ -201,13 +197,22 @@ def test_every_sample_comes_back(bits: int, shape: tuple[int, ...]) -> None:
     top = (1 << bits) - 1
     even = random.integers(0, top, shape, endpoint=True)
     noisy = np.clip(random.normal(top / 3, 20, shape), 0, top)
+    # unlike the rows that are counted
+    surprise = np.where(np.arange(shape[0]).reshape(-1, *[1] * (len(shape) - 1)) % 32, even, 0)
     extremes = even % 2 * top, np.zeros(shape), np.full(shape, top), even % 2 * (top // 2 + 1)
-    for samples in (even, noisy, *extremes):
+    for samples in (even, noisy, surprise, *extremes):
         codes = samples.astype(np.uint16)
         jpeg = encode_lossless(codes, bits)
         np.testing.assert_array_equal(imagecodecs.jpeg8_decode(jpeg).reshape(shape), codes)
         if len(shape) == 2 and shape[1] > 1:
             np.testing.assert_array_equal(imagecodecs.ljpeg_decode(jpeg), codes)
+
+
+def test_takes_hardly_more_than_the_best_code() -> None:
+    """Close to what libjpeg needs, which counts every sample before it chooses a code."""
+    codes = np.random.default_rng(0).normal(900, 40, (300, 400)).astype(np.uint16)
+    best = imagecodecs.jpeg8_encode(codes, lossless=True, predictor=1, bitspersample=12)
+    assert len(encode_lossless(codes, 12)) < 1.01 * len(best)
 
 
 # --- files ---------------------------------------------------------------------------------------
@@ -322,6 +327,13 @@ def test_a_flipped_bit_is_told_or_harmless(letters: str) -> None:
         except InputError:
             continue
         assert same(read, original), f"bit {bit}"
+
+
+def test_samples_before_the_file_are_refused() -> None:
+    data, offset = encode_dng(mosaic(), preview()), struct.pack("<HHI", TAG["StripOffsets"], 4, 1)
+    place = data.index(offset)  # of the raw directory
+    signed = struct.pack("<HHIi", TAG["StripOffsets"], 9, 1, -30)
+    assert_refused(data[:place] + signed + data[place + len(signed) :], "before the file")
 
 
 def test_absurd_sizes_and_other_kinds_of_samples_are_refused_before_they_are_decoded() -> None:

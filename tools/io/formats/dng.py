@@ -13,13 +13,13 @@ from ....shared import ByteArray, CodeArray, FloatArray, InputError
 from ....shared.dng.colour_tags import colour_fields
 from ....shared.dng.container import (
     DIGEST_TILE,
-    encode_lossless,
     main_directory,
     md5,
     picture_fields,
     picture_id,
     tile_digests,
 )
+from ....shared.dng.lossless_jpeg import encode_lossless
 from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
 from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
