@@ -185,21 +185,17 @@ def test_a_calibration_is_that_of_the_command(
     line += [
         word for kind, names in files.items() for name in names for word in (f"--{kind}", name)
     ]
-    camera, mine, report = (
-        tmp_path / name for name in ("camera.json", "mine.json", "made/report.html")
-    )
+    camera, mine, made = (tmp_path / name for name in ("camera.json", "mine.json", "made"))
     record = run("calibrate", *line, "-o", camera, "--json", code=0).records[-1]
-    found.save(mine, report=report.parent)
+    found.save(mine, report=made)
     assert mine.read_bytes() == camera.read_bytes()
     assert found.verdict == record["verdict"]
-    assert [spelled(text, ["--dark", "--flat", "--update"]) for text in found.warnings] == record[
-        "warnings"
-    ]
+    warnings = [spelled(text, ["--dark", "--flat", "--update"]) for text in found.warnings]
+    assert warnings == record["warnings"]
     assert found.facts == found.camera.measured
-    assert found.verdict.capitalize() in report.read_text("utf-8")
-    assert replace(same.camera.calibration, camera="") == replace(
-        found.camera.calibration, camera=""
-    )
+    assert found.verdict.capitalize() in (made / "report.html").read_text("utf-8")
+    one, other = (replace(each.camera.calibration, camera="") for each in (same, found))
+    assert one == other
     more = panchroma.calibrate(dark=bench / "dark-1.dng", update=mine)
     more.save(mine, overwrite=True)
     run("calibrate --dark", bench / "dark-1.dng", "-o", camera, "--update --overwrite", code=0)
@@ -342,10 +338,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.burst(panchroma.open("shot.dng")), "shots[0]: is one frame"),
         (lambda: panchroma.burst([panchroma.open("shot.dng"), "gone.dng"]), "gone.dng: there is"),
         (lambda: panchroma.burst(["shot.dng"] * 2, shifts=[1, 2]), "(right, down) of each"),  # type: ignore[list-item]
-        (
-            lambda: panchroma.burst(["shot.dng", "x.dng"], shifts=[(0, 0)]),
-            "places for 1 of 2 shots",
-        ),
+        (lambda: panchroma.burst(["shot.dng", "x.dng"], shifts=[(0, 0)]), "places for 1 of 2"),
         (lambda: panchroma.burst(["shot.dng", "x.dng"], reference=2), "expected 0 to 1"),
         (lambda: panchroma.compare(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
         (lambda: panchroma.open(io.BytesIO()), "the file object: the file is empty"),
@@ -410,10 +403,8 @@ def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> Non
             result.save(named)
         assert (tmp_path / f"again-{name}").read_bytes() == held.getvalue(), name
         if result is shot.truth and name != "c.jxl":
-            assert np.array_equal(
-                panchroma.simulate(held).mosaic.codes,
-                panchroma.simulate(tmp_path / name).mosaic.codes,
-            )
+            shots = (panchroma.simulate(file).mosaic for file in (held, tmp_path / name))
+            assert np.array_equal(*(mosaic.codes for mosaic in shots))
     held = io.BytesIO((tmp_path / "a.dng").read_bytes())
     assert np.array_equal(panchroma.open(held).mosaic.codes, shot.mosaic.codes)
     with camera.open("rb") as stated:

@@ -29,7 +29,6 @@ from panchroma.tools.simulation.drawn.builtin import ASPECT, CHARTS, GAP, HEIGHT
 from panchroma.tools.simulation.drawn.charts import COLOR_CHECKER_LAB
 from panchroma.tools.simulation.load import load_scene, set_aside
 from tests.data import DATA
-from tests.python import run_python
 from tests.tools.io.files import (
     CFA,
     LINEAR_RAW,
@@ -113,11 +112,6 @@ def test_our_shots_are_refused_with_their_command(tmp_path: Path, beside: str, s
     write_dng(path, noise(96, 96), **directories)
     with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
-
-
-def test_commands_start_without_the_libraries_of_file_formats() -> None:
-    script = "import sys, panchroma.tools.simulation.load; print(*sys.modules)"
-    assert not {"rawpy", "PIL", "OpenEXR", "scipy"} & {*run_python(script).split()}
 
 
 # --- files that are no scenes --------------------------------------------------------------------
