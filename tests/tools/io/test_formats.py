@@ -302,9 +302,8 @@ def smooth() -> FloatArray:
 @kinds("jxl")
 def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> None:
     """The reader makes them from JPEG XL's own, as the codec has labelled them."""
-    worse, good = (
-        encoded(smooth(), replace(kind, quality=quality)).getvalue() for quality in (20, 90)
-    )
+    both = (encoded(smooth(), replace(kind, quality=quality)) for quality in (20, 90))
+    worse, good = (file.getvalue() for file in both)
     read = imagecodecs.jpegxl_decode(good)
     assert read.dtype == ("float32" if kind.bits == 32 else f"uint{kind.bits}")
     white = 1 if kind.bits == 32 else 2**kind.bits - 1

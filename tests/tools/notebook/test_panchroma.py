@@ -21,7 +21,7 @@ from panchroma.tools.commands.spelling import spelled
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.simulation.lens import lens_shading
-from tests.tools.command import run
+from tests.tools.command import repeated, run
 
 
 class Pipe(io.BytesIO):
@@ -103,11 +103,9 @@ def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
 
 
 def test_noise_comes_from_a_seed_a_generator_or_anew() -> None:
-    seeded, generator = np.random.SeedSequence(7), np.random.default_rng(7)
-    codes = [
-        panchroma.simulate(GREY, sigma=0.1, rng=rng).mosaic.codes
-        for rng in (7, seeded, generator, generator, None, None)
-    ]
+    generator = np.random.default_rng(7)
+    origins = 7, np.random.SeedSequence(7), generator, generator, None, None
+    codes = [panchroma.simulate(GREY, sigma=0.1, rng=rng).mosaic.codes for rng in origins]
     assert np.array_equal(codes[0], codes[1])
     assert np.array_equal(codes[0], codes[2])
     assert all(not np.array_equal(codes[n], codes[n + 1]) for n in (2, 3, 4))
@@ -182,9 +180,8 @@ def test_a_calibration_is_that_of_the_command(
         kind: list(map(panchroma.open, names)) for kind, names in files.items()
     }
     same = panchroma.calibrate(list(map(panchroma.open, line)), **of_shots)
-    line += [
-        word for kind, names in files.items() for name in names for word in (f"--{kind}", name)
-    ]
+    for kind, names in files.items():
+        line += repeated(f"--{kind}", names)
     camera, mine, made = (tmp_path / name for name in ("camera.json", "mine.json", "made"))
     record = run("calibrate", *line, "-o", camera, "--json", code=0).records[-1]
     found.save(mine, report=made)

@@ -21,7 +21,6 @@ from PIL import Image
 
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.errors import InputError
-from panchroma.shared.reading import MAX_PIXELS
 from panchroma.tools.io.colour import xyz_to_lab
 from panchroma.tools.io.limited import Facts, _received, run_limited
 from panchroma.tools.io.scene import Scene, check_size
@@ -84,14 +83,8 @@ def test_a_scene_is_checked_when_made() -> None:
 def test_sizes_are_bounded_before_decoding() -> None:
     check_size(11648, 8736, 6, 300 * 2**20)
     check_size(4000, 3000, 8, 6000)  # even light compresses well, and is a picture
-    for size, words in (
-        ((0, 5), "empty"),
-        ((MAX_PIXELS, 2), "`max_pixels` raises it"),
-        ((10000, 10000, 6, 500_000), "fill the memory"),
-        ((4000, 3300, 8, 6000), "save it without compression"),
-    ):
-        with pytest.raises(InputError, match=words):
-            check_size(*size)
+    with pytest.raises(InputError, match=r"fill the memory.*save it without compression"):
+        check_size(4000, 3300, 8, 6000)
 
 
 def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
@@ -178,7 +171,6 @@ def inflating(path: Path) -> None:
         ("five.npy", written(np.zeros((4, 4, 5))), "has 5 channels"),
         ("line.npy", written(np.zeros(7)), r"of shape \(7,\)"),
         ("signed.npy", written(np.zeros((4, 4, 3), "i2")), "is int16"),
-        ("complex.npy", written(np.zeros((4, 4, 3), "c8")), "is complex64"),
         ("objects.npy", written(np.array([[{}]])), "cannot be decoded"),
         ("empty.npy", written(np.zeros((0, 4, 3))), "empty"),
     ],
