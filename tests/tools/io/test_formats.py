@@ -19,7 +19,7 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from panchroma.shared import CaptureMetadata, InputError, OutputError, SensorCalibration
+from panchroma.shared import InputError, OutputError, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.development import CAMERA
@@ -155,12 +155,6 @@ def test_the_profile_says_the_colours(kind: PictureKind, tmp_path: Path) -> None
     assert np.abs(error[8::16, 8::16]).max() < (1e-4 if kind.bits > 8 else 0.01)
     assert "profile" not in "".join(scene.notes)
     assert space.title.encode("utf-16-be") in icc_profile(kind.space)
-
-
-def test_a_shot_of_which_nothing_is_known_can_be_in_every_format() -> None:
-    unknown: Any = {"calibration": SensorCalibration(), "metadata": CaptureMetadata()}
-    for kind in KINDS:
-        assert encoded(scene((3, 4)), kind, **unknown).getvalue()
 
 
 # --- what can be chosen --------------------------------------------------------------------------
