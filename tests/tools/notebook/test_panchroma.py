@@ -396,8 +396,8 @@ def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> Non
             result.save(named)
         assert (tmp_path / f"again-{name}").read_bytes() == held.getvalue(), name
         if result is shot.truth and name != "c.jxl":
-            shots = (panchroma.simulate(file).mosaic for file in (held, tmp_path / name))
-            assert np.array_equal(*(mosaic.codes for mosaic in shots))
+            one, other = (panchroma.simulate(file).mosaic for file in (held, tmp_path / name))
+            assert np.array_equal(one.codes, other.codes)
     held = io.BytesIO((tmp_path / "a.dng").read_bytes())
     assert np.array_equal(panchroma.open(held).mosaic.codes, shot.mosaic.codes)
     with camera.open("rb") as stated:
