@@ -38,6 +38,12 @@ def flats(*levels: float) -> list[Mosaic]:
     return [frame(level * FALLING, seed=seed) for level, seed in seeds]
 
 
+def with_row_noise(frames: list[Mosaic], sigma: float = 1.5, seed: int = 7) -> list[Mosaic]:
+    """The frames with noise, of `sigma` codes, that all samples of a row have in common."""
+    random = np.random.default_rng(seed)
+    return [edited(each, lambda c: c + random.normal(0, sigma, (SHAPE[0], 1))) for each in frames]
+
+
 def of_flats(frames: list[Mosaic], dark: DarkResult | None = None) -> FlatResult:
     """What flat frames show, which are called a, b ..."""
     return measure_flats(list(zip("abcdef", frames, strict=False)), dark)
@@ -68,13 +74,7 @@ def test_read_noise_of_rows_counts_once_a_row(count: int) -> None:
     """Samples of a row are no independent ones: the truth is 1.4 errors away at most."""
     truth, scores = np.hypot(np.array(NOISE.read) / FULL * (4095 - 256), 3.0), []
     for seed in range(10):
-        rng = np.random.default_rng(seed)
-        found = measure_dark(
-            [
-                edited(dark, lambda codes: codes + 3.0 * rng.standard_normal((SHAPE[0], 1)))  # noqa: B023
-                for dark in darks(count)
-            ]
-        )
+        found = measure_dark(with_row_noise(darks(count), 3.0, seed))
         scores.append((found.read - truth) / found.read_error)
     assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.4
 
@@ -214,11 +214,6 @@ def flickering(amplitude: float, period: int, *levels: float) -> list[Mosaic]:
         frame(level * FALLING * (1 + amplitude * np.sin(rows + 2.1 * number)), seed=number)
         for number, level in enumerate(np.repeat(levels, 2))
     ]
-
-
-def with_row_noise(frames: list[Mosaic]) -> list[Mosaic]:
-    random = np.random.default_rng(7)
-    return [edited(each, lambda c: c + random.normal(0, 1.5, (SHAPE[0], 1))) for each in frames]
 
 
 @pytest.mark.parametrize("period", [12, 90])

@@ -261,6 +261,30 @@ def test_dark_frames_that_contradict_a_chart_are_to_blame(off: int, flats: int) 
     assert abs(float(size) / abs(off) - 1) < 0.2
 
 
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it(number: int) -> None:
+    off = replace(TRUTH, black_level=tuple(level + 16 for level in BLIND.black_level))
+    shots = {f"{seed}.dng": frame(chart().rgb, seed=seed, truth=off) for seed in range(number)}
+    outcome = concluded(shots=shots)
+    gamma = outcome.measured.gamma
+    assert (np.abs(gamma.gamma - TRUTH.gamma) < 1.5 * gamma.half_width).all()
+    assert outcome.verdict == "do not use it"
+    (said,) = outcome.contradictions
+    assert "contradict the black level that is assumed" in said
+    assert re.search(r"it seems to be 1.* codes higher; take dark frames \(`dark`\)", said)
+    assert outcome.camera is not None  # gamma is honest, and dark frames may be added
+
+
+def test_shots_of_two_cameras_are_contradicted() -> None:
+    other = frame(chart().rgb, truth=replace(TRUTH, gamma=(0.8, 1.2, 0.9)))
+    shots = {**several("chart", 1), "other.dng": other}
+    outcome = concluded(dark=several("dark", 4), shots=shots)
+    assert (outcome.verdict, outcome.camera) == ("do not use it", None)
+    said = r"the shots contradict each other in gamma.*standard deviations: chart0.dng 0\.9"
+    assert re.search(said, outcome.refusal)
+    assert (outcome.measured.gamma.half_width > 0.05).all()  # of each alone it is about 0.01
+
+
 @pytest.mark.parametrize("bend", [-0.1, -0.03, 0.03])
 def test_a_sensor_that_is_not_linear_is_called_that(bend: float) -> None:
     """In place of a black level that would explain it less well."""

@@ -197,10 +197,8 @@ def test_a_sensor_whose_white_does_not_follow_keeps_a_gamma_for_each_light(tmp_p
         save(tmp_path / f"{light}.dng", stating(taken, black_level=TRUTH.black_level))
     charts = repeated("--chart-light", [f"{light}={tmp_path / light}.dng" for light in weights])
     output = tmp_path / "camera.json"
-    said = run("calibrate", *charts, "-o", output, code=0)
-    assert re.search(
-        r"W does not follow from R, G, B: .* by (0\.[6-9]|1\.\d) % beyond noise", said.err
-    )
+    said = run("calibrate", *charts, "-o", output, code=0).err
+    assert re.search(r"W does not follow from R, G, B: .* by (0\.[6-9]|1\.\d) % beyond noise", said)
     found = read_camera(output)
     warm, cold = (np.array(under.gamma) for under in found.calibration.lights or ())
     np.testing.assert_allclose([warm, cold], list(weights.values()), rtol=0.15)
@@ -225,11 +223,9 @@ def test_an_update_under_one_light_keeps_the_other(bench: Bench, tmp_path: Path)
     (warm, cold), (old_warm, old_cold) = after.calibration.lights, before.calibration.lights
     assert (warm, cold.illuminant) == (old_warm, "D65")
     assert cold.camera_to_xyz != old_cold.camera_to_xyz
-    places = after.measured["colour"]["light"]
-    assert dict(zip(places, after.measured["colour"]["shot"], strict=True)) == {
-        "A": "A.dng",
-        "D65": "other.dng",
-    }
+    colour = after.measured["colour"]
+    shots = dict(zip(colour["light"], colour["shot"], strict=True))
+    assert shots == {"A": "A.dng", "D65": "other.dng"}
     outcome = run("calibrate", folder / "A.dng", *update, code=0)
     assert "the colours of the camera file, under A and D65, stay as they are" in outcome.err
     assert read_camera(output).calibration.lights == after.calibration.lights
@@ -243,7 +239,5 @@ def test_an_update_under_one_light_keeps_the_other(bench: Bench, tmp_path: Path)
     changed = json.loads(output.read_text())
     changed["gamma"][0] *= 1.2
     output.write_text(json.dumps(changed))
-    outcome = run("calibrate", folder / "A.dng", *update, code=0)
-    assert re.search(
-        r"gamma was .* in the camera file, and is .*: they differ by \d+ times", outcome.err
-    )
+    said = run("calibrate", folder / "A.dng", *update, code=0).err
+    assert re.search(r"gamma was .* in the camera file, and is .*: they differ by \d+ times", said)

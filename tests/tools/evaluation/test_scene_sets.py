@@ -118,8 +118,6 @@ def test_share_and_light() -> None:
     """A colour pixel collects a third of the light of a panchromatic one; cyan, magenta and yellow
     ones two thirds.
     """
-    kodak = named(KODAK)
-    assert kodak.light == 2
     assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency())
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
     five = named("VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")

@@ -21,7 +21,7 @@ from panchroma.tools.commands.spelling import spelled
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.simulation.lens import lens_shading
-from tests.tools.command import run
+from tests.tools.command import repeated, run
 
 
 class Pipe(io.BytesIO):
@@ -103,11 +103,9 @@ def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
 
 
 def test_noise_comes_from_a_seed_a_generator_or_anew() -> None:
-    seeded, generator = np.random.SeedSequence(7), np.random.default_rng(7)
-    codes = [
-        panchroma.simulate(GREY, sigma=0.1, rng=rng).mosaic.codes
-        for rng in (7, seeded, generator, generator, None, None)
-    ]
+    generator = np.random.default_rng(7)
+    origins = 7, np.random.SeedSequence(7), generator, generator, None, None
+    codes = [panchroma.simulate(GREY, sigma=0.1, rng=rng).mosaic.codes for rng in origins]
     assert np.array_equal(codes[0], codes[1])
     assert np.array_equal(codes[0], codes[2])
     assert all(not np.array_equal(codes[n], codes[n + 1]) for n in (2, 3, 4))
@@ -182,24 +180,19 @@ def test_a_calibration_is_that_of_the_command(
         kind: list(map(panchroma.open, names)) for kind, names in files.items()
     }
     same = panchroma.calibrate(list(map(panchroma.open, line)), **of_shots)
-    line += [
-        word for kind, names in files.items() for name in names for word in (f"--{kind}", name)
-    ]
-    camera, mine, report = (
-        tmp_path / name for name in ("camera.json", "mine.json", "made/report.html")
-    )
+    for kind, names in files.items():
+        line += repeated(f"--{kind}", names)
+    camera, mine, made = (tmp_path / name for name in ("camera.json", "mine.json", "made"))
     record = run("calibrate", *line, "-o", camera, "--json", code=0).records[-1]
-    found.save(mine, report=report.parent)
+    found.save(mine, report=made)
     assert mine.read_bytes() == camera.read_bytes()
     assert found.verdict == record["verdict"]
-    assert [spelled(text, ["--dark", "--flat", "--update"]) for text in found.warnings] == record[
-        "warnings"
-    ]
+    warnings = [spelled(text, ["--dark", "--flat", "--update"]) for text in found.warnings]
+    assert warnings == record["warnings"]
     assert found.facts == found.camera.measured
-    assert found.verdict.capitalize() in report.read_text("utf-8")
-    assert replace(same.camera.calibration, camera="") == replace(
-        found.camera.calibration, camera=""
-    )
+    assert found.verdict.capitalize() in (made / "report.html").read_text("utf-8")
+    one, other = (replace(each.camera.calibration, camera="") for each in (same, found))
+    assert one == other
     more = panchroma.calibrate(dark=bench / "dark-1.dng", update=mine)
     more.save(mine, overwrite=True)
     run("calibrate --dark", bench / "dark-1.dng", "-o", camera, "--update --overwrite", code=0)
@@ -321,7 +314,6 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        (lambda: panchroma.simulate("shot.dng"), "render it"),
         (lambda: panchroma.simulate("there.tif", bands="BGR"), "`bands` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0': is not"),  # type: ignore[call-overload]
         (lambda: panchroma.simulate(GREY, rng=-1), "`rng` is -1"),
@@ -342,13 +334,9 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.burst(panchroma.open("shot.dng")), "shots[0]: is one frame"),
         (lambda: panchroma.burst([panchroma.open("shot.dng"), "gone.dng"]), "gone.dng: there is"),
         (lambda: panchroma.burst(["shot.dng"] * 2, shifts=[1, 2]), "(right, down) of each"),  # type: ignore[list-item]
-        (
-            lambda: panchroma.burst(["shot.dng", "x.dng"], shifts=[(0, 0)]),
-            "places for 1 of 2 shots",
-        ),
+        (lambda: panchroma.burst(["shot.dng", "x.dng"], shifts=[(0, 0)]), "places for 1 of 2"),
         (lambda: panchroma.burst(["shot.dng", "x.dng"], reference=2), "expected 0 to 1"),
         (lambda: panchroma.compare(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
-        (lambda: panchroma.open(io.BytesIO()), "the file object: the file is empty"),
         (lambda: panchroma.open(io.BytesIO(b"GIF89a")), "the file object: not a DNG"),
         (lambda: panchroma.open(io.StringIO("II*")), "a file is StringIO, expected its name"),  # type: ignore[arg-type]
         (lambda: panchroma.open(3), "a file is int, expected its name"),  # type: ignore[arg-type]
@@ -359,8 +347,6 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.to_srgb(GREY).save(io.BytesIO()), "saved as .png or .jpg"),
         (lambda: panchroma.to_srgb(GREY).save("a.png", format="jpg"), "'png' by its name"),
         (lambda: panchroma.Picture(GREY).save(io.StringIO(), format="tif"), "a file is StringIO"),  # type: ignore[arg-type]
-        (lambda: panchroma.render(io.BytesIO(b"II*\0")), "the file object: "),
-        (lambda: panchroma.burst([io.BytesIO(b"II*\0")] * 2), "the file object: "),
     ],
 )
 def test_an_error_names_what_is_wrong(
@@ -410,10 +396,8 @@ def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> Non
             result.save(named)
         assert (tmp_path / f"again-{name}").read_bytes() == held.getvalue(), name
         if result is shot.truth and name != "c.jxl":
-            assert np.array_equal(
-                panchroma.simulate(held).mosaic.codes,
-                panchroma.simulate(tmp_path / name).mosaic.codes,
-            )
+            one, other = (panchroma.simulate(file).mosaic for file in (held, tmp_path / name))
+            assert np.array_equal(one.codes, other.codes)
     held = io.BytesIO((tmp_path / "a.dng").read_bytes())
     assert np.array_equal(panchroma.open(held).mosaic.codes, shot.mosaic.codes)
     with camera.open("rb") as stated:

@@ -84,7 +84,6 @@ def test_a_bracket_states_its_exposures() -> None:
     ("figures", "words"),
     [
         ({"frames": 0}, "`burst` is 0"),
-        ({"pixels": -1}, "`motion` is -1 pixels"),
         ({"pixels": np.nan}, "`motion` is nan"),
         ({"stops": (0, 1)}, "`bracket` has 2 figures for 3 frames"),
         ({"stops": (0, 1, 99)}, "expected -10 to 10"),

@@ -21,7 +21,6 @@ from PIL import Image
 
 from panchroma.shared.colorimetry import D50
 from panchroma.shared.errors import InputError
-from panchroma.shared.reading import MAX_PIXELS
 from panchroma.tools.io.colour import xyz_to_lab
 from panchroma.tools.io.limited import Facts, _received, run_limited
 from panchroma.tools.io.scene import Scene, check_size
@@ -29,7 +28,6 @@ from panchroma.tools.simulation.drawn.builtin import ASPECT, CHARTS, GAP, HEIGHT
 from panchroma.tools.simulation.drawn.charts import COLOR_CHECKER_LAB
 from panchroma.tools.simulation.load import load_scene, set_aside
 from tests.data import DATA
-from tests.python import run_python
 from tests.tools.io.files import (
     CFA,
     LINEAR_RAW,
@@ -85,14 +83,8 @@ def test_a_scene_is_checked_when_made() -> None:
 def test_sizes_are_bounded_before_decoding() -> None:
     check_size(11648, 8736, 6, 300 * 2**20)
     check_size(4000, 3000, 8, 6000)  # even light compresses well, and is a picture
-    for size, words in (
-        ((0, 5), "empty"),
-        ((MAX_PIXELS, 2), "`max_pixels` raises it"),
-        ((10000, 10000, 6, 500_000), "fill the memory"),
-        ((4000, 3300, 8, 6000), "save it without compression"),
-    ):
-        with pytest.raises(InputError, match=words):
-            check_size(*size)
+    with pytest.raises(InputError, match=r"fill the memory.*save it without compression"):
+        check_size(4000, 3300, 8, 6000)
 
 
 def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
@@ -113,11 +105,6 @@ def test_our_shots_are_refused_with_their_command(tmp_path: Path, beside: str, s
     write_dng(path, noise(96, 96), **directories)
     with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
-
-
-def test_commands_start_without_the_libraries_of_file_formats() -> None:
-    script = "import sys, panchroma.tools.simulation.load; print(*sys.modules)"
-    assert not {"rawpy", "PIL", "OpenEXR", "scipy"} & {*run_python(script).split()}
 
 
 # --- files that are no scenes --------------------------------------------------------------------
@@ -184,7 +171,6 @@ def inflating(path: Path) -> None:
         ("five.npy", written(np.zeros((4, 4, 5))), "has 5 channels"),
         ("line.npy", written(np.zeros(7)), r"of shape \(7,\)"),
         ("signed.npy", written(np.zeros((4, 4, 3), "i2")), "is int16"),
-        ("complex.npy", written(np.zeros((4, 4, 3), "c8")), "is complex64"),
         ("objects.npy", written(np.array([[{}]])), "cannot be decoded"),
         ("empty.npy", written(np.zeros((0, 4, 3))), "empty"),
     ],

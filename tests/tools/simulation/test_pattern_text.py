@@ -32,30 +32,25 @@ def test_a_file_is_read_as_letters_are(tmp_path: Path, text: str) -> None:
         ("RGWW/GBW", "differ in length"),
         ("RGWW/GBWW/" * 10**5, "1000000 letters are more than the largest tile has, 16 x 16"),
         (300 * "x" + ".txt", "no file has this name"),
-    ],
-)
-def test_what_is_no_pattern_is_refused(text: str, words: str) -> None:
-    with pytest.raises(InputError) as refused:
-        read_pattern(text)
-    assert str(refused.value).startswith("`pattern` ")
-    assert words in str(refused.value)
-    assert len(str(refused.value)) < 550
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
         (b"", "the file is empty"),
         (b"# nothing but this\n\n", "is not the capital letters"),
         (b"W" * (1 << 17), "is larger than the 65536 bytes"),
     ],
 )
-def test_a_file_without_a_pattern_is_named(tmp_path: Path, content: bytes, words: str) -> None:
-    path = tmp_path / "pattern.txt"
-    path.write_bytes(content)
+def test_what_is_no_pattern_is_refused(tmp_path: Path, text: str | bytes, words: str) -> None:
+    """Bytes are what a file holds, which is then named."""
+    begin = "`pattern` "
+    if isinstance(text, bytes):
+        (tmp_path / "pattern.txt").write_bytes(text)
+        text = str(tmp_path / "pattern.txt")
+        begin = f"{text}: "
     with pytest.raises(InputError) as refused:
-        read_pattern(str(path))
-    assert str(refused.value).startswith(f"{path}: ")
+        read_pattern(text)
+    assert str(refused.value).startswith(begin)
     assert words in str(refused.value)
+    assert len(str(refused.value)) < 550
+
+
+def test_a_folder_is_no_pattern(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a folder; give a pattern"):
         read_pattern(str(tmp_path))

@@ -7,15 +7,14 @@ import re
 import numpy as np
 import pytest
 
-from panchroma.shared import CfaPattern, FloatArray, InputError, SensorCalibration
+from panchroma.shared import CfaPattern, FloatArray, InputError
 from panchroma.shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.bayer import sample_bayer
 from panchroma.tools.simulation.filters import filters_for
 from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
-from panchroma.tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, typical_noise
-from panchroma.tools.simulation.simulated_camera import SimulatedCamera
+from panchroma.tools.simulation.sensor import TYPICAL_READ, TYPICAL_SHOT
 
 RNG = np.random.default_rng(5)
 
@@ -26,20 +25,6 @@ def scene_of(channels: str = "RGB", **fields: object) -> Scene:
 
 def pattern_of(block: str) -> CfaPattern:
     return CfaPattern.with_block(tuple(block.split("/")), 6)
-
-
-def test_channels_are_in_the_order_of_the_pattern() -> None:
-    scene = scene_of("RGBNV")
-    filters = filters_for(pattern_of("VN/GR"), scene)
-    assert filters.channels == "VNGR"
-    assert np.array_equal(filters.of(scene.rgb), scene.rgb[..., [4, 3, 1, 0]])
-    assert filters.gamma == (1.0,) * 4
-
-
-def test_the_noise_of_broadband_filters_is_that_of_as_many_electrons() -> None:
-    pattern, scene = pattern_of("CM/YC"), scene_of()
-    read = SimulatedCamera(pattern).before(scene, filters_for(pattern, scene)).noise.read
-    assert np.allclose(read, np.array(typical_noise(SensorCalibration()).read) / 2)
 
 
 @pytest.mark.parametrize("block", ["CM/YC", "CM/YG", "RG/BY", "CYM/GRB", "RC/MY", "RC", "YB", "GM"])
@@ -124,9 +109,8 @@ def test_levels_are_ordered_by_noise_checked_and_named() -> None:
     assert texts == ["exposure 2", "exposure 1", "exposure 0.25"]
     conditions = "5,000 electrons per scene unit at exposure 1, read noise of 3 electrons, 12 bits"
     assert conditions in SensorProtocol.conditions
-    for level in (-0.1, np.nan):
-        with pytest.raises(InputError, match=r"`sigma` is .* expected"):
-            PaperProtocol.levels([level])
+    with pytest.raises(InputError, match="`sigma` is nan, expected"):
+        PaperProtocol.levels([np.nan])
     for level in (0.0, np.inf):
         with pytest.raises(InputError, match=r"`light` is .* expected"):
             SensorProtocol.levels([level])

@@ -100,7 +100,7 @@ def test_it_learns_and_writes_what_the_render_runs(
     assert json.loads((folder / "rggb-k4" / "plan.json").read_text())["steps"] == 120
 
 
-def test_an_interrupted_training_ends_with_the_same_weights(
+def test_an_interrupted_training_ends_with_the_same_weights_and_no_other_goes_on_there(
     photographs: tuple[str, ...], folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run, "_REPORT", 2)
@@ -110,14 +110,8 @@ def test_an_interrupted_training_ends_with_the_same_weights(
         run.train(plan, folders[1], 1, Reports("step 4"))
     assert run.train(plan, folders[1], 1, reports := Reports()).read_bytes() == expected
     assert [report.split(":")[0] for report in reports.texts] == ["step 6"]
-
-
-def test_another_training_does_not_go_on_in_the_same_folder(
-    photographs: tuple[str, ...], folder: Path
-) -> None:
-    run.train(small(photographs, 1), folder, 1, SILENT)
     with pytest.raises(InputError, match="holds another training"):
-        run.train(small(photographs, 2), folder, 1, SILENT)
+        run.train(small(photographs, 7), folder, 1, SILENT)
 
 
 ORDER = [0, 2, 1, 3]  # the greens change places
@@ -300,9 +294,7 @@ def test_the_same_seed_gives_the_same_blocks(blocks_made: list[Path]) -> None:
     assert np.median(np.abs(own * light - colour)[:, bright]) < 0.1  # they show the same place
 
 
-def test_blocks_with_red_and_blue_in_exchange_are_those_of_the_scene(
-    blocks_made: list[Path],
-) -> None:
+def test_blocks_with_red_and_blue_in_exchange_are_those_of_the_scene() -> None:
     """Every plane of red is that of blue then, and twice in exchange is what it was."""
     order = np.array(blocks._EXCHANGED)
     assert np.array_equal(order[order], np.arange(PLANES))
