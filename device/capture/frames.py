@@ -233,7 +233,9 @@ class FrameLayout:
         return codes
 
     def _unpack_groups(self, lines: ByteArray) -> CodeArray:
-        """Unpack whole groups as words: they are few, and a word is shifted as fast as a byte."""
+        """Codes of whole groups, unpacked as words: they are few, and a word is shifted as fast as a
+        byte.
+        """
         packing, codes = FORMATS[self.format], np.empty((self.height, self.width), np.uint16)
         # the last word of a line reaches beyond it
         padded = np.zeros((_STRIP, self.line_bytes + packing.word.itemsize), np.uint8)

@@ -46,15 +46,29 @@ _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of 
 _LOW, _HIGH = 0.3, 0.8
 _FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
 _BRIGHT = 0.92  # of the limit: brighter samples count less, in a bracket
-# rows around those that are compared at a time that they depend on
+# halo of the rows that are compared at a time
 _HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2
 
 
-BlockColours = tuple[DoubleArray, DoubleArray, DoubleArray, DoubleArray]
-"""Readings of the whole blocks of a frame, float64, units of the reference: channels times gamma,
-(C, rows, columns); luminance, (rows, columns); variance of luminance around them, without noise,
-(rows, columns); variance of the noise of channels, that of luminance included, (C, rows, columns).
-"""
+class BlockColours(NamedTuple):
+    """Readings of the whole blocks of a frame, float64, units of the reference.
+
+    Attributes
+    ----------
+    channels : DoubleArray
+        Times gamma, (C, rows, columns).
+    luminance : DoubleArray
+        (rows, columns).
+    contrast : DoubleArray
+        Variance of luminance around them, without noise, (rows, columns).
+    noise : DoubleArray
+        Variance of the noise of `channels`, that of luminance included, (C, rows, columns).
+    """
+
+    channels: DoubleArray
+    luminance: DoubleArray
+    contrast: DoubleArray
+    noise: DoubleArray
 
 
 class Reference(NamedTuple):
@@ -300,4 +314,4 @@ def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
     own = variance * gamma**2 / np.maximum(sites.pattern.site_counts, 1)
     filled = np.square(channels / luminance[..., None]) / len(sites.channels)
     noise = own + filled * frame.variance(luminance)[..., None]
-    return np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0)
+    return BlockColours(np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0))

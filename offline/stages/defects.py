@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from ...shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
 from ...shared.calibration import NoiseModel
+from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..frame import Frame
 from ..numerics.chunks import copy_array, in_strips
@@ -88,10 +89,7 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     if not settings.used:
         return frame
     progress.stage("replacing defects", 2)
-    bad = np.zeros(frame.shape, np.bool_)
-    if settings.listed:
-        listed = np.array(frame.mosaic.calibration.defects, np.intp).reshape(-1, 2)
-        bad[*listed[(listed < bad.shape).all(axis=1)].T] = True
+    bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.shape, np.bool_)
     if settings.contrast:
         outliers = find_outliers(frame, settings, bad)
         if np.count_nonzero(outliers) <= _MOST_OUTLIERS * bad.size:
@@ -115,6 +113,14 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     return frame
 
 
+def _listed(mosaic: Mosaic) -> BoolArray:
+    bad = np.zeros(mosaic.shape, np.bool_)
+    places = np.array(mosaic.calibration.defects, np.intp).reshape(-1, 2)
+    places = places[(places < mosaic.shape).all(axis=1)]
+    bad[places[:, 0], places[:, 1]] = True
+    return bad
+
+
 def find_outliers(frame: Frame, settings: DefectsSettings, bad: BoolArray) -> BoolArray:
     """Mark panchromatic samples that differ from all their neighbours by more than contrast and
     noise explain; bool (H, W).
@@ -127,79 +133,110 @@ def find_outliers(frame: Frame, settings: DefectsSettings, bad: BoolArray) -> Bo
     outliers = np.zeros_like(bad)
 
     def work(rows: slice) -> None:
-        outliers[rows] = _outliers_in(frame, settings, bad, rows)
+        outliers[rows] = _Strip.of(frame, settings, bad, rows).outliers()
 
     in_strips(work, len(bad), _ROWS)
     return outliers
 
 
-def _outliers_in(frame: Frame, settings: DefectsSettings, bad: BoolArray, rows: slice) -> BoolArray:
-    """The outliers among some rows, bool (rows, W), by the definition above."""
-    (height, width), period = bad.shape, frame.pattern.period
-    halo = max(period, 2) + 1  # shows every window of 5 x 5 pixels, and the next period
-    first = rows.start - halo
-    within = slice(max(first, 0), min(rows.stop + halo, height))
-    filters = frame.pattern.filter_map((rows.stop + halo - first, width + 2 * halo), (first, -halo))
-    inside = np.s_[within.start - first : within.stop - first, halo : halo + width]
-    # NaN = bad, or outside the frame; where coloured, a lower bound
-    luminance, coloured = np.full(filters.shape, np.nan, np.float32), filters < len(frame.gamma)
-    gains = np.append(frame.gamma, 1).astype(np.float32)
-    np.multiply(
-        frame.signal[within], gains[filters[inside]], out=luminance[inside], where=~bad[within]
-    )
-    model = frame.noise or NoiseModel.gaussian(0.0, len(frame.gamma) + 1)
+@dataclass(frozen=True, eq=False)
+class _Strip:
+    """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next period,
+    can be seen.
 
-    def noise(level: FloatArray) -> FloatArray:
+    luminance: float32 (halo + rows + halo, halo + W + halo); where coloured, its lower bound. NaN =
+    bad, or outside the frame. coloured: bool, as `luminance`.
+    """
+
+    frame: Frame
+    settings: DefectsSettings
+    luminance: FloatArray
+    coloured: BoolArray
+    halo: int
+
+    @classmethod
+    def of(cls, frame: Frame, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
+        """Rows of a frame. bad: bool (H, W)."""
+        (height, width), halo = bad.shape, max(frame.pattern.period, 2) + 1
+        first = rows.start - halo
+        within = slice(max(rows.start - halo, 0), min(rows.stop + halo, height))
+        filters = frame.pattern.filter_map(
+            (rows.stop + halo - first, width + 2 * halo), (first, -halo)
+        )
+        place = np.s_[within.start - first : within.stop - first, halo : halo + width]
+        luminance = np.full(filters.shape, np.nan, np.float32)
+        gains = np.append(frame.gamma, 1).astype(np.float32)
+        np.multiply(
+            frame.signal[within], gains[filters[place]], out=luminance[place], where=~bad[within]
+        )
+        return cls(frame, settings, luminance, filters < len(frame.gamma), halo)
+
+    def outliers(self) -> BoolArray:
+        """The outliers among its rows, bool (rows, W)."""
+        interior, near = (np.s_[edge:-edge, edge:-edge] for edge in (self.halo, self.halo - 1))
+        value, floor = self.luminance[interior], self.settings.floor * self.frame.level
+        most = _of_neighbours(self.luminance[near], np.fmax)
+        panchromatic = np.where(self.coloured, np.float32(np.inf), self.luminance)
+        least = _of_neighbours(panchromatic[near], np.fmin)
+        beyond = np.maximum(value - most, least - value)
+        outliers: BoolArray = (beyond > floor) & ~self.coloured[interior]
+        place = _places(outliers)
+        outliers[place] = beyond[place] - self.noise(most[place]) > floor
+        place = _places(outliers)
+        outliers[place] = self.stand_out(*place)
+        return outliers
+
+    def noise(self, luminance: FloatArray) -> FloatArray:
         """Difference of panchromatic samples of some luminance that noise explains."""
-        return np.float32(settings.deviations) * np.sqrt(model.variance(level))
+        noise = self.frame.noise or NoiseModel.gaussian(0.0, len(self.frame.gamma) + 1)
+        return np.float32(self.settings.deviations) * np.sqrt(noise.variance(luminance))
+
+    def stand_out(self, row: IndexArray, column: IndexArray) -> BoolArray:
+        """Tell for each of N panchromatic samples of its rows whether the sample is an outlier by
+        the definition above.
+        """
+        row, column = row + self.halo, column + self.halo
+        value = self.luminance[row, column]
+        floor = np.float32(self.settings.floor * self.frame.level)
+        near, wide = (
+            _sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured))
+            for reach in (1, 2)
+        )
+        low = near[:, 0]
+        high = np.fmax.reduce(near, axis=1)
+        count = np.count_nonzero(~np.isnan(near), axis=1)
+        second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
+        allowed = self.settings.contrast * (second - wide[:, 1]) + self.noise(high) + floor
+        outlier = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
+        row, column, value, low, high = (
+            given[outlier] for given in (row, column, value, low, high)
+        )
+        # The usual brightness of the colour sites beside a sample is their mean one period above,
+        # below, left and right.
+        period, black = self.frame.pattern.period, floor * np.float32(_CHANNEL)
+        steps = (-period, 0), (period, 0), (0, -period), (0, period)
+        repeats = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
+        usual = _mean(repeats, 0).clip(0) + black
+        are_sites = self.around(row, column, 1, self.coloured)
+        sites = np.where(are_sites, self.around(row, column, 1), np.float32(np.nan))
+        darker, brighter = (
+            ((sites + noise[:, None]).clip(0) + black) / usual
+            for noise in (self.noise(high), -self.noise(high))
+        )
+        low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)
+        high = high * np.fmax(np.fmax.reduce(brighter, axis=1), 1)
+        outlier[outlier] = np.maximum(value - high, low - value) > allowed[outlier]
+        return outlier
 
     def around(
-        row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] = luminance
+        self, row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] | None = None
     ) -> NDArray[Any]:
-        """The squares of a plane around N places, (N, pixels)."""
+        """The squares of a plane, luminance by default, around N places, (N, pixels)."""
         side = 2 * reach + 1
-        windows = sliding_window_view(plane, (side, side))[row - reach, column - reach]
+        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))[
+            row - reach, column - reach
+        ]
         return windows.reshape(len(windows), side**2)
-
-    # Few samples lie outside the range of their neighbours, and fewer by more than noise explains.
-    interior, wider = (np.s_[edge:-edge, edge:-edge] for edge in (halo, halo - 1))
-    value, floor = luminance[interior], settings.floor * frame.level
-    most = _of_neighbours(luminance[wider], np.fmax)
-    panchromatic = np.where(coloured, np.float32(np.inf), luminance)
-    beyond = np.maximum(value - most, _of_neighbours(panchromatic[wider], np.fmin) - value)
-    outliers: BoolArray = (beyond > floor) & ~coloured[interior]
-    place = _places(outliers)
-    outliers[place] = beyond[place] - noise(most[place]) > floor
-    place = _places(outliers)
-    row, column = (along + halo for along in place)
-    value, least = luminance[row, column], np.float32(floor)
-    near, wide = (
-        _sorted(around(row, column, reach), around(row, column, reach, coloured))
-        for reach in (1, 2)
-    )
-    low, high = near[:, 0], np.fmax.reduce(near, axis=1)
-    count = np.count_nonzero(~np.isnan(near), axis=1)
-    second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
-    allowed = settings.contrast * (second - wide[:, 1]) + noise(high) + least
-    found = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
-    row, column, value, low, high = (given[found] for given in (row, column, value, low, high))
-    # The usual brightness of the colour sites beside a sample is their mean one period above,
-    # below, left and right.
-    black = least * np.float32(_CHANNEL)
-    steps = (-period, 0), (period, 0), (0, -period), (0, period)
-    repeats = np.stack([around(row + down, column + across, 1) for down, across in steps])
-    usual = _mean(repeats, 0).clip(0) + black
-    are_sites = around(row, column, 1, coloured)
-    sites = np.where(are_sites, around(row, column, 1), np.float32(np.nan))
-    darker, brighter = (
-        ((sites + explained[:, None]).clip(0) + black) / usual
-        for explained in (noise(high), -noise(high))
-    )
-    low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)
-    high = high * np.fmax(np.fmax.reduce(brighter, axis=1), 1)
-    found[found] = np.maximum(value - high, low - value) > allowed[found]
-    outliers[place] = found
-    return outliers
 
 
 def _places(marked: BoolArray) -> tuple[IndexArray, IndexArray]:

@@ -194,8 +194,8 @@ def work(study: Study, folder: Path, case: Case) -> list[str]:
     try:
         method = study.method(case.method)
         if name_case(case.scene, case.level, method, case.tile) != case:
-            reason = "the process that measures has another source of Panchroma, or other packages"
-            raise InputError(f"{case.method}: {reason}; install the same ones")
+            reason = "the source of Panchroma has changed since the evaluation began"
+            raise InputError(f"{case.method}: {reason}; run it again with `resume=True`")
         truth = study.reading.scene(case.scene).rgb
         place = f"{case.scene.source}: {case.method}, {case.level.text}: "
         tile = case.tile or study.tile
@@ -298,7 +298,7 @@ class Team:
         """
         output_folder(str(folder / FOLDER))
         pixels = max((case.scene.rows * case.scene.columns for case in todo), default=0)
-        measure = partial(work, replace(study, scenes=()), folder.absolute())
+        measure = partial(work, replace(study, scenes=()), folder)
         results = self.together("measuring", measure, todo, pixels)
         failures = list(dict.fromkeys(line for lines in results for line in lines))
         for line in failures:

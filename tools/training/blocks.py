@@ -482,7 +482,8 @@ def main() -> int:
         work, names = folder / PATH.stem, [Path(source).name for source in sources]
         claim(work, {"sources": names, "steps": steps, "seed": seed}, "steps, seed")
         torch.set_num_threads(arguments.jobs)
-        first = first_network(arguments.start)
+        is_begun = (work / "checkpoint.pt").exists()  # it has weights of its own
+        first = first_network(None if is_begun else arguments.start)
         with console.progress("blocks") as progress:
             seeds = [(seed + variant,) for variant in range(arguments.variants)]
             paths = make_examples(example, sources, seeds, work, arguments.jobs, progress)

@@ -158,7 +158,7 @@ def test_results_of_another_version_are_not_kept(
     todo = missing_cases(study, tmp_path)[0]
     monkeypatch.setattr("panchroma.tools.evaluation.cameras.package_version", lambda _: "another")
     for line, name in zip(alone().measure(study, tmp_path, todo), study.methods, strict=True):
-        assert line.startswith(f"{name}: the process that measures has another source of Panchroma")
+        assert line.startswith(f"{name}: the source of Panchroma has changed")
 
 
 def test_only_what_is_missing_or_damaged_is_made(tmp_path: Path) -> None:

@@ -62,7 +62,9 @@ class Format(ABC):
         return f".{self.name}"
 
     def check(self, development: Development) -> None:
-        """Raise InputError if such a picture cannot be in this format. Call it before rendering."""
+        """Raise InputError if such a picture cannot be in this format, or cannot be developed as
+        asked. Call it before rendering.
+        """
         development.kind.check_exposure(development.exposure)
         if development.kind.space != CAMERA:
             _ = development.shown  # raises InputError for unknown colours
