@@ -13,7 +13,6 @@ from graphlib import CycleError, TopologicalSorter
 import pytest
 
 from tests.data import ROOT
-from tests.python import on_camera
 
 MAY_IMPORT = {
     "shared": {"shared"},
@@ -223,16 +222,3 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
 )
 def test_a_planted_import_is_caught(module: str, text: str) -> None:
     assert len(violations(module, text)) == 1
-
-
-def test_camera_software_starts_with_only_what_a_camera_has() -> None:
-    """Imports all of `shared` and `device`; every package that a camera lacks is hidden."""
-    modules = [
-        module.removesuffix(".__init__")
-        for module, _ in sources()
-        if place(module)[0] in ("shared", "device")
-    ]
-    done = on_camera(
-        f"import importlib\nfor module in {modules!r}: importlib.import_module(module)"
-    )
-    assert done.returncode == 0, done.stderr

@@ -16,7 +16,7 @@ from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibrat
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
-from tests.tools.batch.examples import save_mosaic, save_shot
+from tests.tools.batch.examples import save_mosaic
 from tests.tools.calibration.known_camera import stating
 from tests.tools.command import Outcome, assert_refused, results, run
 
@@ -150,18 +150,3 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
 
 
 # --- what is there already -----------------------------------------------------------------------
-
-
-def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
-    def is_current(*options: str | Path) -> bool:
-        planned = merged(frames, out, "--resume --json --dry-run", *options)
-        return bool(planned.records[0].get("current"))
-
-    picture = out / f"{STEM}.tif"
-    merged(frames, out)
-    assert is_current()
-    assert not is_current("--reference", frame(frames, 2))
-    picture.write_text("edited")
-    save_shot(frame(frames, 4), shape=(60, 70))
-    merged(frames, out, "--resume")
-    assert (out / f"{picture.name}.bak").read_text() == "edited"

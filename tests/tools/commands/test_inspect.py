@@ -154,14 +154,3 @@ def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
         assert lost in data
         cut.write_bytes(data.replace(lost, b"P" + bytes(len(lost) - 1)))
         assert run("inspect", "--verify", cut).out == f"{told} damaged or unreadable\n"
-
-
-def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path) -> None:
-    path = save(tmp_path / "shot.dng", mosaic())
-    jpeg = read_preview(path)
-    path.write_bytes(path.read_bytes().replace(jpeg, jpeg[:20] + bytes(len(jpeg) - 20)))
-    outcome = run("inspect", "--verify", path, tmp_path / "absent.dng", code=1)
-    why = "damaged: the preview: a JPEG without a frame: it is cut short or damaged; copy the file"
-    assert f"{path}: {why} again" in outcome.errors[0]
-    assert f"{tmp_path}/absent.dng: there is no such file; check the name" in outcome.errors[1]
-    assert outcome.out == "0 whole, 2 damaged or unreadable\n"
