@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.python import run_python
 
-SCRIPT = """
+STATE = """
 import ctypes, faulthandler, gc, locale, os, random, signal, sys, threading, warnings
 import cv2, imagecodecs, numba, numpy as np, scipy.ndimage, scipy.sparse.linalg, tifffile
 called = []
@@ -27,7 +27,7 @@ def state():
         "timer": signal.getitimer(signal.ITIMER_PROF),
         "hooks": hooks,
         "streams": streams,
-        "niceness": os.nice(0),
+        "niceness": {os.getpriority(os.PRIO_PROCESS, int(task)) for task in os.listdir("/proc/self/task")},
         "processors": os.sched_getaffinity(0),
         "switch interval": sys.getswitchinterval(),
         "recursion limit": sys.getrecursionlimit(),
@@ -46,15 +46,20 @@ def state():
         "memory": "mallopt" in called,
     }
 
+before = state()
+"""
+SCRIPT = (
+    STATE
+    + """
 def said(when):
     global before
     print(when, [name for name, value in state().items() if value != before[name]])
     before = state()
 
-before = state()
 from panchroma import device, offline, shared
 said("import")
 """
+)
 WORK = """
 from panchroma.offline.burst import merge_burst, render_burst_bands
 from panchroma.tools.simulation.sensor import simulate_additive

@@ -9,13 +9,13 @@ import pytest
 
 from tests.device.packer import pack, random_codes
 from tests.python import base_modules, on_camera
+from tests.tools.command import SCRIPT
 
 
 def camera(
     line: str, stdin: bytes = b"", *, terminal: bool = False
 ) -> subprocess.CompletedProcess[bytes]:
-    script, ours = "from panchroma.tools.cli import main; main()", ("shared", "device", "tools")
-    return on_camera(script, *line.split(), ours=ours, stdin=stdin, terminal=terminal)
+    return on_camera(SCRIPT, *line.split(), stdin=stdin, terminal=terminal)
 
 
 def test_the_walk_finds_the_base_and_nothing_else() -> None:

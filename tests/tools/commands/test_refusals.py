@@ -154,6 +154,8 @@ NO_FOLDER = {
     "text.json/below": "panchroma: text.json/below: text.json is not a folder",
     "text.json/two/below": "panchroma: text.json/two/below: text.json/two is not a folder",
     "''": "panchroma: the name of the output folder is empty; give ",
+    "x" * 300: "the file name is too long",
+    "link": "panchroma: link: is not a folder; name the folder for the results",
 }
 INTO = [command for command in USAGE if re.fullmatch(r"\w+ \S+ -o out", command)]
 INTO += [
@@ -184,6 +186,9 @@ FILES = {
         "--pattern RXWW/GBWW/WWWW/WWWW": "has the filters X",
     },
     **dict.fromkeys(("render -o out", "preview -o out", "inspect"), NO_SHOTS),
+    "evaluate -o out": dict.fromkeys(
+        ("gone.npy", "builtin:60x60 --max-memory 1M"), "no scene could be read"
+    ),
     "simulate -o out": {"gone.npy": "gone.npy: there is no such file"},
     "preview shot.dng -o out": {"--scale 4": "4 x 4 sensor pixels: a pattern of period 6 has 1, 2"},
     "burst -o out": {
@@ -221,6 +226,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         camera = Camera(SensorCalibration.of_bits(12), pattern)
         (folder / name).write_text(json.dumps(camera.to_json()))
     (folder / "text.json").write_text("not json")
+    (folder / "link").symlink_to("nowhere")
     (folder / "rgbe.json").write_text('{"schema": 1, "channels": "RGBE"}')
     (folder / "wrong.txt").write_text("RGW\nGBWW\n")
     (folder / "mine.onnx").write_text("mine")
