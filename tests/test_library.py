@@ -48,9 +48,7 @@ def state():
 
 before = state()
 """
-SCRIPT = (
-    STATE
-    + """
+SAID = """
 def said(when):
     global before
     print(when, [name for name, value in state().items() if value != before[name]])
@@ -59,7 +57,6 @@ def said(when):
 from panchroma import device, offline, shared
 said("import")
 """
-)
 WORK = """
 from panchroma.offline.burst import merge_burst, render_burst_bands
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -92,14 +89,14 @@ print(offline.kernel_cache(), numba.np.arraymath._HAVE_BLAS)
 
 def test_renders_previews_bursts_and_files_leave_the_process_as_it_was(tmp_path: Path) -> None:
     done = ("import", "preview", "DNG", "render", "burst")
-    assert run_python(SCRIPT + WORK, tmp_path) == "".join(f"{what} []\n" for what in done)
+    assert run_python(STATE + SAID + WORK, tmp_path) == "".join(f"{what} []\n" for what in done)
 
 
 def test_compiling_leaves_the_process_as_it_was_and_numba_with_its_linear_algebra(
     tmp_path: Path,
 ) -> None:
     elsewhere = f"import os\nos.environ['NUMBA_CACHE_DIR'] = {str(tmp_path)!r}\n"
-    imported, compiled, last = run_python(elsewhere + SCRIPT + COMPILING).splitlines()
+    imported, compiled, last = run_python(elsewhere + STATE + SAID + COMPILING).splitlines()
     assert (imported, compiled) == ("import []", "compile []")
     assert last.startswith(str(tmp_path))
     assert last.endswith("True")

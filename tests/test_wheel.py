@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from panchroma.tools.io.versions import install_command
-from tests.data import ROOT
+from tests.data import ROOT, copy_clone
 from tests.python import run_python
 
 PACKAGES = ("shared", "device", "offline", "tools")
@@ -41,12 +41,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     reason = "building needs setuptools 77 or newer: pip install 'setuptools>=77'"
     pytest.importorskip("setuptools", minversion="77", reason=reason)
     clone, folder = tmp_path_factory.mktemp("clone"), tmp_path_factory.mktemp("sources")
-    for path in ROOT.iterdir():  # a copy: setuptools leaves its work beside the sources
-        if path.is_file():
-            shutil.copy(path, clone)
-        elif path.name in {*PACKAGES, "tests", ".github"}:
-            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
-            shutil.copytree(path, clone / path.name, ignore=ignored, symlinks=True)
+    copy_clone(clone)
     run_python(_BUILD, "build_sdist", folder, folder=clone)
     (archive,) = folder.glob("*.tar.gz")
     with tarfile.open(archive) as tar:

@@ -128,9 +128,7 @@ print(run_limited(Path(__file__), (), decoder.decode, "x")[1])
 
 # --- host untouched -------------------------------------------------------------------------------
 
-SCRIPT = (
-    STATE
-    + """
+SCRIPT = """
 from pathlib import Path
 import panchroma
 from tests.tools.batch.test_safe_path import threads_of
@@ -154,7 +152,6 @@ with in_processes(threads_of, [1, 2, 3], 2, print, "", threads=3) as results:
 look()
 print(seen)
 """
-)
 
 
 def threads_of(piece: int, listener: StageProgress) -> list[str]:
@@ -163,4 +160,4 @@ def threads_of(piece: int, listener: StageProgress) -> list[str]:
 
 
 def test_a_program_that_renders_and_starts_processes_is_what_it_was(tmp_path: Path) -> None:
-    assert run_python(SCRIPT, tmp_path) == f"{[[]] * 9}\n"
+    assert run_python(STATE + SCRIPT, tmp_path) == f"{[[]] * 9}\n"

@@ -154,3 +154,11 @@ def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
         assert lost in data
         cut.write_bytes(data.replace(lost, b"P" + bytes(len(lost) - 1)))
         assert run("inspect", "--verify", cut).out == f"{told} damaged or unreadable\n"
+
+
+def test_a_damaged_preview_is_told(tmp_path: Path) -> None:
+    path = save(tmp_path / "shot.dng", mosaic())
+    jpeg = read_preview(path)
+    path.write_bytes(path.read_bytes().replace(jpeg, jpeg[:20] + bytes(len(jpeg) - 20)))
+    (line,) = run("inspect", "--verify", path, code=1).errors
+    assert f"{path}: damaged: the preview: a JPEG without a frame: it is cut short" in line
