@@ -5,8 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.data import ROOT
 
 REMEDIES = {
@@ -16,10 +14,12 @@ REMEDIES = {
 }
 
 
-@pytest.mark.parametrize("processes", [[], ["-n", "2", "--dist", "loadfile"]], ids=["one", "two"])
-def test_what_was_not_tested_is_said_with_the_remedy(processes: list[str], tmp_path: Path) -> None:
+def test_what_was_not_tested_is_said_with_the_remedy(tmp_path: Path) -> None:
     """Where no other program and no photograph is; the tests are of three files and folders."""
-    line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *processes]
+    line = [
+        sys.executable,
+        *["-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "2", "--dist", "loadfile"],
+    ]
     chosen = [
         "tests/arm",
         "tests/tools/io/test_capture_data.py",

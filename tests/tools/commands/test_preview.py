@@ -1,6 +1,5 @@
 """`panchroma preview`: the command gives what the camera gives, and the graph that gives it."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from PIL import Image
 
 from panchroma.device import Preview
 from panchroma.device.preview.graph import build_preview
-from panchroma.shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import ByteArray
 from panchroma.shared.dng import read_dng
 from panchroma.tools.batch.journal import NAME as JOURNAL
@@ -80,15 +79,6 @@ def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> 
     assert outcome.records[0] == files | {"width": 95, "height": 61}
     assert (tmp_path / "a.jpg").read_bytes() == (tmp_path / "c.jpg").read_bytes()
     assert distance(tmp_path / "b.jpg", picture(sources[2])) < JPEG_LOSS
-
-
-def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:
-    source, file = shot(tmp_path / "shot.dng"), tmp_path / "camera.json"
-    camera = replace(read_dng(source).calibration, black_level=(900.0,) * 4)
-    file.write_text(json.dumps(Camera(camera).to_json()))
-    run("preview", source, "-o", tmp_path, "--camera", file, code=0)
-    made, expected = tmp_path / "shot.jpg", picture(source, calibration=camera)
-    assert distance(made, expected) < JPEG_LOSS < distance(made, picture(source))
 
 
 @pytest.mark.parametrize("scale", [1, 3])

@@ -28,7 +28,6 @@ FRAMES = "--size 128x96 --pixel-format raw12"
 MISSPELT = {
     "": {
         "rendr shots -o out": "panchroma: error: there is no verb rendr; did you mean render?",
-        "renderings": "panchroma: error: there is no verb renderings; did you mean render?",
         "design -o x": "panchroma: error: there is no verb design",
         "--verbos render": "panchroma: error: there is no option --verbos; did you mean --verbose?",
         "render shots": "panchroma render: error: the following arguments are required:",
@@ -72,7 +71,6 @@ USAGE = {
         "--wb daylight": "--wb is 'daylight', expected camera, auto, the place X,Y of a grey",
         "--wb 2,0,1": "such as 2.1,1,1.6, between 0.001 and 1000",
         "--exposure 1 --space camera": "--exposure is 1 stops, but this is the scene as measured",
-        "--exposure 1 -f dng": "--exposure is 1 stops, but this is the scene as measured",
     },
     "preview shot.dng -o out": {"--scale 0": "--scale is 0, expected 1 or more"},
     "burst frames -o out": {
@@ -100,7 +98,6 @@ USAGE = {
         "builtin:64x48": "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS",
         "builtin:4000x3000@9 --burst 999999": "that many frames of 4000 x 3000 need 22351.8 GB",
         "nowhere": "nowhere: is not a folder; SOURCE is such a folder, -, genicam:ID",
-        ". --gain 3": "--gain does not go with .",
     },
     f"capture . -o out {FRAMES}": {
         "--black 2048": "--black is 2048, expected a code from 0 to 2047",
@@ -190,7 +187,6 @@ FILES = {
         ("gone.npy", "builtin:60x60 --max-memory 1M"), "no scene could be read"
     ),
     "simulate -o out": {"gone.npy": "gone.npy: there is no such file"},
-    "preview shot.dng -o out": {"--scale 4": "4 x 4 sensor pixels: a pattern of period 6 has 1, 2"},
     "burst -o out": {
         "texts": "; none of the 2 frames can be used",
         "frames --max-memory 1M": "frames/builtin-24x18-1.dng: 3 frames of ",
