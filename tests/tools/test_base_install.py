@@ -33,7 +33,6 @@ LAYOUT = "--size 32x26 --pixel-format raw10"
     [
         ("--version", 0),
         ("simulate flat:96x72 builtin:90x60 -o OUT", 0),
-        ("inspect SHOT", 0),
         ("inspect --verify SHOT SHOT2", 0),
         ("inspect --json --verify SHOT", 0),
         ("preview SHOT SHOT2 -o OUT", 0),

@@ -180,9 +180,7 @@ def test_beside_a_camera_raw_a_picture_is_left_out_with_one_note_for_all_unless_
 
 
 def sources_in(folder: Path, *names: str) -> list[Source]:
-    for name in names:
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).touch()
+    touch(folder, *names)
     return search([str(folder)], DNGS).sources
 
 

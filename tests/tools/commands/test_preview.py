@@ -91,16 +91,12 @@ def test_the_graph_is_that_of_the_shot_s_pattern(tmp_path: Path, scale: int) -> 
     assert not (tmp_path / "shot.jpg").exists()
 
 
-def test_previews_are_resumed_tried_and_made_several_at_a_time(tmp_path: Path, out: Path) -> None:
+def test_previews_are_resumed_unless_shot_or_options_have_changed(
+    tmp_path: Path, out: Path
+) -> None:
     shots = [shot(tmp_path / f"{number}.dng", iso=number) for number in (1, 2, 3)]
-    planned = run("preview", *shots, "-n --json -o", tmp_path / "none", code=0)
-    assert planned.err.count(" -> ") == 3
-    assert all(record["dry_run"] for record in planned.records)
-    assert not (tmp_path / "none").exists()
     run("preview", *shots, "-j 2 -o", out, code=0)
     made = contents(out)
-    assert run("preview", *shots, "--resume -o", out, code=0).out.count("is up to date") == 3
-    assert contents(out) == made
     shot(shots[0], iso=4)
     outcome = run("preview", *shots, "--resume -o", out, code=0)
     assert outcome.out.count("is up to date") == 2
