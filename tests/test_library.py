@@ -63,11 +63,8 @@ from panchroma.tools.simulation.sensor import simulate_additive
 scene = np.full((48, 60, 3), 0.3, np.float32)
 scene[:, 30:] = 0.5, 0.2, 0.1
 calibration = shared.SensorCalibration.of_bits(12)
-shots = []
-for seed in range(2):
-    light = simulate_additive(scene, shared.CfaPattern.bayer(6), calibration, 0.01, np.random.default_rng(seed))
-    codes = np.rint(light.samples / calibration.scale()[-1] + 256).clip(0, 4095).astype(np.uint16)
-    shots.append(shared.Mosaic(codes, light.pattern, calibration))
+noise = map(np.random.default_rng, range(2))
+shots = [simulate_additive(scene, shared.CfaPattern.bayer(6), calibration, 0.01, rng) for rng in noise]
 picture = device.Preview.for_mosaic(shots[0]).run(shots[0])
 said("preview")
 shared.write_dng(sys.argv[1] + "/a.dng", shots[0], picture)

@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import pytest
 
 from panchroma.tools.batch.progress import StageProgress
@@ -19,6 +18,7 @@ from tests.data import ROOT
 from tests.python import run_python
 from tests.test_library import STATE
 from tests.tools.batch.examples import save_shot
+from tests.tools.io.files import save
 
 # --- safe path ------------------------------------------------------------------------------------
 
@@ -41,16 +41,12 @@ def folder(tmp_path: Path) -> Path:
             (place / f"{name}.py").write_text(f"{mark}\nraise SystemExit(3)\n")
     for seed in range(3):
         save_shot(tmp_path / "in" / f"{seed}.dng", seed)
-    write_exr(tmp_path / "in" / "scene.exr")
+    pixels = np.linspace(0, 1, 60 * 60 * 3, dtype=np.float32).reshape(60, 60, 3)
+    save(tmp_path / "in" / "scene.exr", pixels)
     program = tmp_path / "bin" / "panchroma"
     program.parent.mkdir()
     program.write_text(PROGRAM)
     return tmp_path
-
-
-def write_exr(path: Path) -> None:
-    pixels = np.linspace(0, 1, 60 * 60 * 3, dtype=np.float32).reshape(60, 60, 3)
-    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": pixels}).write(str(path))
 
 
 RENDER = "render in/0.dng in/1.dng in/2.dng -o out -j 2 --preset paper"

@@ -50,6 +50,9 @@ USAGE = {
     "simulate builtin:24x18 -o out": {
         "--pattern K=2": "--pattern 'K=2': the tile has no panchromatic pixel",
         "--sigma -1": "--sigma is -1.0, expected 0 or more",
+        "--light 1/0": "'1/0' is not a number, or a fraction",
+        "--light=": "'' is not a number, or a fraction",
+        "--seed -1": "'-1' is not a whole number from 0 on",
         "--light 2 --sigma 0": "--sigma and --light set different kinds of noise; give one of them",
         "--motion 2": "--motion needs --burst",
         "--burst 99999999999": "--burst is 99999999999, expected 1 to 1000 frames",
@@ -65,6 +68,8 @@ USAGE = {
     },
     "render shot.dng -o out": {
         "--bits 16 --space camera": "tif does not hold camera with 16 bits; it holds",
+        "--jobs 0": "'0' is not a whole number from 1 on",
+        "--jobs 1.5": "'1.5' is not a whole number from 1 on",
         "--quality 90": "the quality is 90, but tif is not compressed with loss; use jpg, jxl",
         "-f jpg --quality 0": "the quality is 0, expected 1 to 100",
         "--wb auto --space camera": "--wb is no choice here: this is the scene as measured",
@@ -137,14 +142,6 @@ USAGE = {
         "--chart-light D65 -o new.json": "argument --chart-light: 'D65' is not a light",
     },
 }
-# Every kind of value.
-VALUES = {
-    ("simulate builtin:24x18 -o out", "light"): (("1/0", "bright", ""), "a number, or a fraction"),
-    ("render shot.dng -o out", "jobs"): (("0", "-1", "1.5", ""), "a whole number from 1 on"),
-    ("simulate builtin:24x18 -o out", "seed"): (("-1", "1.5"), "a whole number from 0 on"),
-}
-for (command, option), (texts, expected) in VALUES.items():
-    USAGE[command] |= {f"--{option}={text}": f"{text!r} is not {expected}" for text in texts}
 # Every command that writes into a folder.
 NO_FOLDER = {
     "text.json": "panchroma: text.json: is not a folder; name the folder for the results",
