@@ -16,7 +16,6 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from panchroma.tools.io.versions import install_command
 from tests.data import ROOT, copy_clone
 from tests.python import run_python
 
@@ -135,10 +134,6 @@ def test_advice_installs_from_where_this_one_came(
     lines = run_python(_ADVICE, installed, folder=tmp_path).splitlines()
     names = [f"panchroma{extra}{source}" for extra in ("[all]", "", "[all,rivals]")]
     assert lines == [f"pip install {quote(name)}" for name in names]
-
-
-def test_advice_in_a_clone_names_its_folder() -> None:
-    assert install_command("tools") == f"pip install -e '{ROOT}[tools]'"
 
 
 def test_the_wheel_renders_in_an_environment_of_its_own(wheel: Path, tmp_path: Path) -> None:
