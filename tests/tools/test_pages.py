@@ -130,7 +130,7 @@ def test_plots_show_texts_as_they_are_whatever_the_users_settings(
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
     assert "Warning" not in done.stderr
     drawing = b64decode(done.stdout.removeprefix("data:image/svg+xml;base64,")).decode()
-    assert "$a_1$ &lt;b&gt; 漢" in drawing
+    assert ">$a_1$ &lt;b&gt; 漢</text>" in drawing
     script, settings = PLOT, tmp_path / "matplotlibrc"
     settings.write_text(SETTINGS)
     if variable:
