@@ -21,7 +21,6 @@ _OPTIONS = (
     "--disable-background-networking --hide-scrollbars --no-first-run --remote-debugging-pipe"
 )
 _PATIENCE = 60.0  # seconds
-_KEYS = {"ArrowRight": 39}
 
 
 class Browser:
@@ -103,12 +102,6 @@ class Browser:
             )
             time.sleep(0.1)
         return value
-
-    def key(self, name: str) -> None:
-        """Press the key that KeyboardEvent.key calls `name`."""
-        key = {"key": name, "code": name, "windowsVirtualKeyCode": _KEYS[name]}
-        for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, **key)
 
     def screenshot(self, clip: dict[str, float]) -> bytes:
         """A part of the page, as PNG; clip: x, y, width, height and scale."""

@@ -37,7 +37,7 @@ def run_python(script: str, *arguments: str | Path, folder: Path = ROOT) -> str:
 def on_camera(
     script: str,
     *arguments: str,
-    ours: tuple[str, ...] = ("shared", "device"),
+    ours: tuple[str, ...] = ("shared", "device", "tools"),
     stdin: bytes = b"",
     terminal: bool = False,
 ) -> subprocess.CompletedProcess[bytes]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.python import run_python
 
-SCRIPT = """
+STATE = """
 import ctypes, faulthandler, gc, locale, os, random, signal, sys, threading, warnings
 import cv2, imagecodecs, numba, numpy as np, scipy.ndimage, scipy.sparse.linalg, tifffile
 called = []
@@ -27,7 +27,7 @@ def state():
         "timer": signal.getitimer(signal.ITIMER_PROF),
         "hooks": hooks,
         "streams": streams,
-        "niceness": os.nice(0),
+        "niceness": {os.getpriority(os.PRIO_PROCESS, int(task)) for task in os.listdir("/proc/self/task")},
         "processors": os.sched_getaffinity(0),
         "switch interval": sys.getswitchinterval(),
         "recursion limit": sys.getrecursionlimit(),
@@ -46,12 +46,14 @@ def state():
         "memory": "mallopt" in called,
     }
 
+before = state()
+"""
+SAID = """
 def said(when):
     global before
     print(when, [name for name, value in state().items() if value != before[name]])
     before = state()
 
-before = state()
 from panchroma import device, offline, shared
 said("import")
 """
@@ -61,11 +63,8 @@ from panchroma.tools.simulation.sensor import simulate_additive
 scene = np.full((48, 60, 3), 0.3, np.float32)
 scene[:, 30:] = 0.5, 0.2, 0.1
 calibration = shared.SensorCalibration.of_bits(12)
-shots = []
-for seed in range(2):
-    light = simulate_additive(scene, shared.CfaPattern.bayer(6), calibration, 0.01, np.random.default_rng(seed))
-    codes = np.rint(light.samples / calibration.scale()[-1] + 256).clip(0, 4095).astype(np.uint16)
-    shots.append(shared.Mosaic(codes, light.pattern, calibration))
+noise = map(np.random.default_rng, range(2))
+shots = [simulate_additive(scene, shared.CfaPattern.bayer(6), calibration, 0.01, rng) for rng in noise]
 picture = device.Preview.for_mosaic(shots[0]).run(shots[0])
 said("preview")
 shared.write_dng(sys.argv[1] + "/a.dng", shots[0], picture)
@@ -87,14 +86,14 @@ print(offline.kernel_cache(), numba.np.arraymath._HAVE_BLAS)
 
 def test_renders_previews_bursts_and_files_leave_the_process_as_it_was(tmp_path: Path) -> None:
     done = ("import", "preview", "DNG", "render", "burst")
-    assert run_python(SCRIPT + WORK, tmp_path) == "".join(f"{what} []\n" for what in done)
+    assert run_python(STATE + SAID + WORK, tmp_path) == "".join(f"{what} []\n" for what in done)
 
 
 def test_compiling_leaves_the_process_as_it_was_and_numba_with_its_linear_algebra(
     tmp_path: Path,
 ) -> None:
     elsewhere = f"import os\nos.environ['NUMBA_CACHE_DIR'] = {str(tmp_path)!r}\n"
-    imported, compiled, last = run_python(elsewhere + SCRIPT + COMPILING).splitlines()
+    imported, compiled, last = run_python(elsewhere + STATE + SAID + COMPILING).splitlines()
     assert (imported, compiled) == ("import []", "compile []")
     assert last.startswith(str(tmp_path))
     assert last.endswith("True")

@@ -5,10 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.data import ROOT
 
+OPTIONS = "-m pytest -q -p no:cacheprovider -n 2 --dist loadfile"
+FILES = "tests/arm tests/tools/io/test_capture_data.py tests/tools/commands/test_identify.py"
 REMEDIES = {
     "ARM boards: qemu-aarch64": "apt-get install qemu-user",
     "exiftool": "apt-get install libimage-exiftool-perl",
@@ -16,25 +16,15 @@ REMEDIES = {
 }
 
 
-@pytest.mark.parametrize("processes", [[], ["-n", "2", "--dist", "loadfile"]], ids=["one", "two"])
-def test_what_was_not_tested_is_said_with_the_remedy(processes: list[str], tmp_path: Path) -> None:
+def test_what_was_not_tested_is_said_with_the_remedy(tmp_path: Path) -> None:
     """Where no other program and no photograph is; the tests are of three files and folders."""
-    line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *processes]
-    chosen = [
-        "tests/arm",
-        "tests/tools/io/test_capture_data.py",
-        "tests/tools/commands/test_identify.py",
-    ]
+    chosen = "same_bytes or capture_data_arrive or every_kind"
+    line = [sys.executable, *OPTIONS.split(), *FILES.split(), "-k", chosen]
     environment = {**os.environ, "PATH": str(tmp_path), "PANCHROMA_TEST_DATA": str(tmp_path)}
     for name in [name for name in environment if name.startswith("PYTEST_")]:
         del environment[name]  # of the run that this test is part of
     done = subprocess.run(
-        [*line, *chosen, "-k", "same_bytes or capture_data_arrive or every_kind"],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
+        line, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )
     _, _, summary = done.stdout.partition("not tested here")
     lines = summary.splitlines()

@@ -16,8 +16,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from panchroma.tools.io.versions import install_command
-from tests.data import ROOT
+from tests.data import ROOT, copy_clone
 from tests.python import run_python
 
 PACKAGES = ("shared", "device", "offline", "tools")
@@ -41,12 +40,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     reason = "building needs setuptools 77 or newer: pip install 'setuptools>=77'"
     pytest.importorskip("setuptools", minversion="77", reason=reason)
     clone, folder = tmp_path_factory.mktemp("clone"), tmp_path_factory.mktemp("sources")
-    for path in ROOT.iterdir():  # a copy: setuptools leaves its work beside the sources
-        if path.is_file():
-            shutil.copy(path, clone)
-        elif path.name in {*PACKAGES, "tests", ".github"}:
-            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
-            shutil.copytree(path, clone / path.name, ignore=ignored, symlinks=True)
+    copy_clone(clone)
     run_python(_BUILD, "build_sdist", folder, folder=clone)
     (archive,) = folder.glob("*.tar.gz")
     with tarfile.open(archive) as tar:
@@ -140,10 +134,6 @@ def test_advice_installs_from_where_this_one_came(
     lines = run_python(_ADVICE, installed, folder=tmp_path).splitlines()
     names = [f"panchroma{extra}{source}" for extra in ("[all]", "", "[all,rivals]")]
     assert lines == [f"pip install {quote(name)}" for name in names]
-
-
-def test_advice_in_a_clone_names_its_folder() -> None:
-    assert install_command("tools") == f"pip install -e '{ROOT}[tools]'"
 
 
 def test_the_wheel_renders_in_an_environment_of_its_own(wheel: Path, tmp_path: Path) -> None:

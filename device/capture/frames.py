@@ -233,8 +233,8 @@ class FrameLayout:
         return codes
 
     def _unpack_groups(self, lines: ByteArray) -> CodeArray:
-        """Codes of whole groups, unpacked as words: they are few, and a word is shifted as fast as a
-        byte.
+        """Codes of whole groups, unpacked as words: they are few, and a word is shifted as fast as
+        a byte.
         """
         packing, codes = FORMATS[self.format], np.empty((self.height, self.width), np.uint16)
         # the last word of a line reaches beyond it

@@ -4,7 +4,6 @@ Run it after raising the number, and say in the change what is different. (Befor
 the number may stay.)
 """
 
-import argparse
 import hashlib
 import json
 from dataclasses import dataclass
@@ -83,9 +82,6 @@ def _compiler() -> str:
 
 def main() -> None:
     """Write both files."""
-    argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    ).parse_args()
     made = now()
     facts = {"algorithm": made.algorithm, "made_by": made.made_by, "digests": made.digests}
     _FACTS.write_text(json.dumps(facts, indent=1) + "\n")

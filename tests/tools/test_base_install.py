@@ -9,13 +9,13 @@ import pytest
 
 from tests.device.packer import pack, random_codes
 from tests.python import base_modules, on_camera
+from tests.tools.command import SCRIPT
 
 
 def camera(
     line: str, stdin: bytes = b"", *, terminal: bool = False
 ) -> subprocess.CompletedProcess[bytes]:
-    script, ours = "from panchroma.tools.cli import main; main()", ("shared", "device", "tools")
-    return on_camera(script, *line.split(), ours=ours, stdin=stdin, terminal=terminal)
+    return on_camera(SCRIPT, *line.split(), stdin=stdin, terminal=terminal)
 
 
 def test_the_walk_finds_the_base_and_nothing_else() -> None:
@@ -33,7 +33,6 @@ LAYOUT = "--size 32x26 --pixel-format raw10"
     [
         ("--version", 0),
         ("simulate flat:96x72 builtin:90x60 -o OUT", 0),
-        ("inspect SHOT", 0),
         ("inspect --verify SHOT SHOT2", 0),
         ("inspect --json --verify SHOT", 0),
         ("preview SHOT SHOT2 -o OUT", 0),

@@ -3,7 +3,6 @@ its examples are short.
 """
 
 import ast
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from tests.data import ROOT
+from tests.data import ROOT, copy_clone
 from tests.test_examples import PUBLIC
 from tests.tools.test_pages import Outline
 
@@ -57,12 +56,7 @@ def test_the_site_builds_with_warnings_as_errors(tmp_path: Path) -> None:
     remedy = "the site: docs are not installed; pip install -e '.[docs]'"
     for package in ("sphinx", "myst_parser", "numpydoc", "sphinx_gallery", "furo"):
         pytest.importorskip(package, reason=remedy)
-    ignored = shutil.ignore_patterns("__pycache__")
-    for name in (".github", "device", "offline", "shared", "tools", "tests"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored, symlinks=True)
-    for path in ROOT.iterdir():
-        if path.is_file():
-            shutil.copy(path, tmp_path)
+    copy_clone(tmp_path)
     line = [sys.executable, "-m", "sphinx", "-W", "-q", "-c", "tools/pages", ".", "build/pages"]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -3,7 +3,6 @@ for the rest.
 """
 
 import json
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -112,21 +111,12 @@ def test_a_folder_in_the_place_of_a_result_is_refused(tmp_path: Path, capsys: Ou
 # --- the output folder, see also tests/tools/commands/test_refusals.py ---------------------------
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("x" * 300, "the file name is too long"),
-        ("link", "link: is not a folder; name the folder for the results"),
-        (".", "no permission to write in this folder; choose another"),
-    ],
-)
-def test_no_other_output_folder_is_taken(
-    tmp_path: Path, name: str, words: str, monkeypatch: pytest.MonkeyPatch
+def test_an_output_folder_without_permission_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("os.access", lambda *_: False)  # root may write everywhere
-    (tmp_path / "link").symlink_to("nowhere")
-    with pytest.raises(OutputError, match=re.escape(words)):
-        output_folder(str(tmp_path / name))
+    with pytest.raises(OutputError, match="no permission to write in this folder; choose another"):
+        output_folder(str(tmp_path))
 
 
 @pytest.mark.parametrize("below", ["new", "new/of/two", "there/new/one"])

@@ -1,37 +1,15 @@
 """A render undoes the shading of light and colour that the calibration knows."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from panchroma.offline import BEST, PAPER, RenderSettings, render
-from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration, Shading
-from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.offline import render
+from panchroma.shared import CfaPattern, FloatArray, SensorCalibration, Shading
 from panchroma.tools.simulation.lens import lens_shading
 from panchroma.tools.simulation.sensor import simulate_sensor
-from tests.benchmarks.harness import photographed
-from tests.benchmarks.shading import figures as figures_of_shading
 
 SHAPE = (240, 360)
 DARK = lens_shading(2, 0.15, 4, SHAPE)
-
-
-@cache
-def scene() -> FloatArray:
-    return builtin_scene(SHAPE[1], SHAPE[0]).rgb
-
-
-def figures(mosaic: Mosaic, settings: RenderSettings) -> list[float]:
-    return figures_of_shading(render(mosaic, settings).rgb, scene())
-
-
-@pytest.mark.parametrize("settings", [BEST, PAPER])
-def test_corners_are_those_of_a_render_without_shading(settings: RenderSettings) -> None:
-    even = figures(photographed(scene(), 0.0), settings)
-    undone = figures(photographed(scene(), 0.0, shading=DARK), settings)
-    assert min(np.subtract(undone[:3], even[:3])) > -0.3  # dB
-    assert undone[3] - even[3] < 0.2  # dE2000
 
 
 def white(light: float, shading: Shading | None) -> FloatArray:

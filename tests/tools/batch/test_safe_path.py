@@ -11,13 +11,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import pytest
 
 from panchroma.tools.batch.progress import StageProgress
 from tests.data import ROOT
 from tests.python import run_python
+from tests.test_library import STATE
 from tests.tools.batch.examples import save_shot
+from tests.tools.io.files import save
 
 # --- safe path ------------------------------------------------------------------------------------
 
@@ -40,16 +41,12 @@ def folder(tmp_path: Path) -> Path:
             (place / f"{name}.py").write_text(f"{mark}\nraise SystemExit(3)\n")
     for seed in range(3):
         save_shot(tmp_path / "in" / f"{seed}.dng", seed)
-    write_exr(tmp_path / "in" / "scene.exr")
+    pixels = np.linspace(0, 1, 60 * 60 * 3, dtype=np.float32).reshape(60, 60, 3)
+    save(tmp_path / "in" / "scene.exr", pixels)
     program = tmp_path / "bin" / "panchroma"
     program.parent.mkdir()
     program.write_text(PROGRAM)
     return tmp_path
-
-
-def write_exr(path: Path) -> None:
-    pixels = np.linspace(0, 1, 60 * 60 * 3, dtype=np.float32).reshape(60, 60, 3)
-    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": pixels}).write(str(path))
 
 
 RENDER = "render in/0.dng in/1.dng in/2.dng -o out -j 2 --preset paper"
@@ -128,44 +125,28 @@ print(run_limited(Path(__file__), (), decoder.decode, "x")[1])
 # --- host untouched -------------------------------------------------------------------------------
 
 SCRIPT = """
-import gc, os, signal, sys, threading
 from pathlib import Path
+import panchroma
+from tests.tools.batch.test_safe_path import threads_of
+from panchroma.tools.io.ahead import ahead
+from panchroma.tools.batch.parallel import in_processes
 
-os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # before onnxruntime is imported, whoever does it
+def look(_=None):
+    changed = [name for name, value in state().items() if value != before[name]]
+    seen.append([name for name in changed if name != "threads"])
 
-def niceness(task):
-    return int(Path(f"/proc/self/task/{task}/stat").read_text().rpartition(")")[2].split()[16])
-
-def surroundings():
-    return {
-        "variables": dict(os.environ),
-        "hooks": (sys.unraisablehook, sys.excepthook, threading.excepthook),
-        "signals": [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)],
-        "switch interval": sys.getswitchinterval(),
-        "frozen": gc.get_freeze_count(),
-        "nice": {niceness(task) for task in os.listdir("/proc/self/task")},
-    }
-
-if __name__ == "__main__":
-    before, seen = surroundings(), []
-    import panchroma
-    from tests.tools.batch.test_safe_path import threads_of
-    from panchroma.tools.io.ahead import ahead
-    from panchroma.tools.batch.parallel import in_processes
-
-    shot = panchroma.simulate("builtin:200x120", sigma=0.01)
-    panchroma.preview(shot)
-    panchroma.render(shot).save(Path(sys.argv[1], "a.jpg"))
-    seen.append(surroundings())
-    list(ahead(lambda _: seen.append(surroundings()), range(4), 2))
-    with in_processes(threads_of, [1, 2, 3], 2, print, "", threads=3) as results:
-        for _, result in results:
-            seen.append(surroundings())
-            assert result == ["3", "3"], result
-    seen.append(surroundings())
-    for each in seen:
-        assert each == before, {name: (value, before[name]) for name, value in each.items() if value != before[name]}
-    print(len(seen))
+seen = []
+shot = panchroma.simulate("builtin:200x120", sigma=0.01)
+panchroma.preview(shot)
+panchroma.render(shot).save(Path(sys.argv[1], "a.jpg"))
+look()
+list(ahead(look, range(4), 2))
+with in_processes(threads_of, [1, 2, 3], 2, print, "", threads=3) as results:
+    for _, result in results:
+        look()
+        assert result == ["3", "3"], result
+look()
+print(seen)
 """
 
 
@@ -175,4 +156,4 @@ def threads_of(piece: int, listener: StageProgress) -> list[str]:
 
 
 def test_a_program_that_renders_and_starts_processes_is_what_it_was(tmp_path: Path) -> None:
-    assert int(run_python(SCRIPT, tmp_path)) == 9
+    assert run_python(STATE + SCRIPT, tmp_path) == f"{[[]] * 9}\n"

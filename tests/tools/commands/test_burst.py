@@ -16,7 +16,7 @@ from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibrat
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
-from tests.tools.batch.examples import save_mosaic, save_shot
+from tests.tools.batch.examples import save_mosaic
 from tests.tools.calibration.known_camera import stating
 from tests.tools.command import Outcome, assert_refused, results, run
 
@@ -99,7 +99,7 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
 # --- which frames --------------------------------------------------------------------------------
 
 
-def test_what_does_not_fit_is_left_out_by_name(frames: Path, out: Path, tmp_path: Path) -> None:
+def test_what_does_not_fit_is_left_out_by_name(frames: Path, out: Path) -> None:
     shot = read_dng(frame(frames, 2))
     noise = np.random.default_rng(0).integers(300, 3800, shot.shape, np.uint16)
     turned = replace(shot, samples=shot.codes[::-1])  # no copy
@@ -120,13 +120,6 @@ def test_what_does_not_fit_is_left_out_by_name(frames: Path, out: Path, tmp_path
     assert f"3 of 8 frames, reference {STEM}-1.dng" in outcome.err
     outcome = merged(frames, out, "--overwrite --reference", paths[4])
     assert f"{frame(frames, 2)}: is left out: is a copy of {paths[4]}\n" in outcome.err
-    # Now the others are odd.
-    outcome = merged(frames, out, "--overwrite --reference", paths[1])
-    assert outcome.err.count(": is left out: ") == 7
-    assert f"1 of 8 frames, reference {paths[1].name}" in outcome.out
-    run("render", paths[1], "-o", tmp_path / "one", "--preset", "unlearned", code=0)
-    alone = tmp_path / "one" / f"{paths[1].stem}.tif"
-    assert (out / f"{STEM}.tif").read_bytes() == alone.read_bytes()
 
 
 def test_frames_of_sensors_with_other_channels_are_refused(frames: Path, out: Path) -> None:
@@ -150,18 +143,3 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
 
 
 # --- what is there already -----------------------------------------------------------------------
-
-
-def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
-    def is_current(*options: str | Path) -> bool:
-        planned = merged(frames, out, "--resume --json --dry-run", *options)
-        return bool(planned.records[0].get("current"))
-
-    picture = out / f"{STEM}.tif"
-    merged(frames, out)
-    assert is_current()
-    assert not is_current("--reference", frame(frames, 2))
-    picture.write_text("edited")
-    save_shot(frame(frames, 4), shape=(60, 70))
-    merged(frames, out, "--resume")
-    assert (out / f"{picture.name}.bak").read_text() == "edited"

@@ -9,7 +9,6 @@ import os
 import resource
 import signal
 import subprocess
-import threading
 import time
 from functools import cache
 from pathlib import Path
@@ -212,16 +211,6 @@ def test_a_burst_of_too_many_files_is_refused(out: Path, monkeypatch: pytest.Mon
     assert names(out) == set()
 
 
-def test_a_folder_s_frames_become_shots_and_stay(out: Path, frames: Path) -> None:
-    (frames / "0.raw").write_bytes(frame(0)[:-1])
-    threading.Timer(0.5, lambda: (frames / "1.raw").write_bytes(frame(1))).start()
-    done = run(frames, "-o", out, LAYOUT, "--frames 1", code=1)  # one is no frame
-    assert names(frames) == {"0.raw", "1.raw"}
-    assert codes(out) == [random_codes(SIZE, 12, 1).tobytes()]
-    assert "0.raw: 1279 bytes are not a frame" in done.err
-    assert done.err.endswith("1 saved, 0 dropped, 1 failed\n")
-
-
 # --- a stream that slips -------------------------------------------------------------------------
 
 MOVING = "--size 310x220 --pixel-format raw12"
@@ -263,13 +252,6 @@ def test_shots_in_the_dark_before_a_slip_is_seen_are_named(out: Path, lost: int)
     saved = shots(out)
     assert len(saved) == (5 if lost == 1 else 7)  # single bytes are seen in the dark
     assert f"\n{saved[2]} and later shots may be wrong; all shots before it" in done.err
-
-
-def test_of_a_burst_that_slips_nothing_is_saved(out: Path) -> None:
-    frames = moving(8)
-    data = b"".join([*frames[:5], frames[5][LINE:], *frames[6:], frames[0]])
-    assert SLIPPED in from_recording(data, "-o", out, MOVING, "--burst 7", code=1).err
-    assert shots(out) == []
 
 
 def test_a_file_that_is_not_like_those_before_it_is_refused_alone(out: Path, frames: Path) -> None:

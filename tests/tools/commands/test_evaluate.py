@@ -9,16 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from panchroma.offline import PAPER, render
 from panchroma.offline.version import ALGORITHM
 from panchroma.tools.commands import evaluate
-from panchroma.tools.evaluation.metrics import BORDER, psnr
 from panchroma.tools.evaluation.study import source_digest
-from panchroma.tools.io.scene import Scene
 from panchroma.tools.io.versions import program_version
-from panchroma.tools.simulation.pattern_text import read_pattern
-from panchroma.tools.simulation.protocols import PaperProtocol
-from panchroma.tools.simulation.simulated_camera import SimulatedCamera
 from tests.scenes import leaves
 from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene
@@ -102,7 +96,8 @@ def test_the_tables_are_there_if_the_page_fails(
 
 def test_dry_run_lists_the_work_for_patterns_of_every_kind(tmp_path: Path) -> None:
     mine = tmp_path / "mine.txt"
-    mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
+    # with a byte-order mark, as editors of Windows write it
+    mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n", "utf-8-sig")
     options = f"--methods paper,bilinear --pattern K=4,{mine},WBWG/BWGW/WGWR/GWRW --dry-run"
     for levels, text in (("--light 0.25", "exposure 0.25"), ("--sigma 0.01", "sigma 0.01")):
         listed = run("evaluate builtin:60x60 -o", tmp_path, options, levels, code=0).out
@@ -141,11 +136,6 @@ def test_five_channels_are_compared_by_methods_of_ours(out: Path, tmp_path: Path
         others = [rows[name, level]["psnr"] for name in ("paper", "preview")]
         assert rows["best", level]["psnr"] > max(others)
 
-    truth, pattern = np.load(scene), read_pattern(BANDS)
-    camera = SimulatedCamera(pattern, protocol=PaperProtocol(0.0), bits=16)
-    shot = camera.shoot(Scene(truth, "", channels="VRGNU"), np.random.default_rng(0)).mosaic
-    expected = psnr(render(shot, PAPER).rgb, truth, BORDER)
-    assert rows["paper", 0.0]["psnr"] == pytest.approx(expected, abs=1e-3)
     page = (out / "evaluation.html").read_text()
     assert "There is no verdict: it needs best, " in page
     assert "a Bayer camera under the same light" not in page
@@ -182,14 +172,7 @@ def test_the_json_says_what_made_it_and_no_page_the_folders(out: Path, tmp_path:
         assert str(tmp_path) not in text  # they are made to be shared
 
 
-def test_without_a_scene_or_result_it_fails_and_says_which_file(out: Path, tmp_path: Path) -> None:
-    np.save(tmp_path / "tiny.npy", small_scene(20, 20, 0))
-    for scene, more in (("gone.npy", ""), ("tiny.npy", ""), ("builtin:60x60", "--max-memory=1M")):
-        source = scene if more else f"{tmp_path}/{scene}"
-        outcome = run("evaluate", source, "-o", out, *filter(None, [more]), "--json", code=1)
-        assert [record["ok"] for record in outcome.records] == [False]
-        assert outcome.errors[0].startswith(f"panchroma: {source}: ")
-        assert outcome.errors[1].startswith("panchroma: no scene could be read")
+def test_without_a_result_it_fails_and_says_why(out: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("def mine(mosaic):\n    return None\n")
     mine = f"--methods={tmp_path}/mine.py:mine"
     failed = run("evaluate builtin:60x60 --jobs 1 --sigma 0 -o", out, mine, code=1)

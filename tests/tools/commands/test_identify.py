@@ -106,18 +106,6 @@ def test_a_stream_needs_its_layout(tmp_path: Path) -> None:
     assert of_file["letters"] == of_stream["letters"] == list(LETTERS)
 
 
-@pytest.mark.parametrize("rows", [-1, 1])
-def test_a_size_that_the_length_contradicts_is_refused(tmp_path: Path, rows: int) -> None:
-    path, (height, width) = tmp_path / "frames.bin", SONY.shape
-    path.write_bytes(pack(SONY, "u16") * 2)
-    options = f"--size {width}x{height + rows} --pixel-format u16"
-    (error,) = run("identify", path, options, code=1).errors
-    assert f"{path.stat().st_size} bytes are not a frame: {width} x {height + rows}" in error
-    assert "a recording whose last frame is cut off can be given on standard input" in error
-    with path.open("rb") as stream, patch("sys.stdin", stream):
-        run("identify -", options, code=0)
-
-
 @pytest.mark.parametrize(
     ("sent", "padding", "described", "words"),
     [

@@ -13,8 +13,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from panchroma.shared import CfaPattern, FloatArray, SensorCalibration, read_camera, read_dng
-from panchroma.tools.io.display import ColourTransform
+from panchroma.shared import CfaPattern, FloatArray, read_camera, read_dng
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from tests.tools.command import assert_refused, run
 from tests.tools.io.files import save
@@ -25,7 +24,6 @@ WIDTH, HEIGHT = 181, 121
 LEAVES = builtin_scene(WIDTH, HEIGHT)
 MEASURED = "--bits 32 --space camera"
 FIVE = "VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
-BROADBAND = "CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
 
 
 def bands() -> FloatArray:
@@ -33,13 +31,6 @@ def bands() -> FloatArray:
     red, green, blue = np.moveaxis(LEAVES.rgb, -1, 0)
     violet, near, ultra = 0.8 * blue + 0.1 * red, 0.6 * red + 0.3 * green, 0.5 * blue + 0.4 * green
     return np.stack([violet, red, green, near, ultra], axis=-1)
-
-
-def quality(out: Path, stem: str) -> float:
-    """PSNR of the render in the camera's channels, dB; 1 is white."""
-    truth, render = (tifffile.imread(out / name) for name in (f"{stem}.truth.tif", f"{stem}.tif"))
-    assert truth.shape == render.shape
-    return float(-10 * np.log10(((truth - render) ** 2).mean()))
 
 
 def test_five_bands(out: Path, tmp_path: Path) -> None:
@@ -61,22 +52,9 @@ def test_five_bands(out: Path, tmp_path: Path) -> None:
     assert_refused(refused, "has VRGNU; use tif, exr or npy", name=str(shot))
     (record,) = run("render", shot, "-o", out, MEASURED, "--json", code=0).records
     assert record["learned"] is None
-    assert quality(out, "bands") > 23
-
-
-def test_broadband_filters_show_the_colours_of_the_scene(out: Path) -> None:
-    source, stem = f"builtin:{WIDTH}x{HEIGHT}", f"builtin-{WIDTH}x{HEIGHT}"
-    run("simulate", source, "-o", out, f"--pattern {BROADBAND} --truth --light 1", code=0)
-    calibration = read_dng(out / f"{stem}.dng").calibration
-    assert (calibration.channels, calibration.full_scale) == ("CMY", 1.5)
-    run("render", out / f"{stem}.dng", "-o", out, MEASURED, code=0)
-    assert quality(out, stem) > 25
-    plain = SensorCalibration(camera_to_xyz=LEAVES.camera_to_xyz, neutral=LEAVES.neutral)
-    expected = ColourTransform.to_space(plain).apply(LEAVES.rgb)
-    run("render", out / f"{stem}.dng", "-o", out, "-f npy --space srgb", code=0)
-    shown = np.load(out / f"{stem}.npy")
-    assert np.abs(np.median(shown - expected, axis=(0, 1))).max() < 0.02
-    assert np.abs(shown.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.03
+    truth, render = (tifffile.imread(out / name) for name in ("bands.truth.tif", "bands.tif"))
+    assert truth.shape == render.shape
+    assert -10 * np.log10(((truth - render) ** 2).mean()) > 23  # dB; 1 is white
 
 
 # --- derived --------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from tests.tools.command import run
 LINES = {
     "render shots -o pictures --preset paper --resume --dry-run": "3 up to date",
     "render shots -o new --dry-run": "3 to be made",
+    "preview shots -o new --dry-run": "shots/1.dng -> ",
     "burst shots/1.dng shots/2.dng -o pictures -f png --dry-run": "shots/1.dng -> ",
     "inspect --verify shots": "3 whole, 0 damaged",
     "evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --dry-run": "0 results to make",

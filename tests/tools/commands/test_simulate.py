@@ -3,7 +3,6 @@ line.
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -62,24 +61,6 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.calibration.noise == typical_noise(calibration)
     assert shot.codes.max() == 4095
-
-
-@pytest.mark.parametrize(
-    ("option", "reads"),
-    [
-        ("--pattern K=5", lambda shot: shot.pattern == CfaPattern.bayer(5)),
-        ("--pattern GBW/RGW/WWW", lambda shot: shot.pattern == CfaPattern.bayer(3, "GBRG")),
-        ("--origin 4,-1", lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
-        ("--sensor-bits 16", lambda shot: shot.calibration.bits == 16),
-        ("--sensor-bits 16", lambda shot: shot.calibration.black_level[0] == 4096),
-        ("--sigma 0.05", lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
-    ],
-)
-def test_every_option_of_the_camera_counts(
-    out: Path, option: str, reads: Callable[[Any], bool]
-) -> None:
-    assert not reads(simulate(out))
-    assert reads(simulate(out, option))
 
 
 def test_shots_of_a_command_have_noise_of_their_own_in_any_order(out: Path, tmp_path: Path) -> None:
