@@ -278,14 +278,12 @@ class Counts:
     refused: int = 0
     unfit: int = 0
     off: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
-    wide: list[float] = field(default_factory=list)
 
     def line(self, kind: str, cameras: int) -> str:
         cells = [kind, *(f"{100 * n / cameras:.0f} %" for n in (self.refused, self.unfit))]
         for name in NAMES:
             off = np.abs(self.off[name])
             cells.append(f"{100 * (off <= 1).mean():.0f} %, {off.max():.1f}" if off.size else "")
-        cells.append(f"{100 * np.median(self.wide):.1f} %" if self.wide else "")
         return f"| {' | '.join(cells)} |"
 
 
@@ -309,8 +307,6 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
                 continue
             for name, off in errors(outcome, camera, gamma_known="chart" in parts).items():
                 count.off[name] += off.tolist()
-            if (gamma := outcome.measured.gamma) is not None:
-                count.wide.append(gamma.worst)
     return counts
 
 
@@ -320,8 +316,8 @@ def main() -> None:
     arguments = options(__doc__, cameras=100, seed=0, kinds=kinds)
     first, count = arguments.seed, arguments.cameras
     table = campaign(range(first, first + count), arguments.kinds)
-    print(f"| frames | refused | do not use | {' | '.join(NAMES)} | half width of gamma, median |")
-    print(f"{'|---' * 8}|")
+    print(f"| frames | refused | do not use | {' | '.join(NAMES)} |")
+    print(f"{'|---' * 7}|")
     for kind, counts in table.items():
         print(counts.line(kind, count))
 

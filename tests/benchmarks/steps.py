@@ -79,10 +79,8 @@ def main() -> None:
                 rows[sigma, name].append(measure(make, mosaic, truth))
     print(f"| sigma | | {' | '.join(FIGURES)} |\n|{'---|' * (len(FIGURES) + 2)}")
     for (sigma, name), found in rows.items():
-        print(
-            f"| {sigma:g} | {name} | "
-            f"{' | '.join(f'{each:.3g}' for each in np.mean(found, axis=0))} |"
-        )
+        cells = " | ".join(f"{each:.3g}" for each in np.mean(found, axis=0))
+        print(f"| {sigma:g} | {name} | {cells} |")
 
 
 if __name__ == "__main__":

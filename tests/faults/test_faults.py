@@ -15,13 +15,8 @@ from tests.faults.scenario import Scenario, known, replacing, scene
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
-    scenes = {"scene.npy": scene(0)}
-    return known(
-        "simulate",
-        ["simulate", *scenes, "-o", "out", "--truth"],
-        scenes,
-        tmp_path_factory.mktemp("known") / "world",
-    )
+    folder = tmp_path_factory.mktemp("known") / "world"
+    return known({"scene.npy": scene(0)}, folder, "simulate", "--truth")
 
 
 @pytest.mark.parametrize("point", [5, 12])
