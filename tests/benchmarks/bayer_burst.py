@@ -53,7 +53,10 @@ def render_bayer_burst(
     motions = [Motion(), *(_motion(pictures[0], each, sigma / white) for each in pictures[1:])]
     merged = _merged(balanced, pictures, motions)
     if sigma:
-        merged = _denoised(merged, _noise_left(motions, sigma / filters))
+        import bm3d
+
+        noise = _NOT_WHITE * _noise_left(motions, sigma / filters)
+        merged = np.asarray(bm3d.bm3d_rgb(merged, noise.tolist()), np.float64)
     return (merged * white).astype(np.float32)
 
 
@@ -125,9 +128,3 @@ def _noise_left(motions: Sequence[Motion], noise: FloatArray) -> DoubleArray:
     mosaics = [(noise * rng.standard_normal(noise.shape)).astype(np.float32) for _ in motions]
     merged = _merged(mosaics, [demosaic_dlmmse(mosaic) for mosaic in mosaics], motions)
     return merged.std(axis=(0, 1))
-
-
-def _denoised(picture: DoubleArray, noise: DoubleArray) -> DoubleArray:
-    import bm3d
-
-    return np.asarray(bm3d.bm3d_rgb(picture, (_NOT_WHITE * noise).tolist()), np.float64)

@@ -1,9 +1,9 @@
 """Measure bursts: python -m tests.benchmarks.burst [SCENE...] [--sigma 0 0.01 0.03] [--frames 8]
 
 Scenes reduced 2 x 2 are photographed by hand: frames up to 3 pixels and 0.3 degrees away from the
-first, which is the reference and the truth. For each noise: PSNR (dB) of RGB, luminance and
-chrominance, each as median and 10 % quantile of all 10 x 10 patches and of the whole picture, mean
-over the scenes, and which frames were left out. The rows:
+first, which is the reference and the truth. For each noise: PSNR (dB) of RGB, as median and 10 %
+quantile of all 10 x 10 patches and of the whole picture, means over the scenes, and which frames
+were left out. The rows:
 
     best            `best` of the reference alone
     burst           all frames, aligned and merged
@@ -28,10 +28,9 @@ import numpy as np
 
 from panchroma.offline import BEST, render
 from panchroma.offline.burst import Motion, merge_burst, render_burst_bands
-from panchroma.shared import DoubleArray, FloatArray, Mosaic, SensorCalibration
+from panchroma.shared import FloatArray, Mosaic, SensorCalibration
 from panchroma.tools.evaluation.cameras import CameraPair
 from panchroma.tools.evaluation.methods import methods
-from panchroma.tools.evaluation.metrics import BORDER, quality, whole_psnr
 from panchroma.tools.io.versions import package_version
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.protocols import PaperProtocol
@@ -40,13 +39,11 @@ from panchroma.tools.simulation.simulated_camera import SimulatedBurst, burst_fr
 from tests.bayer import bayer_mosaic
 from tests.benchmarks.alignment import DEGREES, PIXELS
 from tests.benchmarks.bayer_burst import render_bayer_burst
-from tests.benchmarks.harness import PATTERN, options, photographs
+from tests.benchmarks.harness import PATTERN, options, photographs, psnrs
 
 REDUCED, LEAST = 2, 300
 # of pixel shift, down and right, pixels, the reference first
 STEPS = list(product((0, -2, 2), repeat=2))
-MEASURES = "median", "10 %", "whole"
-PLANES = "RGB", "luminance", "chrominance"
 
 
 @dataclass(frozen=True)
@@ -84,14 +81,6 @@ class Series:
             ],
             scene.neutral,
         )
-
-
-def measured(picture: FloatArray, truth: FloatArray) -> DoubleArray:
-    """The MEASURES (axis 1) of the PLANES (axis 0) of a picture, dB."""
-    patches, psnrs = quality(picture, truth), whole_psnr(picture, truth, BORDER)
-    return np.array(
-        [(plane[2], plane[0], psnr) for plane, psnr in zip(patches, psnrs, strict=True)]
-    )
 
 
 def shots(light: list[FloatArray], sigma: float) -> list[Mosaic]:
@@ -142,15 +131,14 @@ def main() -> None:
         remedy = "set PANCHROMA_TEST_DATA, or name some"
         raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; {remedy}")
     for sigma in given.sigma:
-        rows: dict[str, list[DoubleArray]] = defaultdict(list)
+        rows: dict[str, list[list[float]]] = defaultdict(list)
         for series in scenes:
             for row, picture in pictures(series, sigma):
-                rows[row].append(measured(picture, series.light[0]))
+                rows[row].append(psnrs(picture, series.light[0]))
         print(f"\nsigma {sigma:g}, {given.frames} frames, {len(scenes)} scenes, dB")
-        print(f"{'':12}{''.join(f'{plane:>24}' for plane in PLANES)}")
-        print(f"{'':12}{''.join(f'{name:>8}' for name in MEASURES) * len(PLANES)}")
+        print(f"{'':12}  median    10 %   whole")
         for row, figures in rows.items():
-            means = np.mean(figures, axis=0).ravel()
+            means = np.mean(figures, axis=0)
             print(f"{row:12}{''.join(f'{mean:8.2f}' for mean in means)}", flush=True)
 
 

@@ -22,12 +22,12 @@ import numpy as np
 from panchroma.device import Preview
 from panchroma.offline import render
 from panchroma.shared import CfaPattern, FloatArray, Mosaic
-from panchroma.tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr, wrong_hue
+from panchroma.tools.evaluation.metrics import BORDER, wrong_hue
 from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from panchroma.tools.simulation.load import load_scene
 from panchroma.tools.simulation.protocols import PaperProtocol, Protocol, SensorProtocol
 from panchroma.tools.simulation.simulated_camera import SimulatedCamera
-from tests.benchmarks.harness import SEED, middle, options, photographs
+from tests.benchmarks.harness import SEED, middle, options, photographs, psnrs
 
 NOISES: dict[str, Protocol] = {
     "sigma 0": PaperProtocol(0.0),
@@ -50,11 +50,9 @@ def as_bayer(mosaic: Mosaic, truth: FloatArray) -> FloatArray:
 
 def figures(picture: FloatArray, truth: FloatArray) -> list[float]:
     """Median, 10 % quantile, whole image (dB), and wrong hues (%)."""
-    patches = patch_psnr(picture, truth)[0]
     inner = slice(BORDER, -BORDER)
     wrong = wrong_hue(picture[inner, inner], truth[inner, inner]).mean()
-    whole = whole_psnr(picture, truth, BORDER)[0]
-    return [*np.quantile(patches, (0.5, 0.1)).tolist(), float(whole), 100 * float(wrong)]
+    return [*psnrs(picture, truth), 100 * float(wrong)]
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from panchroma.shared import CfaPattern, DoubleArray, FloatArray, Mosaic, SensorCalibration
+from panchroma.tools.evaluation.metrics import BORDER, MEDIAN, quality, whole_psnr
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import DATA
 
@@ -58,6 +59,12 @@ def photographed(rgb: FloatArray, sigma: float, seed: int = SEED, **lens: Any) -
         rgb, PATTERN, SensorCalibration.of_bits(16, **lens), sigma, np.random.default_rng(seed)
     )
     return Mosaic(taken.codes, PATTERN, taken.calibration)
+
+
+def psnrs(picture: FloatArray, truth: FloatArray) -> list[float]:
+    """Median and 10 % quantile of all 10 x 10 patches of RGB, and the whole picture, dB."""
+    patches = quality(picture, truth)[0]
+    return [patches[MEDIAN], patches[0], whole_psnr(picture, truth, BORDER)[0]]
 
 
 def resampled(rgb: FloatArray, at: FloatArray | DoubleArray, order: int) -> FloatArray:

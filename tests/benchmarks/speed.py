@@ -11,7 +11,6 @@ With several sizes: how time and memory grow, from a DNG to a TIFF, each size in
 own.
 """
 
-import math
 import multiprocessing
 import os
 import platform
@@ -46,8 +45,6 @@ _STEP = 12
 # rows, columns drawn, and repeated, because drawing takes longer than rendering
 _DRAWN = 792, 1200
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
-# megapixels rendered for each size at least, so that small ones are not left to chance
-_TOGETHER, _MOST_RUNS = 25.0, 7
 
 
 @cache
@@ -117,13 +114,12 @@ def render_file(shot: Path, preset: str) -> None:
     write_picture(shot.with_suffix(".tif"), bands, development, overwrite=True, threads=threads())
 
 
-def growth(shot: Path, preset: str, threads: int) -> str:
+def growth(shot: Path, preset: str, rounds: int, threads: int) -> str:
     """In a new process: time and memory from a DNG to a TIFF, medians of several runs."""
     from panchroma.offline import use_threads
 
     use_threads(threads)
     pixels = read_dng(shot).samples.size
-    rounds = min(_MOST_RUNS, math.ceil(_TOGETHER * 1e6 / pixels))
     seconds = alternate({preset: partial(render_file, shot, preset)}, rounds)[preset]
     speed, peak = median(seconds) / pixels * 1e6, memory("VmHWM") / 2**20
     return f"{preset}, {pixels / 1e6:.1f} MP: {speed:.3f} s/MP, peak memory {peak:.0f} MB"
@@ -163,8 +159,8 @@ def main() -> None:
     sizes, used = arguments.megapixels, arguments.threads
     # libraries read them when they are loaded
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(used)))
-    print(f"{platform.platform()}, {processors()} cores, {used} threads")
-    print(f"load {os.getloadavg()[0]:.1f}; `panchroma doctor` shows the versions")
+    host = f"{platform.platform()}, {processors()} cores, {used} threads"
+    print(f"{host}, load {os.getloadavg()[0]:.1f}; `panchroma doctor` shows the versions")
     with TemporaryDirectory(prefix="panchroma-speed-") as folder:
         shot, picture = Path(folder) / "shot.dng", np.zeros((8, 8, 3), np.uint8)
         if len(sizes) == 1:
@@ -177,7 +173,7 @@ def main() -> None:
         for preset in _PRESETS:
             for megapixels in sizes:
                 write_dng(shot, sparse(megapixels), picture, overwrite=True)
-                isolated(growth, shot, preset, used)
+                isolated(growth, shot, preset, arguments.rounds, used)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@ an interruption.
 """
 
 import os
-import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
+from subprocess import PIPE, Popen
 from typing import TypeAlias
 
 import numpy as np
@@ -23,7 +23,7 @@ from tests.shared.dng.examples import mosaic, preview
 from tests.tools.command import SCRIPT
 
 _FRAMES = 6
-Process: TypeAlias = "subprocess.Popen[bytes]"
+Process: TypeAlias = Popen[bytes]
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,16 @@ class Scenario:
         """
         verb, *arguments = self.arguments
         line = [sys.executable, "-c", script + SCRIPT, verb, *extra, *arguments]
-        with (folder / "stdin").open("rb") as stdin:
-            return subprocess.Popen(
+        env = {**os.environ, **environment}
+        with (folder / "stdin").open("rb") as feed:
+            return Popen(
                 line,
                 cwd=folder,
-                stdin=stdin,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                env={**os.environ, **environment},
-                start_new_session=True,
+                stdin=feed,
+                stdout=PIPE,
+                stderr=PIPE,
+                env=env,
+                process_group=0,
             )
 
     def faults(self, folder: Path, *, finished: bool) -> list[str]:
