@@ -128,8 +128,8 @@ def main() -> None:
     sources = map(Path, given.scenes or photographs())
     scenes = [series for source in sources if (series := Series.of(source, given.frames))]
     if not scenes:
-        remedy = "set PANCHROMA_TEST_DATA, or name some"
-        raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; {remedy}")
+        missing = f"no scene of {2 * LEAST} pixels a side or more"
+        raise SystemExit(f"{missing}; set PANCHROMA_TEST_DATA, or name some")
     for sigma in given.sigma:
         rows: dict[str, list[list[float]]] = defaultdict(list)
         for series in scenes:

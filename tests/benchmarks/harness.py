@@ -22,23 +22,23 @@ SEED = 3
 Work = Callable[[], object]
 
 
-def options(text: str | None, number: str = "", **usual: Any) -> argparse.Namespace:
+def options(text: str | None, scenes: str = "", **usual: Any) -> argparse.Namespace:
     """Read the command line.
 
-    text: of the help. number: of scenes, which come first, as `nargs`; "" = there are none. usual:
-    of each option its default, of that type, a list for several; or what `add_argument` takes.
+    text: of the help. scenes: how many come first, as `nargs`; "" = there are none. usual: of each
+    option its default, of that type, a list for several; or what `add_argument` takes.
     """
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=text, formatter_class=form)
-    if number:
-        parser.add_argument("scenes", nargs=number, metavar="SCENE")
+    if scenes:
+        parser.add_argument("scenes", nargs=scenes, metavar="SCENE")
     for name, value in usual.items():
         kind: dict[str, Any] = {"default": value, "type": type(value)}
         if isinstance(value, list):
             kind = {"default": value, "type": type(value[0]), "nargs": "+"}
         short = ["-j"] if name in ("jobs", "threads") else []
-        flags = (*short, f"--{name.replace('_', '-')}")
-        parser.add_argument(*flags, **(value if isinstance(value, dict) else kind))
+        chosen = value if isinstance(value, dict) else kind
+        parser.add_argument(*short, f"--{name.replace('_', '-')}", **chosen)
     return parser.parse_args()
 
 

@@ -136,14 +136,14 @@ def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
     before, start = memory("VmRSS"), time.perf_counter()
     maker = Preview.for_mosaic(mosaic, scale, threads=threads)
     maker.run(mosaic)
-    first, held = time.perf_counter() - start, memory("VmRSS")
+    first = time.perf_counter() - start
     seconds = alternate({"preview": partial(maker.run, mosaic)}, frames)["preview"]
     middle, slowest = np.quantile(seconds, (0.5, 0.99))
-    grown, leaked = (memory("VmHWM") - before) / 2**20, (memory("VmRSS") - held) / 2**20
+    grown = (memory("VmHWM") - before) / 2**20
     return (
         f"preview 1 : {scale}, {mosaic.samples.size / 1e6:.1f} MP: median {1e3 * middle:.0f} ms, "
         f"99 % {1e3 * slowest:.0f} ms, import {1e3 * imported:.0f} ms, first {1e3 * first:.0f} ms, "
-        f"memory +{grown:.0f} MB, {leaked:+.1f} MB after all"
+        f"memory +{grown:.0f} MB"
     )
 
 

@@ -64,13 +64,7 @@ class Scenario:
         env = {**os.environ, **environment}
         with (folder / "stdin").open("rb") as feed:
             return Popen(
-                line,
-                cwd=folder,
-                stdin=feed,
-                stdout=PIPE,
-                stderr=PIPE,
-                env=env,
-                process_group=0,
+                line, cwd=folder, stdin=feed, stdout=PIPE, stderr=PIPE, env=env, process_group=0
             )
 
     def faults(self, folder: Path, *, finished: bool) -> list[str]:

@@ -108,9 +108,7 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
     out = folder / "out"
     out.mkdir(parents=True, exist_ok=True)
     line = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(out)]
-    mounted = False
-    if os.geteuid() == 0:
-        mounted = not subprocess.run(line, capture_output=True, check=False).returncode
+    mounted = not subprocess.run(line, capture_output=True, check=False).returncode
     try:
         yield mounted
     finally:

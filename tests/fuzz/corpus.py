@@ -6,7 +6,7 @@ import io
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -92,18 +92,18 @@ def _pictures() -> list[Sample]:
         Sample(kind.format.upper(), kind.suffix, _rendered(rgb, kind), _read_scene)
         for kind in (PictureKind(name, bits, space) for name, bits, space in _KINDS)
     ]
+    codes = (rgb * 65535).astype(np.uint16)
     for tile, compression in product((None, (16, 16)), ("zlib", "lzw", None)):
-        written = _tiff(
-            (rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression
-        )
+        written = _tiff(codes, photometric="rgb", tile=tile, compression=compression)
         samples.append(Sample("TIF", ".tif", written, _read_scene))
-    bands = (rgb[..., [0, 1, 2, 0, 1]] * 65535).astype(np.uint16)
+    bands = codes[..., [0, 1, 2, 0, 1]]
+    read_bands = partial(_read_scene, channels="VRGNU")
     stack = _tiff(np.moveaxis(bands, -1, 0).copy(), photometric="minisblack", compression="zlib")
     array = npy(bands.shape, "<u2") + bands.tobytes()
     return [
         *samples,
-        Sample("TIF", ".tif", stack, _read_bands),
-        Sample("NPY", ".npy", array, _read_bands),
+        Sample("TIF", ".tif", stack, read_bands),
+        Sample("NPY", ".npy", array, read_bands),
     ]
 
 
@@ -138,10 +138,6 @@ _VERSION: Any = (50706, 1, 4, bytes([1, 4, 0, 0]), True)  # of DNG
 def _read_scene(path: Path, channels: str = "RGB") -> bytes:
     scene = load_scene(str(path), channels=channels)
     return repr(scene.rgb.shape).encode() + scene.rgb.tobytes()
-
-
-def _read_bands(path: Path) -> bytes:
-    return _read_scene(path, "VRGNU")
 
 
 def _linear() -> list[Sample]:

@@ -15,7 +15,7 @@ known of the result:
 import sys
 import traceback
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from random import Random
 
 import numpy as np
@@ -70,17 +70,9 @@ class Case:
     noise: str
     lens: str
     pattern: CfaPattern
-    calibration: SensorCalibration
-    scene: FloatArray
+    calibration: SensorCalibration = field(repr=False)
+    scene: FloatArray = field(repr=False)
     seed: int
-
-    def __str__(self) -> str:
-        height, width, _ = self.scene.shape
-        tile, gamma = "/".join(self.pattern.tile), [round(g, 3) for g in self.calibration.gamma]
-        return (
-            f"{self.way}, {self.name} x {self.light:g}, {self.take}, noise {self.noise}, lens "
-            f"{self.lens}, {width} x {height}, {tile} at {self.pattern.origin}, gamma {gamma}"
-        )
 
 
 def case(seed: int, number: int) -> Case:
@@ -98,8 +90,7 @@ def case(seed: int, number: int) -> Case:
     noise, lens = random.choice(NOISES), random.choice(LENSES)
     calibration = _calibration(random, pattern, (height, width), noise, lens, light)
     take, seed = random.choice(TAKES), random.randrange(1 << 30)
-    facts = name, light, take, noise, lens, pattern, calibration
-    return Case(way, *facts, scene.astype(np.float32), seed)
+    return Case(way, name, light, take, noise, lens, pattern, calibration, scene, seed)
 
 
 def _pattern(random: Random) -> CfaPattern:

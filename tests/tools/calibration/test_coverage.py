@@ -15,10 +15,9 @@ from tests.benchmarks.coverage import (
     SimulatedCamera,
     calibrated,
     campaign,
-    charts,
     session_of,
 )
-from tests.tools.calibration.known_camera import PATTERNS, true_place
+from tests.tools.calibration.known_camera import PATTERNS, chart, true_place
 
 SIMPLE = SimulatedCamera(
     pattern=PATTERNS["K = 6"],
@@ -35,7 +34,7 @@ def frames_of(camera: SimulatedCamera, number: int = 1) -> Frames:
     """Shots of the chart, and four dark frames."""
     random, frames = np.random.default_rng(5), Frames()
     for each in range(number):
-        frames.mosaics[f"chart{each}"] = camera.shot(charts(), random)
+        frames.mosaics[f"chart{each}"] = camera.shot(chart().rgb, random)
         frames.places[f"chart{each}"] = ChartPlace(true_place().corners)
     for each in range(4):
         frames.mosaics[f"dark{each}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
