@@ -253,9 +253,9 @@ def errors(
     if outcome.camera is not None and "noise" in outcome.camera.measured:
         model, how = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
         scale = (float(camera.gamma.sum()) if gamma_known else 3.0) / camera.electrons
-        for name, truth in (("shot", scale), ("read", scale * camera.read)):
+        for name, true in (("shot", scale), ("read", scale * camera.read)):
             half = SIGMAS * np.array(how[f"{name}_error"])
-            off[name] = (np.array(getattr(model, name)) - truth) / half
+            off[name] = (np.array(getattr(model, name)) - true) / half
     return off
 
 

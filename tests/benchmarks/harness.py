@@ -7,7 +7,7 @@ import argparse
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -67,7 +67,7 @@ def psnrs(picture: FloatArray, truth: FloatArray) -> list[float]:
     return [patches[MEDIAN], patches[0], whole_psnr(picture, truth, BORDER)[0]]
 
 
-def resampled(rgb: FloatArray, at: FloatArray | DoubleArray, order: int) -> FloatArray:
+def resampled(rgb: FloatArray, at: FloatArray | DoubleArray, order: Literal[3, 5]) -> FloatArray:
     """A picture (H, W, 3) at the places (2, H, W), by splines."""
     planes = [
         map_coordinates(plane, at, order=order, mode="mirror") for plane in np.moveaxis(rgb, -1, 0)

@@ -26,8 +26,8 @@ _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]
 _STEPS = 60  # operations on files of the longest command; a point beyond the last kills nothing
 _ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
 _NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root
-# Counts the program's operations on files below a folder, and kills it before the N-th: wherever a
-# file may be incomplete.
+# Counts the program's operations on files of the output folder, and kills it before the N-th:
+# wherever a file may be incomplete.
 _KILLED = """
 import os, sys
 count = 0
@@ -38,7 +38,7 @@ def step(*_):
         os.kill(os.getpid(), int(os.environ["FAULT_SIGNAL"]))
 def heard(event, arguments):
     operations = "open", "os.link", "os.rename", "os.remove", "os.symlink"
-    if event in operations and any(os.environ["FAULT_FOLDER"] in str(part) for part in arguments):
+    if event in operations and any(str(part).startswith("out/") for part in arguments):
         step()
 fsync = os.fsync
 def synced(descriptor):
@@ -59,8 +59,8 @@ def interrupted(
     scenario.lay_out(folder)
     point = chance.randint(1, _STEPS) if chance.random() < 0.5 else 0
     if point:
-        where = {"FAULT_FOLDER": str(folder / "out"), "FAULT_POINT": str(point)}
-        process = scenario.start(folder, script=_KILLED, **where, FAULT_SIGNAL=str(int(number)))
+        when = {"FAULT_POINT": str(point), "FAULT_SIGNAL": str(int(number))}
+        process = scenario.start(folder, script=_KILLED, **when)
     else:
         process = scenario.start(folder)
         time.sleep(chance.uniform(0.1, seconds))
