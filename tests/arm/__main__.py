@@ -8,7 +8,6 @@ index. It needs no root and installs nothing: a small arm64 system and the aarch
 base dependencies are unpacked into the user's cache. Emulation does not show how fast a board is.
 """
 
-import argparse
 import os
 import re
 import shutil
@@ -22,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from panchroma.shared.errors import InputError, OutputError, PanchromaError
+from tests.benchmarks.harness import options
 from tests.data import ROOT
 
 QEMU = "qemu-aarch64"
@@ -29,12 +29,7 @@ CPUS = ("cortex-a72", "cortex-a76")  # of the Raspberry Pi 4 and 5
 _DEBIAN = ("python3-minimal", "libpython3-stdlib", "libstdc++6", "libgomp1")
 # From the oldest glibc that a wheel may ask for to that of the oldest Debian that still makes sense
 # on a board.
-_PLATFORMS = (
-    "manylinux2014_aarch64",
-    "manylinux_2_17_aarch64",
-    "manylinux_2_27_aarch64",
-    "manylinux_2_28_aarch64",
-)
+_PLATFORMS = [f"manylinux{glibc}_aarch64" for glibc in ("2014", "_2_17", "_2_27", "_2_28")]
 # qemu shows the host's /proc/cpuinfo, and onnxruntime from 1.24 on dies on an ARM that has no ARM
 # cores.
 _CORE = (
@@ -51,44 +46,26 @@ class UnreachableError(InputError):
     """A download is out of reach: nothing is wrong here."""
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Exit code: 0 when every result is identical, 1 when one differs, 2 when the emulation cannot
     be run.
     """
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--cpu",
-        nargs="+",
-        default=CPUS,
-        metavar="NAME",
-        help=f"default: {' '.join(CPUS)}; {QEMU} -cpu help",
-    )
-    parser.add_argument(
-        "--onnxruntime", nargs="+", default=[""], metavar="VERSION", help="default: the newest"
-    )
-    arguments = parser.parse_args(argv)
-    differing = False
-    for version, cpu in product(arguments.onnxruntime, arguments.cpu):
+    given, differing = options(__doc__, cpu=list(CPUS), onnxruntime=[""]), False
+    for version, cpu in product(given.onnxruntime, given.cpu):
         try:
             runtime, compared, faults = check(cpu, version)
         except PanchromaError as error:
             print(f"tests.arm: {error}", file=sys.stderr)
             return 2
         differing |= bool(faults)
-        print(
-            f"onnxruntime {runtime} on {cpu}: {compared - len(faults)} of {compared} identical",
-            *faults,
-            sep="\n  ",
-            flush=True,
-        )
+        identical = f"{compared - len(faults)} of {compared} identical"
+        print(f"onnxruntime {runtime} on {cpu}: {identical}", *faults, sep="\n  ", flush=True)
     return int(differing)
 
 
 def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
-    """(version of onnxruntime, number of results, a line for each result that differs) on the
-    emulated `cpu`.
+    """(version of onnxruntime, number of results, names of those that differ) on the emulated
+    `cpu`. The results are in here.npz and there.npz of the cache.
 
     onnxruntime: the version to install; "": the newest.
 
@@ -101,14 +78,11 @@ def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
     system = _system(cache)
     emulated = [QEMU, "-cpu", cpu, "-L", str(system), str(system / "usr/bin/python3")]
     site = _site(cache, emulated, onnxruntime)
-    there = _probe(emulated, [site, ROOT], cache / "there.npz")
-    here = _probe([sys.executable], [ROOT], cache / "here.npz")
+    ours = [ROOT, ROOT / "tools/notebook"]
+    there = _probe(emulated, [site, *ours], cache / "there.npz")
+    here = _probe([sys.executable], ours, cache / "here.npz")
     names = [name for name in here if name != "onnxruntime"]
-    faults = [
-        _difference(name, here[name], there[name])
-        for name in names
-        if here[name].tobytes() != there[name].tobytes()
-    ]
+    faults = [name for name in names if here[name].tobytes() != there[name].tobytes()]
     return str(there["onnxruntime"]), len(names), faults
 
 
@@ -130,21 +104,13 @@ def _system(cache: Path) -> Path:
         "Dir::Cache": apt,
     }
     options = [part for name, value in settings.items() for part in ("-o", f"{name}={value}")]
-    _run(["apt-get", *options, "update"])
+    _run("apt-get", *options, "update")
     _run(
-        [
-            "apt-get",
-            *options,
-            "install",
-            "--download-only",
-            "--no-install-recommends",
-            "-y",
-            *_DEBIAN,
-        ]
+        "apt-get", *options, "install", "--download-only", "--no-install-recommends", "-y", *_DEBIAN
     )
     unpacked = cache / "system.part"
     for package in sorted((apt / "archives").glob("*.deb")):
-        _run(["dpkg-deb", "-x", str(package), str(unpacked)])
+        _run("dpkg-deb", "-x", str(package), str(unpacked))
     (unpacked / "proc").mkdir(exist_ok=True)
     (unpacked / "proc/cpuinfo").write_text(_CORE.format(0) + _CORE.format(1))
     (unpacked / "sys/devices/system/cpu").mkdir(parents=True)
@@ -160,59 +126,31 @@ def _site(cache: Path, python: Sequence[str], onnxruntime: str) -> Path:
         return site
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     if onnxruntime:
-        wanted = [
-            *(each for each in wanted if not each.startswith("onnxruntime")),
-            f"onnxruntime=={onnxruntime}",
-        ]
-    version = _run([*python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"]).strip()
+        wanted = [each for each in wanted if not each.startswith("onnxruntime")]
+        wanted += [f"onnxruntime=={onnxruntime}"]
+    version = _run(*python, "-c", "import sys; print(*sys.version_info[:2], sep='.')").strip()
     platforms = [part for platform in _PLATFORMS for part in ("--platform", platform)]
     part = site.with_suffix(site.suffix + ".part")
     shutil.rmtree(part, ignore_errors=True)
-    options = [
-        "--only-binary=:all:",
-        "--python-version",
-        version,
-        "--target",
-        str(part),
-        "--no-compile",
-        "--quiet",
-    ]
-    _run([sys.executable, "-m", "pip", "install", *platforms, *options, *wanted])
+    chosen = ["--python-version", version, "--target", str(part), "--only-binary=:all:"]
+    quiet = ["--no-compile", "--quiet"]
+    _run(sys.executable, "-m", "pip", "install", *platforms, *chosen, *quiet, *wanted)
     return part.rename(site)
 
 
 def _probe(python: Sequence[str], path: Sequence[Path], result: Path) -> dict[str, np.ndarray]:
-    _run(
-        [*python, "-m", "tests.arm.probe", str(result)],
-        OutputError,
-        PYTHONPATH=os.pathsep.join(map(str, path)),
-    )
+    line, paths = [*python, "-m", "tests.arm.probe", str(result)], os.pathsep.join(map(str, path))
+    _run(*line, failure=OutputError, PYTHONPATH=paths)
     with np.load(result) as arrays:
         return dict(arrays)
 
 
-def _difference(name: str, here: np.ndarray, there: np.ndarray) -> str:
-    if here.shape != there.shape or here.dtype != there.dtype:
-        return f"{name}: {there.dtype} {there.shape} instead of {here.dtype} {here.shape}"
-    difference = np.abs(here.astype(np.float64) - there)
-    return (
-        f"{name}: {np.count_nonzero(difference)} of {difference.size} values differ, by up "
-        f"to {difference.max():.3g}"
-    )
-
-
-def _run(
-    command: Sequence[str], failure: type[PanchromaError] = InputError, **environment: str
-) -> str:
+def _run(*command: str, failure: type[PanchromaError] = InputError, **environment: str) -> str:
     # PYTHONDONTWRITEBYTECODE: the two Pythons must not use each other's compiled files.
     quiet = {"PYTHONDONTWRITEBYTECODE": "1", "ORT_DISABLE_TELEMETRY": "1"}
+    variables = {**os.environ, **quiet, **environment}
     done = subprocess.run(
-        command,
-        env={**os.environ, **quiet, **environment},
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
+        command, env=variables, cwd=ROOT, capture_output=True, text=True, check=False
     )
     if done.returncode:
         said = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]

@@ -14,9 +14,9 @@ from panchroma.device import Preview
 from panchroma.device.capture import Sensor
 from panchroma.device.capture.frames import FrameLayout, RawFrame
 from panchroma.device.preview.geometry import Geometry
-from panchroma.shared import CfaPattern, NoiseModel, SensorCalibration, runtime
-from panchroma.shared.colorimetry import SRGB_TO_XYZ
+from panchroma.shared import CfaPattern, runtime
 from panchroma.shared.dng import encode_dng, read_dng
+from tests.shared.dng.examples import calibration
 
 PATTERNS = {
     "K6": CfaPattern.bayer(6),
@@ -38,19 +38,9 @@ def probe() -> dict[str, np.ndarray]:
     made: dict[str, np.ndarray] = {"onnxruntime": np.array(runtime.onnxruntime.__version__)}
     for name, pattern in PATTERNS.items():
         for layout in LAYOUTS:
-            bits = layout.bits
-            calibration = SensorCalibration.of_bits(
-                bits,
-                headroom=False,
-                gamma=(0.9, 1.1, 0.8),
-                noise=NoiseModel((2e-4,) * 4, (1e-3,) * 4),
-                camera_to_xyz=SRGB_TO_XYZ,
-                neutral=(0.5, 1.0, 0.7),
-            )
-            data = (
-                np.random.default_rng(bits).integers(0, 256, layout.frame_bytes, np.uint8).tobytes()
-            )
-            mosaic = Sensor(layout, pattern, calibration).mosaic(RawFrame.now(data))
+            random, stated = np.random.default_rng(layout.bits), calibration(bits=layout.bits)
+            data = random.integers(0, 256, layout.frame_bytes, np.uint8).tobytes()
+            mosaic = Sensor(layout, pattern, stated).mosaic(RawFrame.now(data))
             pictures = {
                 (scale, linear): Preview(pattern, scale, linear=linear, threads=2).run(mosaic)
                 for scale, linear in (graphs(pattern) if layout is LAYOUTS[0] else [(1, False)])

@@ -12,9 +12,10 @@ allows non-commercial use only; it is imported only where there is noise.
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from itertools import product
 
 import numpy as np
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from panchroma.offline.burst import Motion, in_frame, in_reference
 from panchroma.offline.burst.align import View, align
@@ -22,6 +23,7 @@ from panchroma.shared import DoubleArray, FloatArray, InputError
 from panchroma.shared.calibration import NoiseModel
 from panchroma.tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from panchroma.tools.simulation.bayer import channel_map
+from tests.benchmarks.harness import resampled
 
 _ROUNDS = 4  # of back-projection
 _BLUR = 0.5  # pixels: standard deviation of what is spread
@@ -29,21 +31,18 @@ _BLUR = 0.5  # pixels: standard deviation of what is spread
 # frequencies
 _NOT_WHITE = 1.2
 _SPARSE = 0.05  # samples per pixel, below which a correction is reduced
-_MIRROR: Literal["mirror"] = "mirror"  # SciPy's name of shared.arrays.BORDER
 
 
 def render_bayer_burst(
     mosaics: Sequence[FloatArray],
     sigma: float,
     neutral: tuple[float, ...] | None,
-    motions: Sequence[Motion] | None = None,
 ) -> FloatArray:
     """The picture of the first frame from all frames of a burst, float32 (H, W, 3), scene units.
 
     mosaics: of a Bayer sensor, (H, W), scene units; the first is the reference.
     sigma: standard deviation of the noise on every sample, scene units; 0: there is none.
     neutral: what white reads; samples are balanced by it, as in a raw developer. None = unknown.
-    motions: how each frame lies against the reference; None = it is measured.
     Raises InputError where a frame cannot be aligned.
     """
     white = np.array(neutral or (1.0, 1.0, 1.0), np.float32)
@@ -51,11 +50,13 @@ def render_bayer_burst(
     filters = white[channel_map(mosaics[0].shape)]
     balanced = [mosaic / filters for mosaic in mosaics]
     pictures = [demosaic_dlmmse(mosaic) for mosaic in balanced]
-    if motions is None:
-        motions = [Motion(), *(_motion(pictures[0], each, sigma / white) for each in pictures[1:])]
+    motions = [Motion(), *(_motion(pictures[0], each, sigma / white) for each in pictures[1:])]
     merged = _merged(balanced, pictures, motions)
     if sigma:
-        merged = _denoised(merged, _noise_left(motions, sigma / filters))
+        import bm3d
+
+        noise = _NOT_WHITE * _noise_left(motions, sigma / filters)
+        merged = np.asarray(bm3d.bm3d_rgb(merged, noise.tolist()), np.float64)
     return (merged * white).astype(np.float32)
 
 
@@ -76,12 +77,13 @@ def _merged(
     """The mean of the pictures as the reference would see them, corrected by the samples of all
     mosaics, (H, W, 3).
     """
-    from scipy.ndimage import gaussian_filter, map_coordinates
-
     shape = mosaics[0].shape
-    seen = [_seen(picture, motion) for picture, motion in zip(pictures, motions, strict=True)]
-    merged: DoubleArray = np.asarray(np.mean(seen, axis=0), np.float64)
     y, x = np.indices(shape, np.float32)
+    seen = [
+        resampled(picture, in_frame(motion, y, x, shape), 3)
+        for picture, motion in zip(pictures, motions, strict=True)
+    ]
+    merged: DoubleArray = np.asarray(np.mean(seen, axis=0), np.float64)
     places = [in_reference(motion, y, x, shape) for motion in motions]
     colour = channel_map(shape)
     for channel in range(3):
@@ -90,21 +92,9 @@ def _merged(
         plane = merged[..., channel]
         count = gaussian_filter(_spread(at, np.ones_like(values), shape), _BLUR) + _SPARSE
         for _ in range(_ROUNDS):
-            missed = values - map_coordinates(plane, at, order=3, mode=_MIRROR)
+            missed = values - map_coordinates(plane, at, order=3, mode="mirror")
             plane += gaussian_filter(_spread(at, missed, shape), _BLUR) / count
     return merged
-
-
-def _seen(picture: FloatArray, motion: Motion) -> FloatArray:
-    """A frame's picture as the reference would see it."""
-    from scipy.ndimage import map_coordinates
-
-    y, x = np.indices(picture.shape[:2])
-    at = in_frame(motion, y, x, picture.shape[:2])
-    return np.stack(
-        [map_coordinates(picture[..., channel], at, order=3, mode=_MIRROR) for channel in range(3)],
-        axis=-1,
-    )
 
 
 def _spread(
@@ -116,14 +106,15 @@ def _spread(
     total = np.zeros(shape[0] * shape[1])
     first = np.floor(at).astype(np.intp)
     after = at - first
-    for down in (0, 1):
-        for right in (0, 1):
-            row, column = first[0] + down, first[1] + right
-            inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
-            share = (after[0] if down else 1 - after[0]) * (after[1] if right else 1 - after[1])
-            total += np.bincount(
-                (row * shape[1] + column)[inside], (share * values)[inside], minlength=total.size
-            )
+    for corner in product((0, 1), repeat=2):
+        row, column = place = first + np.reshape(corner, (2, 1))
+        inside = ((place >= 0) & (place < np.reshape(shape, (2, 1)))).all(axis=0)
+        share = np.prod(
+            [each if far else 1 - each for far, each in zip(corner, after, strict=True)], axis=0
+        )
+        total += np.bincount(
+            (row * shape[1] + column)[inside], (share * values)[inside], minlength=total.size
+        )
     return total.reshape(shape)
 
 
@@ -137,9 +128,3 @@ def _noise_left(motions: Sequence[Motion], noise: FloatArray) -> DoubleArray:
     mosaics = [(noise * rng.standard_normal(noise.shape)).astype(np.float32) for _ in motions]
     merged = _merged(mosaics, [demosaic_dlmmse(mosaic) for mosaic in mosaics], motions)
     return merged.std(axis=(0, 1))
-
-
-def _denoised(picture: DoubleArray, noise: DoubleArray) -> DoubleArray:
-    import bm3d
-
-    return np.asarray(bm3d.bm3d_rgb(picture, (_NOT_WHITE * noise).tolist()), np.float64)

@@ -4,17 +4,10 @@ Gamma and colour of those test photographs that show a chart, without dark or fl
 `tests.benchmarks.coverage` draws cameras at random.
 """
 
-from pathlib import Path
-
-import numpy as np
-
-from panchroma.shared import CfaPattern, InputError, Mosaic, SensorCalibration
+from panchroma.shared import InputError
 from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.measure import Measurements, measure_chart
-from panchroma.tools.simulation.load import load_scene
-from panchroma.tools.simulation.sensor import simulate_additive
-from tests.data import DATA
-from tests.tools.calibration.known_camera import REFERENCE
+from tests.tools.calibration.known_camera import REFERENCE, shot_of
 
 CHARTS = (
     "chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng",
@@ -23,26 +16,22 @@ CHARTS = (
 COLOUR = ("mean_dE2000", "leave_one_out_dE2000", "light_unevenness")
 
 
-def photograph(path: Path) -> None:
+def photograph(name: str) -> None:
     """Print gamma and colour from a shot simulated from a photograph."""
-    scene = load_scene(str(path))
-    pattern = CfaPattern.bayer(6)
-    calibration = SensorCalibration.of_bits(12)
-    taken = simulate_additive(scene.rgb, pattern, calibration, 0.003, np.random.default_rng(0))
-    mosaic = Mosaic(taken.codes, pattern, calibration)
+    mosaic = shot_of(name, 6)
     try:
-        measured = measure_chart(path.name, mosaic, REFERENCE)
+        measured = measure_chart(name, mosaic, REFERENCE)
     except InputError as error:
-        print(f"{path.name}: refused: {error}")
+        print(f"{name}: refused: {error}")
         return
     outcome = conclude(Measurements(REFERENCE, mosaic, shots=[measured]))
     gamma, facts = measured.fit, outcome.facts
     off = ", ".join(f"{100 * (value - 1):+.2f}" for value in gamma.gamma)
-    line = f"{path.name}: gamma off by {off} % (± {100 * gamma.worst:.1f})"
+    line = f"{name}: gamma off by {off} % (± {100 * gamma.worst:.1f})"
     line += "".join(f"; {name} {facts['colour'][name]}" for name in COLOUR if "colour" in facts)
     print(line + (f"; {outcome.refusal}" if outcome.refusal else ""), flush=True)
 
 
 if __name__ == "__main__":
     for name in CHARTS:
-        photograph(DATA / name)
+        photograph(name)

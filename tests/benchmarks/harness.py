@@ -1,4 +1,4 @@
-"""What the benchmarks share: options, scenes, shots, the frame on which speed is measured, rounds.
+"""What benchmarks and campaigns share: options, scenes, shots, rounds, memory.
 
 It does not load the renderer, whose libraries read the number of threads when they are loaded.
 """
@@ -6,50 +6,39 @@ It does not load the renderer, whose libraries read the number of threads when t
 import argparse
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
-from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration
-from panchroma.tools.evaluation.rivals.libraw import encode_codes
-from panchroma.tools.simulation.drawn.builtin import builtin_scene
+from panchroma.shared import CfaPattern, DoubleArray, FloatArray, Mosaic, SensorCalibration
+from panchroma.tools.evaluation.metrics import BORDER, MEDIAN, quality, whole_psnr
 from panchroma.tools.simulation.sensor import simulate_additive
-from tests.bayer import bayer_mosaic
 from tests.data import DATA
 
 PATTERN = CfaPattern.bayer(6)
 SEED = 3
-Sample = TypeVar("Sample", bound=np.generic)
-_SIGMA, _BITS = 0.01, 12
-# whole periods and whole Bayer quads fit, so that the pattern continues where pieces meet
-_STEP = 12
-# rows, columns drawn; larger frames repeat them, because drawing takes longer than rendering
-_PIECE = 792, 1200
 Work = Callable[[], object]
 
 
-def options(text: str | None, number: str = "", **usual: Any) -> argparse.Namespace:
+def options(text: str | None, scenes: str = "", **usual: Any) -> argparse.Namespace:
     """Read the command line.
 
-    text: of the help. number: of scenes, which come first, as `nargs`; "" = the benchmark takes
-    none. usual: of each option its default, of that type, a list for several; or what
-    `add_argument` takes.
+    text: of the help. scenes: how many come first, as `nargs`; "" = there are none. usual: of each
+    option its default, of that type, a list for several; or what `add_argument` takes.
     """
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=text, formatter_class=form)
-    if number:
-        parser.add_argument("scenes", nargs=number, metavar="SCENE")
+    if scenes:
+        parser.add_argument("scenes", nargs=scenes, metavar="SCENE")
     for name, value in usual.items():
-        kind = {"default": value, "type": type(value)}
+        kind: dict[str, Any] = {"default": value, "type": type(value)}
         if isinstance(value, list):
             kind = {"default": value, "type": type(value[0]), "nargs": "+"}
-        short = {"output": ["-o"], "threads": ["-j"]}.get(name, [])
-        flags = (*short, f"--{name.replace('_', '-')}")
-        parser.add_argument(*flags, **(value if isinstance(value, dict) else kind))
+        short = ["-j"] if name in ("jobs", "threads") else []
+        chosen = value if isinstance(value, dict) else kind
+        parser.add_argument(*short, f"--{name.replace('_', '-')}", **chosen)
     return parser.parse_args()
 
 
@@ -72,53 +61,18 @@ def photographed(rgb: FloatArray, sigma: float, seed: int = SEED, **lens: Any) -
     return Mosaic(taken.codes, PATTERN, taken.calibration)
 
 
-@dataclass(frozen=True)
-class Frame:
-    """The built-in scene as both cameras see it, in every form that is measured. shape: (rows,
-    columns), multiples of 12.
-    """
+def psnrs(picture: FloatArray, truth: FloatArray) -> list[float]:
+    """Median and 10 % quantile of all 10 x 10 patches of RGB, and the whole picture, dB."""
+    patches = quality(picture, truth)[0]
+    return [patches[MEDIAN], patches[0], whole_psnr(picture, truth, BORDER)[0]]
 
-    shape: tuple[int, int]
 
-    @classmethod
-    def of(cls, megapixels: float) -> "Frame":
-        """A frame of about so many, 3 : 2."""
-        columns = max(24, round((megapixels * 1.5e6) ** 0.5 / _STEP) * _STEP)
-        return cls((max(24, round(megapixels * 1e6 / columns / _STEP) * _STEP), columns))
-
-    @cached_property
-    def shot(self) -> Mosaic:
-        """The sparse-colour shot as the sensor gives it, in codes."""
-        return Mosaic(self._repeated(self._taken.codes), PATTERN, self._taken.calibration)
-
-    @cached_property
-    def mosaic(self) -> Mosaic:
-        """The sparse-colour shot in scene units."""
-        return Mosaic(self._repeated(self._taken.signal), PATTERN, self._taken.calibration)
-
-    @cached_property
-    def bayer(self) -> FloatArray:
-        """Samples of a Bayer sensor from the same scene with the same noise, scene units."""
-        return self._repeated(bayer_mosaic(self._rgb, _SIGMA, np.random.default_rng(0)))
-
-    @cached_property
-    def bayer_codes(self) -> NDArray[np.uint16]:
-        """The samples `bayer` as 16-bit codes."""
-        return encode_codes(self.bayer)[0]
-
-    @cached_property
-    def _rgb(self) -> FloatArray:
-        rows, columns = (min(size, most) for size, most in zip(self.shape, _PIECE, strict=True))
-        return builtin_scene(columns, rows).rgb
-
-    @cached_property
-    def _taken(self) -> Mosaic:
-        camera, random = SensorCalibration.of_bits(_BITS), np.random.default_rng(0)
-        return simulate_additive(self._rgb, PATTERN, camera, _SIGMA, random)
-
-    def _repeated(self, piece: NDArray[Sample]) -> NDArray[Sample]:
-        (rows, columns), (height, width) = self.shape, piece.shape
-        return np.tile(piece, (-(-rows // height), -(-columns // width)))[:rows, :columns]
+def resampled(rgb: FloatArray, at: FloatArray | DoubleArray, order: Literal[3, 5]) -> FloatArray:
+    """A picture (H, W, 3) at the places (2, H, W), by splines."""
+    planes = [
+        map_coordinates(plane, at, order=order, mode="mirror") for plane in np.moveaxis(rgb, -1, 0)
+    ]
+    return np.stack(planes, axis=-1).astype(np.float32)
 
 
 def alternate(
@@ -140,3 +94,11 @@ def alternate(
                 seconds[name].append(end - start)
         order.reverse()
     return seconds
+
+
+def memory(figure: str) -> int:
+    """Bytes of this process: VmHWM, its peak; VmRSS; or VmData, what it has asked for. Not from
+    getrusage: a new process inherits its parent's peak there.
+    """
+    lines = Path("/proc/self/status").read_text("ascii").splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{figure}:"))

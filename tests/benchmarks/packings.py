@@ -14,7 +14,6 @@ from panchroma.device.capture.frames import FORMATS, FrameLayout
 from tests.benchmarks.harness import alternate, options
 
 WIDTH, HEIGHT, ALIGNMENT = 4056, 3040, 64  # pixels; bytes
-LEAST = 200  # megapixels per second that each should reach
 
 
 def main() -> None:
@@ -25,11 +24,7 @@ def main() -> None:
         layout = FrameLayout(WIDTH, HEIGHT, name, (line // ALIGNMENT + 1) * ALIGNMENT)
         works[name] = partial(layout.unpack, np.random.default_rng(0).bytes(layout.frame_bytes))
     for name, seconds in alternate(works, rounds, time.process_time).items():
-        speed = WIDTH * HEIGHT / 1e6 / median(seconds)
-        print(
-            f"{name:13} {speed:6.0f} MP/s{'' if speed >= LEAST else f', less than {LEAST}'}",
-            flush=True,
-        )
+        print(f"{name:13} {WIDTH * HEIGHT / 1e6 / median(seconds):6.0f} MP/s", flush=True)
 
 
 if __name__ == "__main__":

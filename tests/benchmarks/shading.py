@@ -6,7 +6,6 @@ x 10 patches (RGB, luminance, chrominance; dB) and the mean colour difference (C
 and exposed for the scene), each with
 
     no lens         the same without shading, with as much noise everywhere
-    no lens, noisy  the same without shading, with noise that is multiplied by the gain
     undone          with the shading, which the shot knows
     unknown         with the shading, of which the shot says nothing; light that is evened out afterwards
 """
@@ -18,36 +17,18 @@ from pathlib import Path
 import numpy as np
 
 from panchroma.offline import render
-from panchroma.shared import DoubleArray, FloatArray, Mosaic, SensorCalibration, Shading
+from panchroma.shared import DoubleArray, FloatArray
 from panchroma.shared.colorimetry import SRGB_TO_XYZ
 from panchroma.tools.evaluation.metrics import patch_psnr
 from panchroma.tools.io.colour import delta_e_2000, xyz_to_lab
 from panchroma.tools.simulation.lens import lens_shading
 from panchroma.tools.simulation.load import load_scene
-from panchroma.tools.simulation.sensor import simulate_additive
-from tests.benchmarks.harness import PATTERN, SEED, options, photographed
+from tests.benchmarks.harness import PATTERN, options, photographed
 from tests.tools.calibration.known_camera import stating
 
-KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out
 # stops, and part of them that differs between colours, as `lens_shading` takes them
 LENS = 2.0, 0.15
-
-
-def noisy(rgb: FloatArray, sigma: float, shading: Shading) -> Mosaic:
-    """A shot without shading, with noise that is multiplied by the gain; it states that of the
-    corners.
-    """
-    clean = simulate_additive(rgb, PATTERN, KNOWN, 0.0, np.random.default_rng(SEED))
-    gain = shading.of_plane(clean.shape)
-    corners = float(np.sqrt(np.mean([np.square(each).mean() for each in cornered(gain)])))
-    stated = simulate_additive(
-        rgb, PATTERN, KNOWN, sigma * corners, np.random.default_rng(SEED)
-    ).calibration
-    for channel, *lattice in PATTERN.lattices:
-        gain[*lattice] = shading.of_plane(clean.shape, channel, *lattice)
-    noise = np.random.default_rng(SEED).normal(0, sigma, clean.shape).astype(np.float32)
-    return Mosaic(Mosaic(clean.samples + noise * gain, PATTERN, stated).codes, PATTERN, stated)
 
 
 def cornered(plane: FloatArray) -> Iterator[FloatArray]:
@@ -83,8 +64,6 @@ def pictures(rgb: FloatArray, sigma: float) -> Iterator[tuple[str, FloatArray]]:
     shading = lens_shading(*LENS, len(PATTERN.planes), shape)
     shot = photographed(rgb, sigma, shading=shading)
     yield "no lens", render(photographed(rgb, sigma)).rgb
-    if sigma:
-        yield "no lens, noisy", render(noisy(rgb, sigma, shading)).rgb
     yield "undone", render(shot).rgb
     yield "unknown", render(stating(shot, shading=None)).rgb * shading.of_plane(shape)[..., None]
 

@@ -1,12 +1,11 @@
 """Benchmarks run in the environment that the README makes: without what only the tests need."""
 
-import subprocess
-import sys
 import tomllib
 from itertools import chain
 from pathlib import Path
 
 from tests.data import ROOT
+from tests.python import run_python
 
 OTHER_NAMES = {"pytest-xdist": "xdist", "PyWavelets": "pywt"}
 
@@ -26,5 +25,4 @@ def test_no_benchmark_needs_what_only_tests_need() -> None:
     assert {"pytest", "onnx", "pywt", "torch"} <= blocked
     assert "tests.benchmarks.speed" in modules
     code = f"import importlib, sys; sys.modules.update(dict.fromkeys({sorted(blocked)}))"
-    code = f"{code}; list(map(importlib.import_module, {modules}))"
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
+    run_python(f"{code}; list(map(importlib.import_module, {modules}))")

@@ -4,52 +4,26 @@ an interruption.
 `worlds` returns each command on a few small files, so that it writes often.
 """
 
-import hashlib
 import os
-import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
+from subprocess import PIPE, Popen
 from typing import TypeAlias
 
 import numpy as np
 
-from panchroma.shared import CfaPattern
-from panchroma.shared.dng import encode_dng
+from panchroma.shared.dng import encode_dng, verify_dng
+from panchroma.shared.errors import PanchromaError
 from panchroma.tools.batch.journal import NAME as JOURNAL
 from tests.device.packer import pack, random_codes
 from tests.shared.dng.examples import mosaic, preview
+from tests.tools.command import SCRIPT
 
 _FRAMES = 6
-
-_PROGRAM = "from panchroma.tools.cli import main; main()"
-# Counts the program's operations on files below a folder, and kills it before the N-th: wherever a
-# file may be incomplete.
-_KILLED = """
-import os, signal, sys
-folder, point = sys.argv.pop(1), int(sys.argv.pop(1))
-count = 0
-def step(*_):
-    global count
-    count += 1
-    if count == point:
-        os.kill(os.getpid(), int(os.environ["FAULT_SIGNAL"]))
-def heard(event, arguments):
-    if event in ("open", "os.link", "os.rename", "os.remove", "os.symlink") and any(folder in str(part) for part in arguments):
-        step()
-fsync = os.fsync
-def synced(descriptor):
-    step()
-    fsync(descriptor)
-    step()
-os.fsync = synced
-sys.addaudithook(heard)
-"""
-
-
-Process: TypeAlias = "subprocess.Popen[bytes]"
+Process: TypeAlias = Popen[bytes]
 
 
 @dataclass(frozen=True)
@@ -58,7 +32,7 @@ class Scenario:
 
     arguments: the command line, with paths relative to the scenario's folder.
     inputs: name -> content of the originals, which nothing may change.
-    outputs: name -> digest of the complete result; empty where the results' names are not known.
+    outputs: name -> the complete result; empty where the results' names are not known.
     before: name -> content of a result that exists before the command starts (with --overwrite).
     stdin: standard input.
     """
@@ -66,62 +40,31 @@ class Scenario:
     name: str
     arguments: tuple[str, ...]
     inputs: Mapping[str, bytes]
-    outputs: Mapping[str, str]
+    outputs: Mapping[str, bytes]
     before: Mapping[str, bytes]
     stdin: bytes = b""
 
     def lay_out(self, folder: Path) -> None:
         """Write all that exists before the command."""
         (folder / "out").mkdir(parents=True, exist_ok=True)
+        (folder / "stdin").write_bytes(self.stdin)
         for name, data in self.inputs.items():
             (folder / name).write_bytes(data)
         for name, data in self.before.items():
             (folder / "out" / name).write_bytes(data)
 
-    def start(
-        self,
-        folder: Path,
-        point: int = 0,
-        number: int = 9,
-        extra: Sequence[str] = (),
-        limit: int = 0,
-        environment: Mapping[str, str] | None = None,
-        group: bool = False,
-    ) -> Process:
-        """Start the command, with `extra` arguments.
+    def start(self, folder: Path, *extra: str, script: str = "", **environment: str) -> Process:
+        """Start the command, with `extra` arguments, in a group of processes of its own.
 
-        point: it receives the signal `number` at its `point`-th operation on files; 0: never.
-        limit: the largest file it may write, bytes; 0: any.
+        script: what its process runs first.
         environment: variables that replace those of this process.
-        group: it leads a group of processes of its own.
         """
-        limited = (
-            f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
-            if limit
-            else ""
-        )
-        script = limited + (_KILLED if point else "") + _PROGRAM
-        killing = [str(folder / "out"), str(point)] if point else []
-        feed = folder / "stdin"
-        feed.write_bytes(self.stdin)
-        variables = {**os.environ, "FAULT_SIGNAL": str(number), **(environment or {})}
-        with feed.open("rb") as stdin:
-            return subprocess.Popen(
-                [
-                    sys.executable,
-                    "-c",
-                    script,
-                    *killing,
-                    self.arguments[0],
-                    *extra,
-                    *self.arguments[1:],
-                ],
-                cwd=folder,
-                stdin=stdin,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                env=variables,
-                start_new_session=group,
+        verb, *arguments = self.arguments
+        line = [sys.executable, "-c", script + SCRIPT, verb, *extra, *arguments]
+        env = {**os.environ, **environment}
+        with (folder / "stdin").open("rb") as feed:
+            return Popen(
+                line, cwd=folder, stdin=feed, stdout=PIPE, stderr=PIPE, env=env, process_group=0
             )
 
     def faults(self, folder: Path, *, finished: bool) -> list[str]:
@@ -141,47 +84,40 @@ class Scenario:
                     found.append(f"{name} is missing")
                 continue
             content = path.read_bytes()
-            if digest(content) != expected and (finished or content != self.before.get(name)):
+            if content != expected and (finished or content != self.before.get(name)):
                 found.append(f"{name} is neither old nor new ({len(content)} bytes)")
-        strangers = [
-            name
-            for name in present
-            if finished or not name.endswith((".panchroma.part", ".panchroma.lock"))
-        ]
-        return found + [f"{name} was left behind" for name in strangers]
+        for name, path in present.items():
+            if not finished and name.endswith((".panchroma.part", ".panchroma.lock")):
+                continue
+            if self.outputs:
+                found.append(f"{name} was left behind")
+                continue
+            try:
+                verify_dng(path)
+            except PanchromaError as error:
+                found.append(str(error))
+        return found
 
 
-def digest(data: bytes) -> str:
-    """SHA-256 of a result, in hexadecimal."""
-    return hashlib.sha256(data).hexdigest()
-
-
-def known(
-    name: str, arguments: Sequence[str], inputs: Mapping[str, bytes], folder: Path
-) -> Scenario:
+def known(inputs: Mapping[str, bytes], folder: Path, verb: str, *options: str) -> Scenario:
     """The scenario whose expected results are those of an undisturbed run in `folder`."""
-    scenario = Scenario(name, tuple(arguments), inputs, {}, {})
+    scenario = Scenario(verb, (verb, *inputs, "-o", "out", *options), inputs, {}, {})
     scenario.lay_out(folder)
     process = scenario.start(folder)
     _, said = process.communicate(timeout=300)
     if process.returncode:
-        raise RuntimeError(f"{name}: {said.decode()}")
-    outputs = {
-        path.name: digest(path.read_bytes())
-        for path in (folder / "out").iterdir()
-        if path.name != JOURNAL
-    }
-    return replace(scenario, outputs=outputs)
+        raise RuntimeError(f"{verb}: {said.decode()}")
+    paths = [path for path in (folder / "out").iterdir() if path.name != JOURNAL]
+    return replace(scenario, outputs={path.name: path.read_bytes() for path in paths})
 
 
 def replacing(scenario: Scenario) -> Scenario:
     """The scenario in which older results exist and --overwrite replaces them."""
-    before = {name: f"an older {name}".encode() for name in scenario.outputs}
     return replace(
         scenario,
         name=f"{scenario.name} --overwrite",
         arguments=(*scenario.arguments, "--overwrite"),
-        before=before,
+        before={name: f"an older {name}".encode() for name in scenario.outputs},
     )
 
 
@@ -189,32 +125,19 @@ def worlds(folder: Path) -> list[Scenario]:
     """simulate, render and capture; the first two also over older results. folder: for an
     undisturbed run of each.
     """
-    return [*pictures(folder), capture()]
-
-
-def pictures(folder: Path) -> list[Scenario]:
-    """simulate and render, with and without older results."""
-    pattern = CfaPattern.bayer(6)
     shots = {
-        f"shot{each}.dng": encode_dng(mosaic(pattern, (60, 80 + each)), preview(24, 32))
+        f"shot{each}.dng": encode_dng(mosaic(shape=(60, 80 + each)), preview(24, 32))
         for each in range(4)
     }
     scenes = {f"scene{number}.npy": scene(number) for number in range(4)}
     # Without noise, which would depend on the names of the shots.
-    simulate = known(
-        "simulate", ["simulate", *scenes, "-o", "out", "--truth"], scenes, folder / "simulate"
-    )
-    render = known("render", ["render", *shots, "-o", "out"], shots, folder / "render")
-    return [simulate, replacing(simulate), render, replacing(render)]
-
-
-def capture() -> Scenario:
-    """capture of a recording. Results are named after the time, so that only their completeness can
-    be checked.
-    """
+    simulate = known(scenes, folder / "simulate", "simulate", "--truth")
+    render = known(shots, folder / "render", "render")
+    # A recording. Results are named after the time: only their completeness can be checked.
     frames = b"".join(pack(random_codes((24, 32), 10, seed), "raw10") for seed in range(_FRAMES))
-    layout = ["--size", "32x24", "--pixel-format", "raw10"]
-    return Scenario("capture", ("capture", "-", "-o", "out", *layout), {}, {}, {}, frames)
+    recording = ("capture", "-", "-o", "out", "--size", "32x24", "--pixel-format", "raw10")
+    capture = Scenario("capture", recording, {}, {}, {}, frames)
+    return [simulate, replacing(simulate), render, replacing(render), capture]
 
 
 def scene(number: int) -> bytes:

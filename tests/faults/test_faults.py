@@ -15,23 +15,18 @@ from tests.faults.scenario import Scenario, known, replacing, scene
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
-    scenes = {"scene.npy": scene(0)}
-    return known(
-        "simulate",
-        ["simulate", *scenes, "-o", "out", "--truth"],
-        scenes,
-        tmp_path_factory.mktemp("known") / "world",
-    )
+    folder = tmp_path_factory.mktemp("known") / "world"
+    return known({"scene.npy": scene(0)}, folder, "simulate", "--truth")
 
 
-@pytest.mark.parametrize("point", [5, 12])
+@pytest.mark.parametrize("point", [5, 18])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_an_interruption_at_a_step_with_files_loses_nothing(
     scenario: Scenario, tmp_path: Path, point: int, number: signal.Signals
 ) -> None:
     # always a step, and always this one
     chance = Mock(random=lambda: 0.0, randint=lambda *_: point)
-    chosen = replacing(scenario) if point == 12 else scenario
+    chosen = replacing(scenario) if point == 18 else scenario
     assert trials.interrupted(chosen, tmp_path / "world", number, chance, 1.0) == []
 
 

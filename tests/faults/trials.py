@@ -10,14 +10,12 @@ import signal
 import subprocess
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from panchroma.shared.dng import verify_dng
-from panchroma.shared.errors import PanchromaError
 from tests.faults.scenario import Process, Scenario
 
 # How a command may end after a signal. A negative number: the signal came before Python took it
@@ -28,6 +26,28 @@ _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]
 _STEPS = 60  # operations on files of the longest command; a point beyond the last kills nothing
 _ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
 _NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root
+# Counts the program's operations on files of the output folder, and kills it before the N-th:
+# wherever a file may be incomplete.
+_KILLED = """
+import os, sys
+count = 0
+def step(*_):
+    global count
+    count += 1
+    if count == int(os.environ["FAULT_POINT"]):
+        os.kill(os.getpid(), int(os.environ["FAULT_SIGNAL"]))
+def heard(event, arguments):
+    operations = "open", "os.link", "os.rename", "os.remove", "os.symlink"
+    if event in operations and any(str(part).startswith("out/") for part in arguments):
+        step()
+fsync = os.fsync
+def synced(descriptor):
+    step()
+    fsync(descriptor)
+    step()
+os.fsync = synced
+sys.addaudithook(heard)
+"""
 
 
 def interrupted(
@@ -38,15 +58,22 @@ def interrupted(
     """
     scenario.lay_out(folder)
     point = chance.randint(1, _STEPS) if chance.random() < 0.5 else 0
-    process = scenario.start(folder, point, number)
-    if not point:
+    if point:
+        when = {"FAULT_POINT": str(point), "FAULT_SIGNAL": str(int(number))}
+        process = scenario.start(folder, script=_KILLED, **when)
+    else:
+        process = scenario.start(folder)
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
     faults = ended(process, "", *ENDS[signal.Signals(number)])
-    faults += state(scenario, folder, finished=False)
-    if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
-        faults.append("left a temporary file")
+    faults += scenario.faults(folder, finished=False)
+    if number != signal.SIGKILL:
+        faults += _temporary(folder)
     return faults or _again(scenario, folder)
+
+
+def _temporary(folder: Path) -> list[str]:
+    return ["left a temporary file"] * any((folder / "out").glob(".*.part"))
 
 
 def _again(scenario: Scenario, folder: Path) -> list[str]:
@@ -69,23 +96,8 @@ def _again(scenario: Scenario, folder: Path) -> list[str]:
         now, expected = inodes(), stems(scenario.outputs)
         faults = [f"{name} was made again" for name in before if now.get(name) != before[name]]
         if any(count < expected[stem] for stem, count in stems(before).items()):
-            scenario.start(folder, extra=("--overwrite",)).communicate(timeout=PATIENCE)
-    return faults + state(scenario, folder, finished=True)
-
-
-def state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
-    """What is wrong in the folder. finished: every result must be there, and nothing else."""
-    if scenario.outputs:
-        return scenario.faults(folder, finished=finished)
-    found = []
-    for path in (folder / "out").iterdir():
-        if path.name.endswith(".panchroma.part") and not finished:
-            continue
-        try:
-            verify_dng(path)
-        except PanchromaError as error:
-            found.append(str(error))
-    return found
+            scenario.start(folder, "--overwrite").communicate(timeout=PATIENCE)
+    return faults + scenario.faults(folder, finished=True)
 
 
 @contextmanager
@@ -96,9 +108,7 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
     out = folder / "out"
     out.mkdir(parents=True, exist_ok=True)
     line = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(out)]
-    mounted = False
-    if os.geteuid() == 0:
-        mounted = not subprocess.run(line, capture_output=True, check=False).returncode
+    mounted = not subprocess.run(line, capture_output=True, check=False).returncode
     try:
         yield mounted
     finally:
@@ -123,8 +133,8 @@ def ended(process: Process, words: str, *codes: int) -> list[str]:
 
 
 def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> list[str]:
-    found = ended(process, words, 1, 2) + state(scenario, folder, finished=False)
-    return found + ["left a temporary file"] * any((folder / "out").glob(".*.part"))
+    found = ended(process, words, 1, 2) + scenario.faults(folder, finished=False)
+    return found + _temporary(folder)
 
 
 def killed_worker(
@@ -132,7 +142,7 @@ def killed_worker(
 ) -> list[str]:
     """One of two processes is killed, as for want of memory; then the rest is made."""
     scenario.lay_out(folder)
-    process = scenario.start(folder, extra=("--jobs", "2"))
+    process = scenario.start(folder, "--jobs", "2")
     time.sleep(chance.uniform(0.1, seconds))
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     numbers = children.read_text().split() if process.poll() is None else []
@@ -144,7 +154,7 @@ def killed_worker(
     err = process.communicate(timeout=PATIENCE)[1].decode()
     failed = err.count("its process was killed")
     made = sum((folder / "out" / name).exists() for name in scenario.outputs)
-    faults = state(scenario, folder, finished=False)
+    faults = scenario.faults(folder, finished=False)
     if process.returncode not in (0, 1, 2) or "Traceback" in err:
         faults.append(f"left with {process.returncode}: {err[-300:]!r}")
     if process.returncode == 1 and (failed != 1 or made != len(scenario.outputs) - 1):
@@ -164,25 +174,22 @@ def full_disk(scenario: Scenario, folder: Path, pages: int) -> list[str]:
 def file_limit(scenario: Scenario, folder: Path, size: int) -> list[str]:
     """A limit of `size` bytes on every file (ulimit -f)."""
     scenario.lay_out(folder)
-    process = scenario.start(folder, limit=size)
+    limit = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))\n"
+    process = scenario.start(folder, script=limit)
     return _refused(scenario, folder, process, "is larger than the file system or a limit")
 
 
 def read_only(scenario: Scenario, folder: Path) -> list[str]:
     """An output folder that cannot be written to."""
     out = folder / "out"
-    if os.geteuid():
-        scenario.lay_out(folder)
-        out.chmod(0o500)
-        try:
-            return _refused(scenario, folder, scenario.start(folder), "no permission")
-        finally:
-            out.chmod(0o700)
     with small_disk(folder, 1 << 20) as mounted:
-        if not mounted:
-            return []
         scenario.lay_out(folder)
-        subprocess.run(["mount", "-o", "remount,ro", str(out)], check=True)
+        if mounted:
+            subprocess.run(["mount", "-o", "remount,ro", str(out)], check=True)
+        elif os.geteuid():
+            out.chmod(0o500)
+        else:
+            return []
         return _refused(scenario, folder, scenario.start(folder), "no permission")
 
 
@@ -196,10 +203,10 @@ def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
         process.communicate(timeout=PATIENCE)
     codes = (process.returncode for process in both)
     faults = [f"left with {code}" for code in codes if code not in (0, 1)]
-    return faults + state(scenario, folder, finished=True)
+    return faults + scenario.faults(folder, finished=True)
 
 
-def odd_names(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> list[str]:
+def odd_names(scenario: Scenario, folder: Path, **environment: str) -> list[str]:
     """Names with escape sequences, line breaks and bytes that are no text, in a locale."""
     names, words = ("inputs", "outputs", "before"), scenario.arguments
     files: dict[str, Any] = {
@@ -209,8 +216,12 @@ def odd_names(scenario: Scenario, folder: Path, environment: Mapping[str, str]) 
     arguments = tuple(_ODD * (word in scenario.inputs) + word for word in words)
     odd = replace(scenario, arguments=arguments, **files)
     odd.lay_out(folder)
-    faults = ended(odd.start(folder, environment=environment), "", 0)
-    return faults + state(odd, folder, finished=True)
+    return _complete(odd, folder, **environment)
+
+
+def _complete(scenario: Scenario, folder: Path, **environment: str) -> list[str]:
+    faults = ended(scenario.start(folder, **environment), "", 0)
+    return faults + scenario.faults(folder, finished=True)
 
 
 def no_place(scenario: Scenario, folder: Path) -> list[str]:
@@ -219,16 +230,14 @@ def no_place(scenario: Scenario, folder: Path) -> list[str]:
     names = ("HOME", "TMPDIR", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
     nowhere = dict.fromkeys(names, _NOWHERE)
     nowhere["NUMBA_CACHE_LOCATOR_CLASSES"] = "UserProvidedCacheLocator"
-    faults = ended(scenario.start(folder, environment=nowhere), "", 0)
-    return faults + state(scenario, folder, finished=True)
+    return _complete(scenario, folder, **nowhere)
 
 
 def empty_home(scenario: Scenario, folder: Path) -> list[str]:
     """Nothing is left in the user's home."""
     scenario.lay_out(folder)
     (home := folder / "home").mkdir()
-    environment = {"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}
-    faults = ended(scenario.start(folder, environment=environment), "", 0)
+    faults = _complete(scenario, folder, HOME=str(home), XDG_CACHE_HOME="", XDG_CONFIG_HOME="")
     return faults + [f"{path.relative_to(home)} was left in the home" for path in home.rglob("*")]
 
 
@@ -238,8 +247,9 @@ def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: flo
     """
     scenario.lay_out(folder)
     extra = ("--jobs", "4") if scenario.arguments[0] == "render" else ()
-    process = scenario.start(folder, extra=extra, group=True)
+    process = scenario.start(folder, *extra)
     time.sleep(chance.uniform(0.1, seconds))
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)
-    return ended(process, "", *ENDS[signal.SIGINT]) + state(scenario, folder, finished=False)
+    faults = ended(process, "", *ENDS[signal.SIGINT])
+    return faults + scenario.faults(folder, finished=False)

@@ -14,28 +14,15 @@ import sys
 from pathlib import Path
 
 from tests.fuzz.campaign import case, run
-from tests.fuzz.corpus import corpus
-from tests.fuzz.sweep import numbers, options
-
-
-def main() -> int:
-    parser = options(__doc__, 1000)
-    keep = "folder for the files that cause faults"
-    parser.add_argument("--keep", type=Path, metavar="DIR", help=keep)
-    parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes")
-    arguments = parser.parse_args()
-    if arguments.keep:
-        arguments.keep.mkdir(parents=True, exist_ok=True)
-    if arguments.number is not None and arguments.keep:
-        sample, data = case(corpus(), arguments.seed, arguments.number)
-        name = f"file-{arguments.seed}-{arguments.number}{sample.suffix}"
-        (arguments.keep / name).write_bytes(data)
-    campaign = run(arguments.seed, numbers(arguments), arguments.jobs, arguments.keep)
-    for number, why in sorted(campaign.faults.items()):
-        print(f"seed {arguments.seed} number {number}: {why.strip()}", file=sys.stderr)
-    print(campaign.table())
-    return 1 if campaign.faults else 0
-
+from tests.fuzz.sweep import arguments, report
 
 if __name__ == "__main__":
-    sys.exit(main())
+    keep = {"type": Path, "metavar": "DIR", "help": "folder for the files that cause faults"}
+    given = arguments(__doc__, 1000, keep=keep, jobs=1)
+    faults = report(run(given.seed, given.numbers, given.jobs), given)
+    if given.keep:
+        given.keep.mkdir(parents=True, exist_ok=True)
+        for number in faults if given.number is None else given.numbers:
+            sample, data = case(given.seed, number)
+            (given.keep / f"file-{given.seed}-{number}{sample.suffix}").write_bytes(data)
+    sys.exit(bool(faults))

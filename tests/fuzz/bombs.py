@@ -4,11 +4,10 @@ at once, with little memory.
 python -m tests.fuzz.bombs
 """
 
-import json
 import lzma
+import multiprocessing
 import resource
 import struct
-import subprocess
 import sys
 import tempfile
 import time
@@ -21,6 +20,7 @@ from typing import Any
 import imagecodecs
 import numpy as np
 import OpenEXR
+from pebble import ProcessPool
 
 from panchroma.shared import InputError, read_camera, read_dng
 from panchroma.shared.dng import encode_dng, verify_dng
@@ -28,7 +28,8 @@ from panchroma.tools.batch.journal import NAME as JOURNAL
 from panchroma.tools.batch.journal import Journal
 from panchroma.tools.calibration.reference import read_reference
 from panchroma.tools.simulation.load import load_scene
-from tests.fuzz.forged import SIDE, Fields, chunk, entries_of, exr, npy, picture, png, tiff
+from tests.benchmarks.harness import memory
+from tests.fuzz.forged import SIDE, Fields, chunk, exr, jpeg, npy, places_of, png, tiff
 from tests.shared.dng.examples import mosaic, preview
 
 LIMIT_SECONDS = 1.0
@@ -77,7 +78,7 @@ def bombs() -> dict[str, tuple[bytes, int]]:
     """File name -> (first bytes, length). A file longer than its first bytes goes on with a hole;
     length 0: no hole.
     """
-    files = _shots() | _tiffs() | _pngs() | _jpegs() | _others()
+    files = _shots() | _tiffs() | _pngs() | _jpegs() | _exrs()
     whole = {name: (data, 0) for name, data in files.items()}
     entries, end = _linear(9000, 9000, 1, 9000), 9000 * 9000 * 6
     hole = tiff(entries | {273: 1, 279: end})
@@ -95,6 +96,10 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),
         "holes.npy": (npy((40000, 40000, 3)), 20 * GIGABYTE),
         "holes-inside.npy": (npy((14000, 14000, 3), "<f8"), 14000 * 14000 * 24 + 128),
+        "shape.npy": (npy((20000, 20000, 3)), 0),
+        "deep.json": (b"[" * 4_000_000, 0),
+        "digits.json": (b'{"schema": ' + b"9" * 1_000_000 + b"}", 0),
+        "blanks.ti3": (b"CTI3\nBEGIN_DATA_FORMAT" + b" " * 4_000_000, 0),
         "holes.json": (b"{", 2 * GIGABYTE),
         "holes.ti3": (b"CTI3\n", 2 * GIGABYTE),
         "line.jsonl": (b"{", 3 << 30),
@@ -115,10 +120,10 @@ def _shots() -> dict[str, bytes]:
         huge = huge.replace(entry + struct.pack("<I", own), entry + struct.pack("<I", 16000))
     made = {"declared.dng": huge, "holes.dng": shot}
     for kind in ("jpeg", "progressive"):
-        data, jpeg = bytearray(shot), _claim(kind)
-        for tag, value in ((273, len(data)), (279, len(jpeg))):
-            struct.pack_into("<I", data, entries_of(shot)[tag][-1] + 8, value)
-        made[f"{kind}-preview.dng"] = bytes(data) + jpeg
+        data, claim = bytearray(shot), _claim(kind)
+        for tag, value in ((273, len(data)), (279, len(claim))):
+            struct.pack_into("<I", data, places_of(shot)[tag] + 8, value)
+        made[f"{kind}-preview.dng"] = bytes(data) + claim
     return made
 
 
@@ -200,8 +205,7 @@ def _pngs() -> dict[str, bytes]:
 
 
 def _jpegs() -> dict[str, bytes]:
-    jpeg = picture("JPEG")
-    scans = picture("JPEG", np.zeros((2000, 2000, 3), np.uint8), progressive=True)
+    plain, scans = jpeg(), jpeg(2000, progressive=True)
     # 1,000 fields of an Exif block that all are the same 50 kB.
     table = b"".join(struct.pack("<HHII", tag, 3, 25_000, 8) for tag in range(1000, 2000))
     block = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1000) + table + bytes(50_000)
@@ -209,20 +213,10 @@ def _jpegs() -> dict[str, bytes]:
     return {
         "frame.jpg": b"\xff\xd8\xff\xc0" + frame + b"\xff\xd9",
         "scans.jpg": scans[:-2] + scans[scans.rindex(b"\xff\xda") : -2] * 5000 + scans[-2:],
-        "exif.jpg": jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + jpeg[2:],
-        "segments.jpg": jpeg[:2] + b"\xff\xe3\0\2" * 3_000_000 + jpeg[2:],
-        "restarts.jpg": jpeg[:2] + b"\xff\xd0" * 5_000_000 + jpeg[2:],
-        "filled-scan.jpg": jpeg[:-2] + b"\xff" * 20_000_000 + jpeg[-2:],
-    }
-
-
-def _others() -> dict[str, bytes]:
-    return {
-        **_exrs(),
-        "shape.npy": npy((20000, 20000, 3)),
-        "deep.json": b"[" * 4_000_000,
-        "digits.json": b'{"schema": ' + b"9" * 1_000_000 + b"}",
-        "blanks.ti3": b"CTI3\nBEGIN_DATA_FORMAT" + b" " * 4_000_000,
+        "exif.jpg": plain[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + plain[2:],
+        "segments.jpg": plain[:2] + b"\xff\xe3\0\2" * 3_000_000 + plain[2:],
+        "restarts.jpg": plain[:2] + b"\xff\xd0" * 5_000_000 + plain[2:],
+        "filled-scan.jpg": plain[:-2] + b"\xff" * 20_000_000 + plain[-2:],
     }
 
 
@@ -257,7 +251,7 @@ def _exrs() -> dict[str, bytes]:
 def _many(tag: int, count: int, kind: int = 4) -> bytes:
     """A TIFF of one pixel in which the field `tag` claims `count` values."""
     data = bytearray(tiff({256: 1, 257: 1, 258: 8, 259: 1, 262: 1, 277: 1, 273: 8, 279: 1, tag: 1}))
-    struct.pack_into("<HII", data, entries_of(data)[tag][-1] + 2, kind, count, 1000)
+    struct.pack_into("<HII", data, places_of(data)[tag] + 2, kind, count, 1000)
     return bytes(data)
 
 
@@ -265,7 +259,7 @@ def _chain(length: int) -> bytes:
     """A TIFF of `length` pages, each an empty directory."""
     data = bytearray(tiff({256: 4, 257: 4, 258: 8, 259: 1, 262: 1, 277: 1, 278: 4}, [bytes(16)]))
     # where the offset of the next page is
-    end = max(place for *_, place in entries_of(data).values()) + 12
+    end = max(places_of(data).values()) + 12
     data += bytes(len(data) % 2)
     struct.pack_into("<I", data, end, len(data))
     offsets = range(len(data) + 6, len(data) + 6 * length + 6, 6)
@@ -282,11 +276,11 @@ def _claim(kind: str) -> bytes:
     """A JPEG of 64 x 64 pixels whose frame claims 65500 x 65500."""
     if kind == "lossless":
         options: Any = {"lossless": True, "predictor": 1, "bitspersample": 16}
-        jpeg = bytes(imagecodecs.jpeg8_encode(np.zeros((SIDE, SIDE), np.uint16), **options))
+        data = bytes(imagecodecs.jpeg8_encode(np.zeros((SIDE, SIDE), np.uint16), **options))
     else:
-        jpeg = picture("JPEG", progressive=kind == "progressive")
-    place = jpeg.index(_FRAME[kind]) + 5
-    return jpeg[:place] + struct.pack(">HH", _HUGE, _HUGE) + jpeg[place + 4 :]
+        data = jpeg(progressive=kind == "progressive")
+    place = data.index(_FRAME[kind]) + 5
+    return data[:place] + struct.pack(">HH", _HUGE, _HUGE) + data[place + 4 :]
 
 
 def write(name: str, folder: Path) -> Path:
@@ -316,34 +310,31 @@ def measure(path: Path) -> tuple[str, float, int]:
 
 def _peak() -> int:
     """Peak memory of this process, and of the largest of those that it has started."""
-    processes = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return 1024 * sum(resource.getrusage(who).ru_maxrss for who in processes)
+    return memory("VmHWM") + 1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
 
 
 def main() -> int:
-    if len(sys.argv) > 1:
-        print(json.dumps(measure(Path(sys.argv[1]))))
-        return 0
-    bad = 0
+    bad, context = 0, multiprocessing.get_context("spawn")
     print(f"{'':24}{'s':>6}{'MB':>6}")
-    with tempfile.TemporaryDirectory() as folder:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ProcessPool(1, max_tasks=1, context=context) as pool,
+    ):
         for name in bombs():
             path = write(name, Path(folder))
-            line = [sys.executable, "-m", "tests.fuzz.bombs", str(path)]
-            done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=100)
+            try:
+                answer, seconds, grown = pool.schedule(measure, args=[path], timeout=100).result()
+            except Exception as error:
+                answer, seconds, grown = repr(error), 99.0, 0
             path.unlink(missing_ok=True)
-            refusal, seconds, grown = done.stderr[-200:], 99.0, 0
-            if not done.returncode:
-                refusal, seconds, grown = json.loads(done.stdout)
             # Reading what lies between the holes is harmless if it is quick.
             harmful = seconds > LIMIT_SECONDS or grown > LIMIT_BYTES
             bad += harmful
-            answer = "FAULT " * harmful + (refusal[:90] or "read")
-            print(f"{name:24}{seconds:6.2f}{grown >> 20:6}  {answer}")
-    print(
-        f"{len(bombs())} bombs, {bad} took more than {LIMIT_SECONDS:g} s or {LIMIT_BYTES >> 20} MB"
-    )
-    return 1 if bad else 0
+            fault = "FAULT " * harmful
+            print(f"{name:24}{seconds:6.2f}{grown >> 20:6}  {fault}{answer[:90] or 'read'}")
+    limits = f"{LIMIT_SECONDS:g} s or {LIMIT_BYTES >> 20} MB"
+    print(f"{len(bombs())} bombs, {bad} took more than {limits}")
+    return int(bad > 0)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from panchroma.device import Preview
 from panchroma.device.capture import Sensor
 from panchroma.device.capture.frames import FrameLayout, RawFrame, read_frames
 from panchroma.offline import PAPER, render
-from panchroma.shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_dng
+from panchroma.shared import Camera, CfaPattern, FloatArray, Mosaic, SensorCalibration, read_dng
 from panchroma.shared.dng import encode_dng, read_preview
 from panchroma.tools.calibration.conclude import conclude
 from panchroma.tools.calibration.dark_frames import measure_dark
@@ -57,9 +58,10 @@ class Sample:
     sealed: bool = False
 
 
-def corpus() -> list[Sample]:
+@cache
+def corpus() -> tuple[Sample, ...]:
     """Every sample, always the same ones."""
-    return [*_shots(), *_pictures(), *_linear(), *_raws(), *_documents(), *_streams()]
+    return (*_shots(), *_pictures(), *_linear(), *_raws(), *_documents(), *_streams())
 
 
 def _shots() -> list[Sample]:
@@ -68,8 +70,8 @@ def _shots() -> list[Sample]:
         CfaPattern.bayer(9),
         CfaPattern.with_block(("RGB", "XWY"), 9, (2, 3)),
         CfaPattern.bayer(4),
+        CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)),
     ]
-    patterns.append(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)))
     files = [encode_dng(mosaic(pattern), preview(24, 32)) for pattern in patterns]
     files.append(encode_dng(mosaic(CfaPattern.bayer(9), (64, 48)), preview(24, 32)))
     return [Sample("DNG", ".dng", data, _read_shot, sealed=True) for data in files]
@@ -78,9 +80,7 @@ def _shots() -> list[Sample]:
 def _read_shot(path: Path) -> bytes:
     shot = read_dng(path)
     read_preview(path)
-    return b"".join(
-        (repr((shot.pattern, shot.calibration, shot.shape)).encode(), shot.codes.tobytes())
-    )
+    return repr((shot.pattern, shot.calibration, shot.shape)).encode() + shot.codes.tobytes()
 
 
 def _pictures() -> list[Sample]:
@@ -88,30 +88,29 @@ def _pictures() -> list[Sample]:
         np.random.default_rng(3).random((23, 31, 3)).astype(np.float32)
         * np.linspace(0, 1, 31, dtype=np.float32)[:, None]
     )
-    known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
-    kinds = [PictureKind(name, bits, space) for name, bits, space in _KINDS]
     samples = [
-        Sample(
-            kind.format.upper(),
-            kind.suffix,
-            encode_picture(rgb, Development(kind, (23, 31), known, METADATA)),
-            _read_scene,
-        )
-        for kind in kinds
+        Sample(kind.format.upper(), kind.suffix, _rendered(rgb, kind), _read_scene)
+        for kind in (PictureKind(name, bits, space) for name, bits, space in _KINDS)
     ]
+    codes = (rgb * 65535).astype(np.uint16)
     for tile, compression in product((None, (16, 16)), ("zlib", "lzw", None)):
-        written = _tiff(
-            (rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression
-        )
+        written = _tiff(codes, photometric="rgb", tile=tile, compression=compression)
         samples.append(Sample("TIF", ".tif", written, _read_scene))
-    bands = (rgb[..., [0, 1, 2, 0, 1]] * 65535).astype(np.uint16)
+    bands = codes[..., [0, 1, 2, 0, 1]]
+    read_bands = partial(_read_scene, channels="VRGNU")
     stack = _tiff(np.moveaxis(bands, -1, 0).copy(), photometric="minisblack", compression="zlib")
     array = npy(bands.shape, "<u2") + bands.tobytes()
     return [
         *samples,
-        Sample("TIF", ".tif", stack, _read_bands),
-        Sample("NPY", ".npy", array, _read_bands),
+        Sample("TIF", ".tif", stack, read_bands),
+        Sample("NPY", ".npy", array, read_bands),
     ]
+
+
+def _rendered(rgb: FloatArray, kind: PictureKind) -> bytes:
+    """A picture as `render` writes it."""
+    known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
+    return encode_picture(rgb, Development(kind, (23, 31), known, METADATA))
 
 
 def _tiff(samples: NDArray[Any], **options: Any) -> bytes:
@@ -133,13 +132,12 @@ _KINDS = (
 )
 
 
+_VERSION: Any = (50706, 1, 4, bytes([1, 4, 0, 0]), True)  # of DNG
+
+
 def _read_scene(path: Path, channels: str = "RGB") -> bytes:
     scene = load_scene(str(path), channels=channels)
     return repr(scene.rgb.shape).encode() + scene.rgb.tobytes()
-
-
-def _read_bands(path: Path) -> bytes:
-    return _read_scene(path, "VRGNU")
 
 
 def _linear() -> list[Sample]:
@@ -147,12 +145,7 @@ def _linear() -> list[Sample]:
     integers or floating point.
     """
     rgb = np.random.default_rng(4).random((23, 31, 3)).astype(np.float32)
-    known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
-    files = [
-        encode_picture(
-            rgb, Development(PictureKind("dng", 16, "camera"), (23, 31), known, METADATA)
-        )
-    ]
+    files = [_rendered(rgb, PictureKind("dng", 16, "camera"))]
     levels = (
         (50712, 3, 3, (0, 30000, 65535), True),
         (50714, 3, 1, 7, True),
@@ -164,28 +157,17 @@ def _linear() -> list[Sample]:
         ((rgb * 2).astype(np.uint16), None, "zlib"),
         (rgb, (16, 16), "zlib"),
     ):
-        tags: list[Any] = [
-            (50706, 1, 4, bytes([1, 4, 0, 0]), True),
-            *(levels if samples.dtype == np.uint16 else ()),
-        ]
-        options: dict[str, Any] = {"tile": tile} if tile else {"rowsperstrip": 7}
-        files.append(
-            _tiff(
-                samples,
-                photometric="linear_raw",
-                planarconfig="contig",
-                compression=compression,
-                extratags=tags,
-                **options,
-            )
-        )
+        tags = [_VERSION, *(levels if samples.dtype == np.uint16 else ())]
+        pieces: dict[str, Any] = {"tile": tile} if tile else {"rowsperstrip": 7}
+        pieces |= {"compression": compression, "extratags": tags}
+        files.append(_tiff(samples, photometric="linear_raw", planarconfig="contig", **pieces))
     return [Sample("linear DNG", ".dng", data, _read_scene) for data in files]
 
 
 def _raws() -> list[Sample]:
     """A Bayer camera's DNG, which LibRaw decodes."""
-    tags: list[Any] = [
-        (50706, 1, 4, bytes([1, 4, 0, 0]), True),
+    tags = [
+        _VERSION,
         (50708, 2, 0, "Camera", True),
         (33421, 3, 2, (2, 2), True),
         (33422, 1, 4, bytes([0, 1, 1, 2]), True),
@@ -196,11 +178,8 @@ def _raws() -> list[Sample]:
 
 
 def _documents() -> list[Sample]:
-    full = Camera(
-        calibration(defects=((3, 4), (5, 6))),
-        CfaPattern.bayer(6),
-        {"gamma": {"shots": 3, "sigma": [0.1, 0.2]}},
-    )
+    measured = {"gamma": {"shots": 3, "sigma": [0.1, 0.2]}}
+    full = Camera(calibration(defects=((3, 4), (5, 6))), CfaPattern.bayer(6), measured)
     plain = SensorCalibration()
     colours = cgats(color_checker_xyz())
     return [
@@ -227,13 +206,9 @@ def _read_camera(path: Path) -> bytes:
     """
     camera = read_known(path)
     pattern = camera.pattern or CfaPattern.bayer(6)
-    codes = (
-        np.linspace(0, (1 << camera.calibration.bits) - 1, 24 * 30)
-        .astype(np.uint16)
-        .reshape(24, 30)
-    )
+    codes = np.linspace(0, (1 << camera.calibration.bits) - 1, 24 * 30).astype(np.uint16)
     with np.errstate(all="raise", under="ignore"):
-        shot = Mosaic(codes, pattern, camera.calibration)
+        shot = Mosaic(codes.reshape(24, 30), pattern, camera.calibration)
         conclude(Measurements(color_checker_xyz(), shot, camera))
         assert np.isfinite(render(shot, PAPER).rgb).all()
         Preview.for_mosaic(shot).run(shot)

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from numpy.typing import NDArray
 from PIL import Image
 
 from panchroma.shared.tiff import Directory, FieldType, encode_tiff
@@ -43,18 +42,14 @@ def tiff(fields: Fields, strips: Sequence[bytes] = (), different: int = 0) -> by
     return data + strips[0]
 
 
-def entries_of(data: bytes | bytearray) -> dict[int, tuple[int, int, int, int]]:
-    """The fields of the first directory of a TIFF: tag -> (type, count, value or offset, place of
-    the entry).
+def places_of(data: bytes | bytearray) -> dict[int, int]:
+    """Where the fields of the first directory of a TIFF are, by their tags. A field has its tag,
+    type, count, and value or offset.
     """
     (first,) = struct.unpack_from("<I", data, 4)
     (count,) = struct.unpack_from("<H", data, first)
     places = range(first + 2, first + 2 + 12 * count, 12)
-    return {
-        tag: (*entry, place)
-        for place in places
-        for tag, *entry in [struct.unpack_from("<HHII", data, place)]
-    }
+    return {struct.unpack_from("<H", data, place)[0]: place for place in places}
 
 
 def chunk(name: bytes, data: bytes) -> bytes:
@@ -85,12 +80,10 @@ def png(
     )
 
 
-def picture(kind: str, pixels: NDArray[np.uint8] | None = None, **options: object) -> bytes:
-    """A black picture as Pillow writes it. pixels: in place of SIDE x SIDE RGB ones."""
+def jpeg(side: int = SIDE, **options: object) -> bytes:
+    """A black JPEG of side x side RGB pixels as Pillow writes it."""
     buffer = io.BytesIO()
-    Image.fromarray(np.zeros((SIDE, SIDE, 3), np.uint8) if pixels is None else pixels).save(
-        buffer, kind, **options
-    )
+    Image.fromarray(np.zeros((side, side, 3), np.uint8)).save(buffer, "JPEG", **options)
     return buffer.getvalue()
 
 

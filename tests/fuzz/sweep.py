@@ -1,61 +1,58 @@
-"""A campaign of cases with numbers, on the command line: each is tried, faults are told, and a
+"""A campaign of cases with numbers, on the command line: faults are told as they are found, and a
 table of outcomes is shown.
 """
 
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable
 from functools import partial
+from typing import Any, NamedTuple
 
+from tests.benchmarks.harness import options
+
+FAULT = "FAULT"
 _REPORT = 100  # cases between two reports of progress
 
 
-def options(about: str | None, count: int) -> argparse.ArgumentParser:
-    """The options of every campaign: how many cases (`count` unless it is said), of which seed, or
-    one of them alone.
+class Result(NamedTuple):
+    """What came of a case. kind: of the case; why: the reason of a fault or refusal."""
+
+    number: int
+    kind: str
+    outcome: str
+    why: str = ""
+
+
+def arguments(about: str | None, count: int, **more: Any) -> argparse.Namespace:
+    """Read the command line of a campaign: how many cases (`count` unless it is said), of which
+    seed, or one of them alone; `numbers` are theirs. more: as `options` takes it.
     """
-    form = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=about, formatter_class=form)
-    parser.add_argument("--count", type=int, default=count, metavar="N", help="cases")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--number", type=int, help="only this case")
-    return parser
+    alone = {"type": int, "help": "only this case"}
+    given = options(about, count=count, seed=0, number=alone, **more)
+    given.numbers = range(given.count) if given.number is None else [given.number]
+    return given
 
 
-def numbers(arguments: argparse.Namespace) -> Sequence[int]:
-    """The cases that the options ask for."""
-    return range(arguments.count) if arguments.number is None else [arguments.number]
-
-
-def sweep(
-    about: str | None,
-    attempt: Callable[[int, int], tuple[str, str, str]],
-    is_fault: Callable[[str, str], bool],
-) -> int:
-    """Try the cases that the command line asks for. Returns the exit code: 1 if one is a fault.
-
-    attempt: (seed, number) -> kind of the case, outcome, and what is to be told of it; "" = nothing.
-    is_fault: whether it is one, of (kind, outcome).
+def report(results: Iterable[Result], given: argparse.Namespace) -> list[int]:
+    """Tell of each fault, and show how many cases of each kind had which outcome. Returns the
+    numbers of the faults.
     """
-    arguments, log = options(about, 200).parse_args(), partial(print, file=sys.stderr, flush=True)
-    counts: Counter[tuple[str, str]] = Counter()
-    for number in numbers(arguments):
-        kind, outcome, report = attempt(arguments.seed, number)
+    log, counts, faults = (
+        partial(print, file=sys.stderr, flush=True),
+        Counter[tuple[str, str]](),
+        [],
+    )
+    for number, kind, outcome, why in results:
         counts[kind, outcome] += 1
-        if report:
-            log(f"seed {arguments.seed} number {number}: {outcome}: {report}")
+        if outcome == FAULT:
+            faults.append(number)
+            log(f"seed {given.seed} number {number}: {why}")
         if counts.total() % _REPORT == 0:
-            log(f"{counts.total()} of {arguments.count}")
-    print(table(counts))
-    return int(any(is_fault(*key) for key in counts))
-
-
-def table(counts: Counter[tuple[str, str]]) -> str:
-    """Counts by (kind, outcome) as lines of text, and their sums."""
+            log(f"{counts.total()} of {given.count}")
     kinds, outcomes = (sorted(set(names)) for names in zip(*counts, strict=True))
-    rows = [f"{'':12}{'cases':>8}" + "".join(f"{name:>12}" for name in outcomes)]
+    print(f"{'':12}{'cases':>8}" + "".join(f"{name:>12}" for name in outcomes))
     for kind, summed in [*((kind, [kind]) for kind in kinds), ("all", kinds)]:
         figures = [sum(counts[part, name] for part in summed) for name in outcomes]
-        rows.append(f"{kind:12}{sum(figures):8}" + "".join(f"{figure:12}" for figure in figures))
-    return "\n".join(rows)
+        print(f"{kind:12}{sum(figures):8}" + "".join(f"{figure:12}" for figure in figures))
+    return faults
