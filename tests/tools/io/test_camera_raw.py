@@ -168,11 +168,14 @@ def test_colours_of_a_camera_unlike_its_model_under_one_light(tmp_path: Path, ow
     np.testing.assert_allclose(shown / shown[1, 1], expected / expected[1, 1], atol=1e-3)
 
 
-def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize("factors", [{}, {50728: (RATIONAL, rationals(np.ones(3)))}])
+def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path, factors: Fields) -> None:
+    """Equal factors are none: a photographer's "UniWB"."""
     rng = np.random.default_rng(0)
     shade = rng.uniform(0.1, 0.9, (30, 40, 1)) * (0.5, 1.0, 0.7) * 4000
     samples = shade[..., [0, 1, 1, 2]].reshape(30, 40, 2, 2).swapaxes(1, 2).reshape(60, 80)
-    scene = loaded(tmp_path, samples.astype(np.uint16), fields={50717: (SHORT, [4000])})
+    white: Fields = {50717: (SHORT, [4000])}
+    scene = loaded(tmp_path, samples.astype(np.uint16), fields=white | factors)
     assert scene.neutral == pytest.approx((0.5, 1.0, 0.7), abs=0.005)
     assert scene.neutral_estimated
     assert any("no white balance" in note and "0.500, 1.000" in note for note in scene.notes)
