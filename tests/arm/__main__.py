@@ -1,7 +1,7 @@
 """Run the camera's software on an emulated ARM processor and compare its pictures with this
 machine's, bit by bit.
 
-    python -m tests.arm [--cpu cortex-a72 cortex-a76] [--onnxruntime 1.22.1]
+    python -m tests.arm [--cpu cortex-a72 cortex-a76] [--onnxruntime 1.23.2]
 
 Needs Debian's apt-get and dpkg-deb, qemu-aarch64 (package qemu-user) and access to the package
 index. It needs no root and installs nothing: a small arm64 system and the aarch64 wheels of the
