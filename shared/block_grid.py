@@ -55,9 +55,9 @@ class BlockGrid:
     def __post_init__(self) -> None:
         if not self.inside.any():
             (rows, columns), side = self.frame, 2 * self.period
-            found = f"a frame of {columns} x {rows} pixels holds no whole colour block"
+            reason = f"a frame of {columns} x {rows} pixels holds no whole colour block"
             always = f"{side} x {side} pixels always do"
-            raise InputError(f"{found} of this pattern (period {self.period}); {always}")
+            raise InputError(f"{reason} of this pattern (period {self.period}); {always}")
 
     @cached_property
     def padding(self) -> tuple[tuple[int, int], tuple[int, int]]:

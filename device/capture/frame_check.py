@@ -380,7 +380,7 @@ def _places_alike(pattern: CfaPattern, place: tuple[int, int]) -> BoolArray:
     """
     block = _block(pattern, pattern.period)
     moved = (np.roll(block, step, (0, 1)) for step in np.ndindex(block.shape))
-    same = np.reshape([np.array_equal(each, block) for each in moved], block.shape)
+    same = np.reshape([np.array_equal(turned, block) for turned in moved], block.shape)
     return np.roll(same, place, (0, 1))
 
 

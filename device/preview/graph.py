@@ -54,8 +54,8 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
         pixels, coarse = fill_pixels(g, correct_luminance(g, blocks, ratios))
     else:
         pixels, coarse = bin_pixels(g)
-    shown = "" if linear else burnt_out(g, coarse)
-    spread = propagate(g, colour, luminance, limit, coarse, shown)  # Eq. 10
+    white = "" if linear else burnt_out(g, coarse)
+    spread = propagate(g, colour, luminance, limit, coarse, white)  # Eq. 10
     camera = [g("Mul", pixel, spread) for pixel in pixels]  # Eq. 17
     return _finished(g, interleave(g, camera if linear else [display(g, each) for each in camera]))
 

@@ -143,10 +143,10 @@ class Preview:
 
     def _check(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the graph was made for this pattern."""
-        known = self._geometry.pattern
+        own = self._geometry.pattern
         for name, ours, other in (
-            ("pattern", contract.tile_name(known), contract.tile_name(pattern)),
-            ("channels", known.channels, pattern.channels),
+            ("pattern", contract.tile_name(own), contract.tile_name(pattern)),
+            ("channels", own.channels, pattern.channels),
         ):
             if ours != other:
                 raise InputError(f"the preview is for the {name} {ours}, the mosaic has {other}")

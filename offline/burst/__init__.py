@@ -141,8 +141,8 @@ def merge_burst(
     shots = [frames[number] for number in distinct]
     check_frames(shots, settings)
     first = None if reference is None else distinct.index(reference)
-    known = [motions[number] if motions else None for number in distinct]
-    comparison = compare_frames(shots, settings, progress, first, known)
+    stated = [motions[number] if motions else None for number in distinct]
+    comparison = compare_frames(shots, settings, progress, first, stated)
     judged = dict(zip(distinct, comparison.frames, strict=True))
     for copy, original in copied.items():
         reason = f"is a copy of frames[{original}]: its samples are the same"

@@ -151,13 +151,13 @@ class ColourNetwork(RowStage):
                 inputs = contrast.around(down, across, REACH).inputs()[None]
                 (answer,) = network.run(None, {"features": inputs})
                 limited = contrast.around(down, across, 1).answered(answer[0])
-                rows, columns = (
+                pixel_rows, pixel_columns = (
                     grid.pixels(axis, window[axis])[
                         (_HALO + start) * period : (_HALO + end) * period
                     ]
                     for axis, (start, end) in enumerate((down, across))
                 )
-                places = rows - result.first, columns
+                places = pixel_rows - result.first, pixel_columns
                 add_answer(limited, basis, gamma, places, result.luminance, result.chromaticity)
 
         chunks = [(down, across) for down in range(first, last + 1) for across in range(count)]

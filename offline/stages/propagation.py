@@ -89,14 +89,14 @@ class Propagation(RowStage):
             The fields that `solve_affinities` returns for the same rows.
         """
         grid, settings = self.frame.grid, self.settings
-        known = self.frame.lines if self.frame.lines.size else self.frame.blocks
+        spread = self.frame.lines if self.frame.lines.size else self.frame.blocks
         (above, _), (left, _) = grid.padding
         fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, rows)[0]
-        out = np.empty((rows[1] - rows[0], grid.frame[1], known.shape[-1]), np.float32)
+        out = np.empty((rows[1] - rows[0], grid.frame[1], spread.shape[-1]), np.float32)
         padded = pad_frame(self.frame.luminance, grid)
         corner = rows[0] + above - first * grid.period, left
         weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
-        mix(fields, known, padded, Place(first, *corner), weighting, out)
+        mix(fields, spread, padded, Place(first, *corner), weighting, out)
         return out
 
 

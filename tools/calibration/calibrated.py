@@ -70,8 +70,8 @@ def calibrated(
     measurements = Session(console, colours, sensor, old, read).measure(files, corners)
     if old is not None and measurements.base is not None:
         check_same(output, old, measurements.base)
-    shown = measurements.dark or measurements.flats or measurements.shots or measurements.shading
-    if measurements.base is None or not shown:
+    facts = measurements.dark, measurements.flats, measurements.shots, measurements.shading
+    if measurements.base is None or not any(facts):
         console.note(*measurements.remarks)
         raise NoCameraError("no frame could be used, and no camera file was written")
     is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)
