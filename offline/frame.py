@@ -445,21 +445,16 @@ class Frame:
 
     @cached_property
     def unclipped(self) -> BoolArray:
-        """The whole blocks that have no sample of `clipping` or more in or next to them, bool
-        (rows, columns); all of them where highlights are restored: they are samples like others
-        then.
+        """The whole blocks that have no saturated sample among their sites, nor panchromatic ones in
+        or next to them, bool (rows, columns); all of them where highlights are restored: they are
+        samples like others then.
         """
-        unclipped = np.ones(self.sites.shape, np.bool_)
-        if self.lost is None and self.signal.max() >= self.clipping:
-            height, width = self.sites.grid.block_shape
-            steps = [(down - 1, across - 1) for down, across in np.ndindex(height + 2, width + 2)]
-
-            def work(rows: slice) -> None:
-                for values in self.sites.beside(self.signal, rows, steps):
-                    unclipped[rows] &= ~(values >= self.clipping)
-
-            in_strips(work, len(unclipped), BLOCK_ROWS)
-        return unclipped
+        limits = self.limits(slice(0, self.sites.shape[0]))
+        if self.lost is not None or self.signal.max() < min(self.clipping, limits.min()):
+            return np.ones(self.sites.shape, np.bool_)
+        colours = self.sites.of(self.signal) < limits
+        beside = self.sites.surroundings(self.signal).highest < self.clipping
+        return np.logical_and(colours.all(axis=2), beside)
 
     def variance(self, signal: FloatArray, rows: slice, channels: IndexArray) -> FloatArray:
         """Variance of the noise of samples of some channels in rows of whole blocks, float32 (rows,

@@ -86,6 +86,22 @@ def test_noise_is_scaled_with_samples_whose_shading_is_made_even(
         assert surplus[place].std() == pytest.approx(stated, rel=0.1)
 
 
+def test_a_colour_sample_is_saturated_at_the_limit_of_its_place() -> None:
+    """Through a lens whose corners are dark and of another colour."""
+    camera = SensorCalibration.of_bits(12, shading=darker_corners((90, 90), colour=0.4))
+    scene = np.full((90, 90, 3), 0.2, np.float32)
+    mosaic = simulate_sensor(scene, CfaPattern.bayer(6), camera, 1.0, np.random.default_rng(0))
+    frame = clean_frame(mosaic, PAPER)
+    limits = frame.limits(slice(0, frame.sites.shape[0])).astype(np.float32)
+    samples = np.full_like(frame.signal, 0.999 * frame.clipping)
+    for site, place in enumerate(frame.sites.places):
+        samples[place] = np.float32(0.999) * limits[..., site]
+    assert frame.with_samples(samples.copy()).unclipped.all()
+    samples[frame.sites.places[2]][4, 1] = np.float32(1.001) * limits[4, 1, 2]
+    assert samples.max() < frame.clipping
+    assert np.argwhere(~frame.with_samples(samples).unclipped).tolist() == [[4, 1]]
+
+
 def test_samples_keep_their_unit_however_dark_the_frame() -> None:
     dark = shot(CfaPattern.bayer(6), (40, 40), None)
     faint = replace(dark, samples=dark.signal / np.float32(256))

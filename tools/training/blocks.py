@@ -57,6 +57,7 @@ from .network import Descent, begin_with
 WIDTHS = 48, 64, 96, 128
 """Channels on the grid of blocks, and on grids of every second, fourth and eighth block."""
 _BATCH, _SIDE = 16, 32  # crops in a step, and blocks along the side of one
+_NEEDED = f"{_SIDE * 8} pixels a side are enough for every pattern"
 _REPORT, _JUDGED = 400, 12  # steps between two checkpoints; batches of sources kept back
 _SEEN = 40  # examples that tell how values inside are spread
 _EXACT = "enter", "leave"  # not rounded: half of the error, a tenth of the time
@@ -370,6 +371,8 @@ def learn(
         [pair for path in paths if min((pair := _read(path))[1].shape[1:]) >= _SIDE]
         for paths in sides
     )
+    if not (learned and kept):
+        raise InputError(f"the pictures are too small to learn from: {_NEEDED}")
     judged = [_batch(kept, (1, number)) for number in range(_JUDGED)]
     progress.stage("training", steps)
     progress.advance(descent.done)
