@@ -8,6 +8,7 @@ resemble themselves most.
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import product
 
 import numpy as np
@@ -85,7 +86,9 @@ def _readings(data: Bytes, layout: FrameLayout) -> Iterator[set[Reading]]:
     """
     # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two
     # resemble each other even more.
-    likely = likely_strides(data, layout.stride)
+    likely = list[int]()
+    with suppress(ModuleNotFoundError):  # SciPy is needed, which a camera may not have
+        likely = likely_strides(data, layout.stride)
     repeats = [each for stride in likely for each in (stride, stride // 2)]
     tight = {name: FrameLayout(layout.width, 1, name).stride for name in FORMATS}
     strides = [layout.stride, tight[layout.format], *repeats]
