@@ -25,7 +25,7 @@ from ...offline.stages.colour_network import (
     WEIGHTS,
     Contrast,
 )
-from ...shared import CfaPattern, FloatArray, IndexArray, InputError
+from ...shared import CfaPattern, FloatArray, InputError
 from ...shared.networks import Block, network_file, network_for
 from ...shared.pattern import PANCHROMATIC
 from ..batch.progress import StageProgress
@@ -63,8 +63,8 @@ class Plan:
     seed : int
         Of everything random.
     start : CfaPattern | None
-        A pattern with a network in `offline/models`, whose block has the same size; training begins
-        with its weights (see `weights_for`) and in half as large steps. None = with random ones.
+        A pattern with a network in `offline/models`; training begins with its weights (see
+        `weights_for`) and in half as large steps. None = with random ones.
     """
 
     sources: tuple[str, ...]
@@ -84,8 +84,10 @@ class Plan:
         Empty if it is another block then.
         """
         letters = np.array([list(row) for row in Block.of(self.pattern).letters])
-        numbers = _site_numbers(self.pattern)
-        return numbers.T[numbers >= 0].tolist() if np.array_equal(letters, letters.T) else []
+        if not np.array_equal(letters, letters.T):
+            return []
+        numbers = (letters != PANCHROMATIC).cumsum().reshape(letters.shape) - 1
+        return numbers.T[letters != PANCHROMATIC].tolist()
 
     @property
     def exchanged(self) -> bool:
@@ -202,20 +204,21 @@ def _beginning(plan: Plan) -> Network:
 
 
 def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]:
-    """Weights to begin with: those of the network for a known pattern, for pixels and sites at the
-    same places beside the block.
+    """Weights to begin with: those of the network for a known pattern, for pixels at the same
+    places of a superpixel, and for its sites of the same colours, in their order and again.
     """
     path = network_for(known)
-    if path is None or known.block_shape != pattern.block_shape:
-        wanted = f"whose block has the size of that of {'/'.join(pattern.tile)}"
-        raise InputError(f"no network for {'/'.join(known.tile)} {wanted}")
-    weights, side = load_weights(path), len(Block.of(known).letters)
-    margin, before = ((each.period - side) // 2 for each in (pattern, known))
-    along = (np.arange(pattern.period) - margin + before).clip(0, known.period - 1)
+    if path is None:
+        raise InputError(f"no network for {'/'.join(known.tile)} to begin with")
+    weights, before = load_weights(path), known.period // 2 - pattern.period // 2
+    along = (np.arange(pattern.period) + before).clip(0, known.period - 1)
     pixels = (along[:, None] * known.period + along).ravel()
     planes = known.period**2 * np.arange(3)[:, None]
-    numbers = _site_numbers(known)[_site_numbers(pattern) >= 0]
-    others = np.concatenate([numbers, len(known.sites) + np.arange(SURROUNDINGS)])
+    colours, numbers = _site_colours(known), list[int]()
+    for place, colour in enumerate(wanted := _site_colours(pattern)):
+        alike = [number for number, other in enumerate(colours) if other == colour]
+        numbers.append(alike[wanted[:place].count(colour) % len(alike)])
+    others = np.concatenate([numbers, len(colours) + np.arange(SURROUNDINGS)])
     inputs = np.concatenate([(planes + pixels).ravel(), 3 * known.period**2 + others])
     outputs = (planes[:2] + pixels).ravel()
     return weights | {
@@ -225,10 +228,9 @@ def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]
     }
 
 
-def _site_numbers(pattern: CfaPattern) -> IndexArray:
-    """The number of each site of the mirrored block, row by row; -1 = a panchromatic pixel."""
-    colour = np.array([list(row) for row in Block.of(pattern).letters]) != PANCHROMATIC
-    return np.where(colour, colour.cumsum().reshape(colour.shape) - 1, -1)
+def _site_colours(pattern: CfaPattern) -> str:
+    """The letters of the mirrored block without panchromatic pixels, row by row."""
+    return "".join(Block.of(pattern).letters).replace(PANCHROMATIC, "")
 
 
 def prepare(

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from panchroma.offline.stages.block_network import LINES, PLANES, PROPOSALS, mixed
-from panchroma.offline.stages.colour_network import BASIS
+from panchroma.offline.stages.colour_network import BASIS, SURROUNDINGS
 from panchroma.offline.stages.luminance_network import SIDE
 from panchroma.shared import CfaPattern
 from panchroma.shared.errors import InputError
@@ -166,10 +166,21 @@ def test_training_begins_with_the_weights_for_the_same_places() -> None:
         assert np.array_equal(chosen[planes * 25 :], known[planes * 36 :][:tail])
     bayer, three = CfaPattern.bayer(4), CfaPattern.with_block(("WB", "GR"), 4)
     of_bayer, of_three = (run.weights_for(other, bayer)["enter.weight"] for other in (bayer, three))
-    assert np.array_equal(of_three, np.delete(of_bayer, 51, axis=1))
-    message = "no network for RGW/GBW/WWW whose block has the size of that of RGWWWW"
-    with pytest.raises(InputError, match=message):
-        run.weights_for(six, CfaPattern.bayer(3))
+    assert np.array_equal(of_three, np.delete(of_bayer, 50, axis=1))
+    with pytest.raises(InputError, match="no network for RGWWWWW/.* to begin with"):
+        run.weights_for(six, CfaPattern.bayer(7))
+
+
+def test_sites_of_a_colour_begin_with_those_of_another_pattern_in_turn() -> None:
+    kaizu, bayer = CfaPattern.of_letters("kaizu"), CfaPattern.bayer(6)
+    of_sites, known = (
+        run.weights_for(each, bayer)["enter.weight"][:, 3 * 36 :] for each in (kaizu, bayer)
+    )
+    letters = "".join("".join(row) for row in kaizu.letters_from()).replace("W", "")
+    greens = iter([1, 2] * 3)
+    numbers = [{"R": 0, "B": 3}[letter] if letter != "G" else next(greens) for letter in letters]
+    assert np.array_equal(of_sites[:, :18], known[:, numbers])
+    assert np.array_equal(of_sites[:, 18:], known[:, 4 : 4 + SURROUNDINGS])
 
 
 def random_network(period: int, sites: int) -> Network:
@@ -305,6 +316,8 @@ def test_the_network_of_blocks_learns_goes_on_and_is_written(
     blocks_made: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sides, reports = (blocks_made, blocks_made), Reports()
+    with pytest.raises(InputError, match="too small to learn from"):
+        blocks.learn(blocks.first_network(), ([], blocks_made), 6, tmp_path, SILENT)
     one, other = tmp_path / "one", tmp_path / "other"
     for folder in (one, other):
         folder.mkdir()
