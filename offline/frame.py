@@ -445,9 +445,9 @@ class Frame:
 
     @cached_property
     def unclipped(self) -> BoolArray:
-        """The whole blocks that have no saturated sample among their sites, nor panchromatic ones in
-        or next to them, bool (rows, columns); all of them where highlights are restored: they are
-        samples like others then.
+        """The whole blocks that have no saturated sample among their sites, and no panchromatic one
+        in or next to them, bool (rows, columns); all of them where highlights are restored: they
+        are samples like others then.
         """
         limits = self.limits(slice(0, self.sites.shape[0]))
         if self.lost is not None or self.signal.max() < min(self.clipping, limits.min()):

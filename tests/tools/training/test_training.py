@@ -167,7 +167,7 @@ def test_training_begins_with_the_weights_for_the_same_places() -> None:
     bayer, three = CfaPattern.bayer(4), CfaPattern.with_block(("WB", "GR"), 4)
     of_bayer, of_three = (run.weights_for(other, bayer)["enter.weight"] for other in (bayer, three))
     assert np.array_equal(of_three, np.delete(of_bayer, 50, axis=1))
-    with pytest.raises(InputError, match="no network for RGWWWWW/.* to begin with"):
+    with pytest.raises(InputError, match=r"no network for RGWWWWW/.* to begin with"):
         run.weights_for(six, CfaPattern.bayer(7))
 
 
