@@ -219,6 +219,10 @@ class SensorCalibration:
     lights: Lights | None = None
 
     def __post_init__(self) -> None:
+        for name, kind in _KINDS.items():
+            if not isinstance(value := getattr(self, name), kind):
+                expected = f"expected {kind.__name__}"
+                raise InputError(f"calibration: {name} is {shown(value)}, {expected}")
         letters, count, planes = self.channels, len(self.channels), len(self.channels) + 1
         if not _LETTERS.fullmatch(letters) or len(set(letters)) != count or PANCHROMATIC in letters:
             raise InputError(
@@ -375,10 +379,6 @@ class SensorCalibration:
             raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
         if unknown := sorted(set(given) - {field.name for field in fields(cls)}):
             raise InputError(f"calibration: unknown field {unknown[0]!r}")
-        for name, kind in _KINDS.items():
-            if not isinstance(given.get(name, kind()), kind):
-                expected = f"expected {kind.__name__}"
-                raise InputError(f"calibration: {name} is {shown(given[name])}, {expected}")
         if given.get("noise") is not None:
             given["noise"] = built(NoiseModel, given["noise"], "calibration: noise")
         if "shading" in given:

@@ -91,11 +91,11 @@ class Camera:
         ------
         InputError
             When the shot has another sensor, pattern, or number of bits, and when it has another
-            size and the camera lists defects, which would be elsewhere in it; the message names
-            both.
+            size and the camera has defects or shading, which would be elsewhere in it; the message
+            names both.
         """
         self.check(mosaic.pattern, mosaic.calibration)
-        if self.calibration.defects:
+        if self.calibration.defects or self.calibration.shading:
             self.check_size(mosaic.shape)
         known, own = self.calibration, mosaic.calibration
         colours = own if known.camera_to_xyz is None and known.neutral is None else known

@@ -49,6 +49,8 @@ class Mosaic:
 
     def __post_init__(self) -> None:
         samples = np.asarray(self.samples)
+        if not samples.dtype.isnative:
+            samples = samples.astype(samples.dtype.newbyteorder())
         if samples.ndim != 2:
             found = f"the samples have shape {samples.shape}"
             raise InputError(f"a mosaic has two axes (rows, columns); {found}")

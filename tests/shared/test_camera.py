@@ -133,6 +133,12 @@ def test_a_camera_file_keeps_it_and_a_shot_has_that_of_the_camera_or_its_own() -
         assert each.calibration.shading == DARKER
 
 
+def test_shading_of_frames_of_another_size_is_refused() -> None:
+    taken = shot_by(BARE)
+    with pytest.raises(InputError, match="the frames have 90 x 61 pixels"):
+        Camera(SHADED, size=(30, 45)).calibrated(taken)
+
+
 def test_frames_have_the_size_it_was_measured_on_or_are_made_smaller() -> None:
     shading = replace(DARKER, size=(600, 900))
     for shape in ((600, 900), (300, 450), (1200, 1800), (200, 299)):

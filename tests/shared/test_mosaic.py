@@ -32,6 +32,8 @@ def test_every_code_survives_scene_units(bits: int) -> None:
     assert scene.in_scene_units() is scene
     wide: Any = scene.signal.astype(np.float64)
     assert Mosaic(wide, PATTERN, calibration).samples.dtype == np.float32
+    swapped = every.samples.astype(every.samples.dtype.newbyteorder())
+    assert np.array_equal(Mosaic(swapped, PATTERN, calibration).samples, every.samples)
 
 
 def test_quantisation_rounds_to_the_nearest_and_stays_within_the_code_range() -> None:

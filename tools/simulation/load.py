@@ -155,7 +155,7 @@ def sensor_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
     if pixels.shape[2] != 1:
         remedy = "give the samples of the sensor, one at each pixel"
         raise InputError(f"is a picture with several colours at each pixel; {remedy}")
-    if pixels.dtype not in (np.uint8, np.uint16):
+    if pixels.dtype.kind != "u" or pixels.dtype.itemsize > 2:
         expected = "those of a sensor are whole numbers of 8 or 16 bits"
         raise InputError(f"its samples are {pixels.dtype}; {expected}")
     return pixels[..., 0].astype(np.uint16)

@@ -53,7 +53,7 @@ def test_what_is_said_of_a_tile(tmp_path: Path) -> None:
         "bayer": taken(SCENE, tile_of("RG/GB")),
         "flat": np.full((200, 300), 700, np.uint16),
         "grey": taken(grey, tile_of("K=4")),
-        "sony": SONY,
+        "sony": SONY.astype(">u2"),
         "unnamed": taken(SCENE, tile_of("RWWG/WWWW/WBWW/WWWW")),
     }.items():
         np.save(tmp_path / name, frame)

@@ -319,6 +319,8 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate(GREY, rng=-1), "`rng` is -1"),
         (lambda: panchroma.Picture(GREY, lost=np.zeros((4, 5), np.uint8)), "uint8 (48, 48)"),
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
+        (lambda: panchroma.Picture(GREY, white=np.nan), "`white` is nan"),
+        (lambda: panchroma.render(panchroma.Shot(GREY)), "a shot holds a Mosaic"),  # type: ignore[arg-type]
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
         (lambda: panchroma.simulate(panchroma.open("shot.dng")), "the array is object"),  # type: ignore[call-overload]
         (lambda: panchroma.compare(panchroma.open("shot.dng"), GREY), "of shape ()"),  # type: ignore[arg-type]

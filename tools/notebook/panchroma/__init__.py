@@ -43,7 +43,8 @@ Any filter pattern works, with any channels. A tile is written row by row, and W
 A render uses all processors. Several threads of a program may render at once, and so may processes,
 however they are started.
 
-Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead.
+What cannot be done with a shot, a file or a value raises panchroma.PanchromaError, whose message
+says what to do instead; an argument of another type may raise TypeError.
 A file is given by its name, or as a file object that is open for bytes, such as io.BytesIO.
 Nothing overwrites a file unless it is told to (overwrite=True). The command `panchroma` does more:
 thousands of shots, connected cameras, comparison with Bayer cameras; `panchroma --help` lists it.

@@ -163,6 +163,8 @@ class Picture:
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
+        if not 0 < self.white < np.inf:
+            raise InputError(f"`white` is {self.white}, expected a number above 0")
         if self.lost is not None and (self.lost.shape != self.shape or self.lost.dtype != np.uint8):
             raise InputError(
                 f"`lost` is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as "

@@ -81,6 +81,11 @@ class Shot:
     name: str = ""
     notes: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.mosaic, Mosaic):
+            found = f"this one {type(self.mosaic).__name__}"
+            raise InputError(f"a shot holds a Mosaic(samples, pattern, calibration), {found}")
+
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, columns)."""
