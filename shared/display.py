@@ -79,7 +79,7 @@ def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
     if calibration.camera_to_xyz is not None:
         return np.array(calibration.camera_to_xyz)
     if not (set("RGB") <= set(channels) or is_pair(channels)):
-        remedy = "calibrate the camera (panchroma calibrate), or render with"
+        remedy = "calibrate the camera (panchroma calibrate), or choose"
         how = '`space="camera"`, as tif, exr or npy'
         raise InputError(f"no colour matrix for the channels {channels}: {remedy} {how}")
     return nominal_to_xyz(channels, calibration.neutral)

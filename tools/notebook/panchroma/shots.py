@@ -295,7 +295,7 @@ def burst(
     Raises
     ------
     PanchromaError
-        For a shot that cannot be read, for shots of several sensors, and for more of them than
+        For a shot that cannot be read, for shots with other channels, and for more of them than
         fit the memory.
 
     Examples
