@@ -83,6 +83,13 @@ class Journal:
             self._catch_up()
         return self._entries.get(output, [])
 
+    def made_with(self, output: str) -> list[Entry]:
+        """The latest entries of all outputs that the latest run of this one made of its source."""
+        made = {(entry.run, entry.source) for entry in self.of(output)[-1:]}
+        with self._lock:
+            latest = [entries[-1] for entries in self._entries.values()]
+        return [entry for entry in latest if (entry.run, entry.source) in made]
+
     def append(self, entry: Entry, *, wait: bool = True) -> None:
         """Add an entry, and wait until it is on the disk unless `wait` is False. Raises
         OutputError; the torn line that may be left then is ignored.

@@ -378,11 +378,16 @@ def kept(run: FileRun, work: Callable[[Job, StageProgress, Keep], Outcome]) -> W
         found = {output: _existing(run, job, output, source) for output in job.outputs}
         if all(each.current for each in found.values()):
             return _up_to_date(job.output, "current")
+        left_over = _made_with(run, job)
+        if not run.may_replace:
+            refuse_existing(left_over)
 
         def keep(output: Path) -> dict[str, Any]:
             if found[output].changed:
                 changed = f"has changed since it was made; it is kept as {keep_old(output).name}"
                 listener.note(f"{output}: {changed}")
+            while left_over:
+                _remove(run, left_over.pop(), listener.note)
             note = partial(_note_in_journal, run, job, output, source)
             replaced = found[output].replace
             return {"overwrite": replaced, "on_complete": lambda whole: partial(note, whole)}
@@ -390,6 +395,23 @@ def kept(run: FileRun, work: Callable[[Job, StageProgress, Keep], Outcome]) -> W
         return work(job, listener, keep)
 
     return done
+
+
+def _made_with(run: FileRun, job: Job) -> list[Path]:
+    """Files that an earlier run made with the first output, and that this one does not make: beside
+    its new outputs they would be taken for theirs.
+    """
+    entries = _journal(run.folder).made_with(run.name(job.output))
+    paths = [run.folder / entry.output for entry in entries]
+    return [path for path in paths if path not in job.outputs and os.path.lexists(path)]
+
+
+def _remove(run: FileRun, path: Path, note: Note) -> None:
+    """Remove a file of an earlier run; one that was changed since is kept under another name."""
+    made = {entry.digest for entry in _journal(run.folder).of(run.name(path))}
+    spare = "" if digest(path) in made else f"; it was changed, and stays as {keep_old(path).name}"
+    path.unlink()
+    note(f"{path}: is removed, as it was made with what is replaced{spare}")
 
 
 def _note_in_journal(

@@ -148,6 +148,40 @@ def test_the_truth_is_also_a_picture_and_nothing_of_a_user_is_replaced(out: Path
     assert (out / SHOWN).read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    ("earlier", "later", "left_over"),
+    [
+        ("--truth", "--light 2", {TRUTH, SHOWN}),
+        ("--burst 3 --truth", "--burst 2 --truth", {"builtin-24x18-3.dng"}),
+        ("--burst 2 --truth", "--burst 2", {TRUTH, SHOWN, "builtin-24x18.motion.json"}),
+        ("--truth", "-f raw", set()),
+    ],
+)
+@pytest.mark.parametrize("replace", ["--overwrite", "--resume"])
+def test_nothing_of_a_replaced_shot_stays_beside_the_new_one(
+    out: Path, earlier: str, later: str, left_over: set[str], replace: str
+) -> None:
+    run("simulate", SOURCE, "builtin:30x24", "-o", out, earlier, code=0)
+    before = results(out)
+    edited = sorted(left_over)[:1]
+    for name in edited:
+        (out / name).write_bytes(b"mine")
+    outcome = run("simulate", SOURCE, "-o", out, later, replace, code=0)
+    kept = {f"{name}.bak" for name in edited}
+    assert before - results(out) == left_over
+    assert kept <= results(out)
+    assert outcome.err.count("is removed") == len(left_over)
+    assert all(f"{out / name}: is removed" in outcome.err for name in left_over)
+
+
+def test_what_is_left_of_a_shot_that_is_gone_is_replaced_when_asked(out: Path) -> None:
+    simulate(out, "--truth")
+    (out / SHOT).unlink()
+    outcome = run("simulate", SOURCE, "-o", out, code=1)
+    assert_refused(outcome, "exists already", name=f"{SOURCE}: {out / TRUTH}")
+    assert results(out) == {TRUTH, SHOWN}
+
+
 # --- bursts --------------------------------------------------------------------------------------
 
 FRAMES = [f"builtin-150x120-{number}.dng" for number in (1, 2, 3)]
