@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache, partial
 from operator import attrgetter
@@ -24,7 +25,7 @@ from ..io.kind import PictureKind, write_picture
 from .checks import check_light, check_memory
 from .chosen_white import AS_SHOT, WhiteBalance
 from .compilation import announced_compilation, compile_ahead
-from .jobs import Job, Outcome, State, Work, file_status, identity, planned, refuse_existing
+from .jobs import Job, Outcome, State, file_status, identity, planned, refuse_existing
 from .journal import Entry, Journal, digest, key, output_lock
 from .progress import Note, StageProgress
 
@@ -270,18 +271,30 @@ def attempt(
     read = partial(order.open, job, memory, listener.note)
     if not any(map(file_status, job.files)):
         read()  # says what is wrong with it, before a folder is made for its picture
-    try:
+    with _in_turn(order, job):
         if not order.dry_run:
-            job.make_folders()
-            with output_lock(output):
-                return _make(order, memory, processes, job, listener)
+            return _make(order, memory, processes, job, listener)
         if _is_unchanged(order, job) or _existing(order, job, output, _digest(job)).current:
             return _up_to_date(output, "current", dry_run=True)
         return planned(job, read().errors)
+
+
+@contextmanager
+def _in_turn(run: Run, job: Job) -> Iterator[None]:
+    """Let one process at a time look up and make the results of a job, in a `with` block; a dry run
+    does not wait.
+
+    Raises OutputError for an OSError.
+    """
+    try:
+        if not run.dry_run:
+            job.make_folders()
+        with nullcontext() if run.dry_run else output_lock(job.output):
+            yield
     except PanchromaError:
         raise
     except OSError as error:
-        raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
+        raise OutputError(f"{job.output}: cannot be written ({error.strerror or error})") from error
 
 
 def _make(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
@@ -367,13 +380,17 @@ def _whitened(
     listener.stage("writing", 1)
 
 
-def kept(run: FileRun, work: Callable[[Job, StageProgress, Keep], Outcome]) -> Work:
-    """The work, of jobs whose files are not all up to date; what it writes is noted in the journal.
+def kept(
+    run: FileRun,
+    work: Callable[[Job, StageProgress, Keep], Outcome],
+    job: Job,
+    listener: StageProgress,
+) -> Outcome:
+    """Do a job, unless its files are all up to date; what is written is noted in the journal.
 
     work: writes each output as `durable_file` does, with the arguments that `Keep` returns for it.
     """
-
-    def done(job: Job, listener: StageProgress) -> Outcome:
+    with _in_turn(run, job):
         source = _digest(job) or key(drawn=job.source)
         found = {output: _existing(run, job, output, source) for output in job.outputs}
         if all(each.current for each in found.values()):
@@ -393,8 +410,6 @@ def kept(run: FileRun, work: Callable[[Job, StageProgress, Keep], Outcome]) -> W
             return {"overwrite": replaced, "on_complete": lambda whole: partial(note, whole)}
 
         return work(job, listener, keep)
-
-    return done
 
 
 def _made_with(run: FileRun, job: Job) -> list[Path]:

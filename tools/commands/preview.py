@@ -7,6 +7,7 @@ device/preview/contract.py describes its inputs and outputs.
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from ...shared import read_camera, read_dng
@@ -62,7 +63,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if run.dry_run:
             return planned(job)
         picture = previews(mosaic)
-        job.make_folders()
         jpeg = encode_jpeg(picture, mosaic.metadata, quality=arguments.quality)
         write_durably(job.output, jpeg, **keep(job.output))
         rows, columns = picture.shape[:2]
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     jobs = plan(files.sources, names, folder, dry_run=run.dry_run)
     settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
-    code = run_jobs(jobs, kept(run, work), console, **settings)
+    code = run_jobs(jobs, partial(kept, run, work), console, **settings)
     return code if searched else FAILED
 
 

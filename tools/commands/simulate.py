@@ -155,7 +155,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             rng = noise_of(arguments.seed, shot.relative_to(folder))
             exposed = camera.shoot(scene, rng, frame)
             mosaic = exposed.mosaic
-            job.make_folders()
             if arguments.format == "raw":  # samples alone
                 samples = mosaic.codes.astype("<u2").tobytes()
             else:
@@ -184,7 +183,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     notes: list[tuple[str, tuple[str, ...]]] = []
     jobs = plan(scenes.sources, names, folder, dry_run=run.dry_run)
     settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
-    code = run_jobs(jobs, kept(run, work), console, listen=listen, **settings)
+    code = run_jobs(jobs, partial(kept, run, work), console, listen=listen, **settings)
     console.notes(notes)
     return code if searched else FAILED
 

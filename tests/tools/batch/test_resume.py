@@ -11,6 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
+from time import sleep
 from typing import Any
 from unittest.mock import Mock
 
@@ -19,12 +20,13 @@ import pytest
 from panchroma import offline
 from panchroma.shared import Camera, CfaPattern, OutputError, SensorCalibration, Shading, read_dng
 from panchroma.shared.calibration import NoiseModel
+from panchroma.shared.writing import write_durably
 from panchroma.tools.batch import order as attempt
 from panchroma.tools.batch.burst_files import BurstOrder
 from panchroma.tools.batch.chosen_white import WhiteBalance
-from panchroma.tools.batch.jobs import Job
+from panchroma.tools.batch.jobs import Job, planned
 from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, output_lock
-from panchroma.tools.batch.order import Order
+from panchroma.tools.batch.order import FileRun, Order
 from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.kind import PictureKind
 from tests.tools.batch.examples import save_shot
@@ -315,6 +317,24 @@ def test_never_two_makers_whoever_removes_the_lock_file(tmp_path: Path) -> None:
         list(pool.map(work, range(4)))
     assert turns == [1] * 400
     assert list(tmp_path.iterdir()) == []
+
+
+def test_two_that_make_files_share_a_folder(out: Path) -> None:
+    """Each finds what the other has made."""
+
+    def work(job: Job, listener: StageProgress, keep: attempt.Keep) -> Any:
+        sleep(0.1)
+        write_durably(job.output, b"made", **keep(job.output))
+        return planned(job)
+
+    def made(name: str) -> str:
+        run = FileRun(folder=out, run=name, made_by="", resume=True)
+        job = Job("builtin:24x18", (out / "sub" / "a.dng",))
+        return attempt.kept(run, work, job, StageProgress()).state
+
+    with ThreadPoolExecutor(2) as pool:
+        assert set(pool.map(made, "12")) == {"planned", "current"}
+    assert results(out / "sub") == {"a.dng"}
 
 
 def test_a_line_that_no_render_has_written_ends_the_reading(tmp_path: Path) -> None:
