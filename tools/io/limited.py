@@ -57,8 +57,9 @@ def run_limited(
     What the facts say is for the caller to check.
 
     Raises InputError with the message of the InputError that `function` raises, and when the
-    process exceeds its limits, ends in another way, or answers anything else. Raises RuntimeError
-    when `function` raises another exception; its cause is the traceback there.
+    process exceeds its limits, ends in another way, or answers anything else. Raises
+    ModuleNotFoundError when a package is not installed, and RuntimeError when `function` raises
+    another exception; its cause is the traceback there.
 
     Parameters
     ----------
@@ -95,6 +96,8 @@ def run_limited(
             process.kill()
     if refused:
         raise InputError(refused) from ProcessError(trace)
+    if trace and "missing" in facts:
+        raise ModuleNotFoundError(name=facts["missing"]) from ProcessError(trace)
     if trace:
         raise RuntimeError(trace.splitlines()[-1]) from ProcessError(trace)
     return samples, facts
@@ -132,17 +135,19 @@ def serve() -> None:
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     modules, seconds, most, module, name, arguments = json.load(sys.stdin)
-    for needed in (*modules, module):
-        import_module(needed)
-    _limit(seconds, most)
     refused, trace, samples, facts = "", "", np.empty((0, 0), np.uint8), Facts()
     try:
+        for needed in (*modules, module):
+            import_module(needed)
+        _limit(seconds, most)
         samples, facts = getattr(sys.modules[module], name)(*arguments)
     except MemoryError:
         raise  # the limit, which the caller reports
     except Exception as error:
         refused = str(error) if isinstance(error, InputError | OSError) else ""
         trace = "".join(traceback.format_exception(error))[-_LONGEST_TRACE:]
+        if isinstance(error, ModuleNotFoundError):
+            facts = {"missing": error.name}
     signal.setitimer(signal.ITIMER_PROF, 0)
     head: Facts = {"refused": refused, "trace": trace, "facts": facts}
     head |= {"dtype": samples.dtype.name, "shape": samples.shape}

@@ -104,6 +104,13 @@ def test_a_fault_in_a_limited_process_is_one_here_with_its_traceback(tmp_path: P
     assert "ValueError: deeper" in str(raised.value.__cause__)
 
 
+def test_a_package_that_is_not_installed_is_no_damage(tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"x")
+    with pytest.raises(ModuleNotFoundError) as raised:
+        limited.run_limited(tmp_path / "x", ("no_such_package",), fail, "x")
+    assert raised.value.name == "no_such_package"
+
+
 def test_a_scene_that_is_gone_meanwhile_is_not_damaged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
