@@ -11,6 +11,7 @@ STEM-2.dng ..., otherwise as the first file.
 
 import argparse
 
+from ...shared import read_dng
 from ..batch.burst_files import BurstOrder, checked_reference, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
@@ -53,6 +54,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if not files.report(console):
         return FAILED
     names = series(files.sources)
+    if len(names) == 1:
+        read_dng(names[0])  # says what is wrong with it
     shifts = arguments.shifts
     reference = checked_reference(names, arguments.reference, shifts)
     order = BurstOrder(reference=reference, shifts=shifts, **fields)

@@ -85,6 +85,7 @@ USAGE = {
         "--reference elsewhere.dng": "--reference elsewhere.dng: is none of the shots",
     },
     "burst -o out": {
+        "gone.dng": "panchroma: gone.dng: there is no such file",
         "shot.dng": "shot.dng: is one frame, expected two or more of one scene; panchroma render",
         "two": "rose-1.dng; name the files of one",
     },
