@@ -52,7 +52,8 @@ class WhiteBalance:
             multipliers = tuple(map(float, numbers))
         except (ValueError, TypeError):
             multipliers = ()
-        if len(multipliers) == 2 and all(at >= GREY_BOX // 2 and at % 1 == 0 for at in multipliers):
+        is_place = len(multipliers) == 2 and all(at >= 0 and at % 1 == 0 for at in multipliers)
+        if is_place and max(multipliers) >= GREY_BOX // 2:
             return cls("", multipliers, (int(multipliers[0]), int(multipliers[1])))
         fitting = all(1 / _MOST_WB <= multiplier <= _MOST_WB for multiplier in multipliers)
         if len(multipliers) < 2 or not fitting:
@@ -81,7 +82,7 @@ class WhiteBalance:
                 reason = "too dark, too bright or too small to estimate the white balance"
                 raise InputError(f'{reason}; give `wb="camera"` or multipliers')
             return mosaic.calibrated(balanced(calibration, np.array(neutral), estimated=True))
-        if self.grey and len(calibration.channels) > 2:
+        if self.grey and (len(calibration.channels) > 2 or 0 in self.grey):
             return self._grey_at(mosaic, *self.grey)
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)

@@ -152,8 +152,8 @@ def test_the_place_of_a_grey_is_that_in_the_picture_a_viewer_shows(
 
 def test_a_place_that_shows_no_grey_is_refused(out: Path, tmp_path: Path) -> None:
     shot = save_mosaic(tmp_path / "a.dng", colour_field(6))
-    # the last is inside the samples, but not inside the picture, which stands upright
-    outside = [seen_at(6, 60, 176), (130, 90)]
+    # (130, 90) is inside the samples, but not inside the picture, which stands upright
+    outside = [seen_at(6, 60, 176), (130, 90), (3, 100), (50, 0)]
     for x, y in [seen_at(6, 61, 122), seen_at(6, 61, 162), *outside]:
         words = f"--wb: the picture is clipped or too dark at {x},{y}; name a grey"
         if (x, y) in outside:
