@@ -165,6 +165,12 @@ def _kernels(console: Console) -> Iterator[Finding]:
         remedy = "close other programs, free some disk space, or set NUMBA_CACHE_DIR"
         yield Finding("kernel cache", BAD, reason, remedy)
         return
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen and not folder.is_relative_to(Path(chosen).absolute()):
+        reason = f"{chosen} cannot be written to; kernels are in {folder}"
+        remedy = "set NUMBA_CACHE_DIR to a folder that you may write to, or unset it"
+        yield Finding("kernel cache", BAD, reason, remedy)
+        return
     yield Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled")
 
 

@@ -3,6 +3,7 @@ remedy.
 """
 
 import sys
+from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
@@ -149,3 +150,17 @@ def test_what_is_not_compiled_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("panchroma.offline.kernel_cache", nowhere)
     (finding,) = doctor._checked("kernels", lambda: doctor._kernels(Console(quiet=True)))
     assert (finding.state, "NUMBA_CACHE_DIR" in finding.remedy) == (BAD, True)
+
+
+@pytest.mark.parametrize(("chosen", "state"), [("kernels", GOOD), ("no/folder", BAD), ("", GOOD)])
+def test_kernels_that_are_not_in_the_folder_that_is_asked_for_are_told(
+    chosen: str, state: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", chosen)
+    monkeypatch.setattr("panchroma.offline.kernel_cache", Path("kernels/0123").absolute)
+    monkeypatch.setattr("panchroma.offline.kernels_to_compile", list)
+    (found,) = doctor._kernels(Console(quiet=True))
+    assert (found.state, found.found.startswith("no/folder cannot be written")) == (
+        state,
+        state == BAD,
+    )
