@@ -84,18 +84,18 @@ def check_dark(frame: Mosaic) -> None:
         raise InputError(f"is not dark: {found}; cover the lens")
 
 
-def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
+def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkResult:
     """Measure black level and read noise per filter colour, and find the pixels that are not black.
 
-    frames: one or more, with the same exposure, each after `check_dark`. Raises InputError if light
-    fell in, or if they clearly differ in noise or level.
+    frames: one or more, with the same exposure, each after `check_dark`. names: of their files.
+    Raises InputError if light fell in, or if they clearly differ in noise or level.
     """
     first = frames[0]
     planes = planes_of(first, defects=True)  # which are found anew
     number = len(first.pattern.planes)
     stack = np.stack([frame.codes for frame in frames]).astype(np.float64)
     mean = stack.mean(axis=0)
-    _check_alike(stack[:, planes == number - 1])
+    _check_alike(stack[:, planes == number - 1], names)
     black, error, read, read_error = (np.zeros(number) for _ in range(4))
     common = variance = 0.0
     defect = np.zeros(first.shape, bool)
@@ -147,7 +147,7 @@ def _in_common(samples: DoubleArray, rows: IndexArray) -> float:
     return max(common, 0.0)
 
 
-def _check_alike(samples: DoubleArray) -> None:
+def _check_alike(samples: DoubleArray, names: Sequence[str]) -> None:
     """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples)."""
     levels, spreads = np.array([clipped_moments(frame) for frame in samples]).T
     # Of codes that happen not to change, rounding hides the noise.
@@ -158,9 +158,10 @@ def _check_alike(samples: DoubleArray) -> None:
     ):
         low, high = int(values.argmin()), int(values.argmax())
         if values[high] > limit:
+            names = names or [f"frame {number + 1}" for number in range(len(samples))]
             raise InputError(
-                f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of "
-                f"frame {high + 1} {values[high]:.4g}: they have another gain or exposure, or "
+                f"dark frames: the {what} of {names[low]} is {values[low]:.4g} codes, of "
+                f"{names[high]} {values[high]:.4g}: they have another gain or exposure, or "
                 "light fell in; take all in the same way"
             )
 

@@ -272,7 +272,8 @@ class Session:
         """Measure the dark frames; later frames get their black level."""
         frames = self._unshaded(paths, "dark")
         try:
-            dark = measure_dark([mosaic for _, mosaic in frames]) if frames else None
+            names, mosaics = zip(*frames, strict=True) if frames else ((), ())
+            dark = measure_dark(mosaics, names) if frames else None
         except InputError as error:
             self._skip(paths, error)
             # What refused frames state is not the camera's.

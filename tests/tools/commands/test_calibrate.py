@@ -136,6 +136,13 @@ def test_without_a_good_shot_nothing_is_written(folder: Path, tmp_path: Path) ->
     assert not output.exists()
 
 
+def test_a_chart_among_dark_frames_is_named(folder: Path, tmp_path: Path) -> None:
+    dim = save(tmp_path / "dim.dng", frame(0.1 * chart().rgb))
+    darks = repeated("--dark", [*folder.glob("dark*"), dim])
+    (line, *_) = run("calibrate", *darks, "-o", tmp_path / "camera.json", code=1).errors
+    assert re.search(r"the noise of \S+dark\d\.dng is .* codes, of \S+dim\.dng ", line)
+
+
 def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) -> None:
     """The only chart is of another period, and is skipped: then there is no camera. Without a chart
     the verdict says so.
