@@ -416,14 +416,14 @@ def _made_with(run: FileRun, job: Job) -> list[Path]:
     """Files that an earlier run made with the first output, and that this one does not make: beside
     its new outputs they would be taken for theirs.
     """
-    entries = _journal(run.folder).made_with(run.name(job.output))
+    entries = _journal(run.folder, run.run).made_with(run.name(job.output))
     paths = [run.folder / entry.output for entry in entries]
     return [path for path in paths if path not in job.outputs and os.path.lexists(path)]
 
 
 def _remove(run: FileRun, path: Path, note: Note) -> None:
     """Remove a file of an earlier run; one that was changed since is kept under another name."""
-    made = {entry.digest for entry in _journal(run.folder).of(run.name(path))}
+    made = {entry.digest for entry in _journal(run.folder, run.run).of(run.name(path))}
     spare = "" if digest(path) in made else f"; it was changed, and stays as {keep_old(path).name}"
     path.unlink()
     note(f"{path}: is removed, as it was made with what is replaced{spare}")
@@ -434,14 +434,14 @@ def _note_in_journal(
 ) -> None:
     made = order.name(output), digest(partial) or "", order.key(output, source_digest)
     source = os.path.abspath(job.source)  # noqa: PTH100 (without following links)
-    _journal(order.folder).append(Entry(*made, order.run, source, source_digest))
+    _journal(order.folder, order.run).append(Entry(*made, order.run, source, source_digest))
 
 
 def _note_stamp(order: Order, output: Path, stamp: str) -> None:
     """Note sizes and times of files that are as the last entry says: the next run need not read
     them. Getting its name changed the picture's.
     """
-    journal = _journal(order.folder)
+    journal = _journal(order.folder, order.run)
     journal.append(replace(journal.of(order.name(output))[-1], stamp=stamp), wait=False)
 
 
@@ -449,7 +449,7 @@ def _is_unchanged(order: Order, job: Job) -> bool:
     """True if the picture is up to date by sizes and times alone: reading all files of an archive
     takes long.
     """
-    entries = _journal(order.folder).of(order.name(job.output)) if order.resume else []
+    entries = _journal(order.folder, order.run).of(order.name(job.output)) if order.resume else []
     if not entries or entries[-1].stamp != f"{_stamp(job.files)} {_stamp([job.output])}":
         return False
     return entries[-1].key == order.key(job.output, entries[-1].input)
@@ -475,7 +475,7 @@ def _existing(
     """
     if file_status(output) is None:
         return _Existing(replace=order.overwrite)
-    entries = _journal(order.folder).of(order.name(output))
+    entries = _journal(order.folder, order.run).of(order.name(output))
     last = entries[-1] if entries else None
     # by a process that died before it could say so
     of_this_run = last is not None and last.run == order.run
@@ -507,8 +507,8 @@ def _digest(job: Job) -> str | None:
     return key(frames=[digest(name) for name in frames]) if frames else digest(job.source)
 
 
-@lru_cache(maxsize=1)  # so that a process reads a long journal once
-def _journal(folder: Path) -> Journal:
+@lru_cache(maxsize=1)  # so that a process reads a long journal once a run
+def _journal(folder: Path, run: str) -> Journal:
     return Journal(folder)
 
 
