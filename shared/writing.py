@@ -331,6 +331,7 @@ def reason(error: OSError, path: Path) -> str:
         if path.is_symlink() and not path.exists():
             return f"is a link to {path.readlink()}, which is not there; remove the link"
         return "exists already; use `overwrite=True` to replace it"
-    if (text := _REASONS.get(error.errno or 0)) is None:
+    text, is_there = _REASONS.get(error.errno or 0), path.parent.is_dir()
+    if text is None or (error.errno == errno.ENOENT and is_there):  # as in /proc
         return f"cannot be written ({error.strerror or error})"
     return text.format(folder=path.parent, quoted=shlex.quote(str(path.parent)))

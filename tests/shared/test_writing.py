@@ -16,6 +16,7 @@ from panchroma.shared.writing import (
     durable_file,
     own_file,
     partial_path,
+    reason,
     sweep,
     sync_folder,
     write_durably,
@@ -162,6 +163,12 @@ def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match=words):
             write_durably(tmp_path / name, b"", overwrite=name == "folder")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_a_folder_that_is_there_need_not_be_created(tmp_path: Path) -> None:
+    """In /proc no file can be made."""
+    error = FileNotFoundError(errno.ENOENT, "No such file or directory")
+    assert reason(error, tmp_path / "shot.dng") == "cannot be written (No such file or directory)"
 
 
 def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     except FileExistsError:
         raise OutputError(f"{folder}: is not a folder; name the folder for the results") from None
     except OSError as error:
-        raise OutputError(f"{folder}: {why_not_written(error, path)}") from None
+        raise OutputError(f"{folder}: {why_not_written(error, [path, *missing][-1])}") from None
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: no permission to write in this folder; choose another")
     sweep(path)

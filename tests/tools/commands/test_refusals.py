@@ -147,7 +147,7 @@ USAGE = {
 NO_FOLDER = {
     "text.json": "panchroma: text.json: is not a folder; name the folder for the results",
     "text.json/below": "panchroma: text.json/below: text.json is not a folder",
-    "text.json/two/below": "panchroma: text.json/two/below: text.json/two is not a folder",
+    "text.json/two/below": "panchroma: text.json/two/below: text.json is not a folder",
     "''": "panchroma: the name of the output folder is empty; give ",
     "x" * 300: "the file name is too long",
     "link": "panchroma: link: is not a folder; name the folder for the results",
