@@ -36,6 +36,7 @@ from .scene import RGB, check_size, scene_channels
 from .tiff import TIFF
 
 _NPY_HEADER = 1 << 16
+_LONGEST_NAMES = 200  # characters: channels that a message lists
 
 
 def decode_npy(path: Path, max_pixels: int, channels: str) -> Decoded:
@@ -247,13 +248,16 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
         raise InputError(f"{labels}; save it as half or float")
     matrix, more = space_of(facts["chromaticities"]), facts["parts"] - 1
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
-    notes = [f"not used: {more} more parts of the EXR"] if more else []
+    notes: list[str] = []
+    names = f"the channels {facts['unused']}" if facts["unused"] else ""
+    others = f"{more} more parts of the EXR" if more else ""
+    remark_on_unused(filter(None, (names, others)), notes)
     return Decoded(pixels, None, encoding, notes=notes, channels=str(facts["channels"]))
 
 
 def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any], Facts]:
-    """Return the pixels (H, W, C), their letters, x, y of red, green, blue and white if the file
-    has them, and the number of its parts.
+    """Return the pixels (H, W, C), their letters, the names of the part's other channels, x, y of
+    red, green, blue and white if the file has them, and the number of its parts.
 
     Call it by `run_limited`.
     """
@@ -270,7 +274,7 @@ def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any]
     header, names = headers[part], parts[part]
     if not letters or "RY" in names:
         expected = "R, G, B" if requested == RGB else f"{', '.join(requested)}, or R, G, B"
-        listed = ", ".join(sorted(set().union(*parts)))[:200]
+        listed = ", ".join(sorted(set().union(*parts)))[:_LONGEST_NAMES]
         raise InputError(f"the EXR has the channels {listed}; expected {expected}, or Y alone")
     with guarded(path):
         corners = [np.asarray(corner, np.int64) for corner in header["dataWindow"]]
@@ -280,8 +284,10 @@ def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any]
     with guarded(path):
         channels = OpenEXR.File(path, separate_channels=True).channels(part)
         pixels = np.stack([channels[name].pixels for name in letters], axis=-1)
+    unused = ", ".join(sorted(names - {*letters}))[:_LONGEST_NAMES]
     letters = RGB if letters == "Y" else letters
-    return pixels, {"channels": letters, "chromaticities": primaries, "parts": len(parts)}
+    facts = {"channels": letters, "unused": unused, "chromaticities": primaries}
+    return pixels, facts | {"parts": len(parts)}
 
 
 _EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)

@@ -296,7 +296,7 @@ def test_the_part_of_an_exr_that_has_colours_is_the_scene(tmp_path: Path) -> Non
     scene = load_scene(str(tmp_path / "a.exr"))
     np.testing.assert_array_equal(scene.rgb, light[..., :3])
     assert np.array(scene.camera_to_xyz)[0, 0] > 0.5  # Adobe RGB's
-    assert scene.notes == ("not used: 2 more parts of the EXR",)
+    assert scene.notes == ("not used: the channels A, 2 more parts of the EXR",)
     OpenEXR.File(parts[:1]).write(str(tmp_path / "b.exr"))
     with pytest.raises(InputError, match="has the channels Z"):
         load_scene(str(tmp_path / "b.exr"))
@@ -384,6 +384,8 @@ def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:
     path = save(tmp_path / "a.exr", LIGHT, "RGBNA")
     assert np.array_equal(load(path, "RGB").rgb, LIGHT[..., :3])
     assert np.array_equal(load(path, "NG").rgb, LIGHT[..., [3, 1]])
+    assert load(path, "NG").notes == ("not used: the channels A, B, R",)
+    assert load(path, "RGBNA").notes == ()
     mixed = load(path, "CMYN")  # C, M and Y from R, G and B
     assert (mixed.channels, mixed.neutral) == ("RGBN", (1.0,) * 4)
     assert np.array(mixed.camera_to_xyz).any(axis=0).tolist() == [True, True, True, False]
