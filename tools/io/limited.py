@@ -96,8 +96,9 @@ def run_limited(
             process.kill()
     if refused:
         raise InputError(refused) from ProcessError(trace)
-    if trace and "missing" in facts:
-        raise ModuleNotFoundError(name=facts["missing"]) from ProcessError(trace)
+    if trace and (missing := facts.get("missing")):
+        named = f"No module named {missing!r}"
+        raise ModuleNotFoundError(named, name=missing) from ProcessError(trace)
     if trace:
         raise RuntimeError(trace.splitlines()[-1]) from ProcessError(trace)
     return samples, facts

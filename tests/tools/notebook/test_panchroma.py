@@ -326,6 +326,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.compare(panchroma.open("shot.dng"), GREY), "of shape ()"),  # type: ignore[arg-type]
         (lambda: panchroma.compare(GREY, panchroma.open("shot.dng")), "truth"),
         (lambda: panchroma.compare(GREY, GREY, white=0), "`white` is 0"),
+        (lambda: panchroma.burst("nowhere.dng"), "no such file"),
         (panchroma.calibrate, "nothing to calibrate from"),
         (lambda: panchroma.calibrate("shot.dng"), "skipped shot.dng: no ColorChecker"),
         (lambda: panchroma.calibrate("empty"), "empty: no .dng file"),
