@@ -21,7 +21,7 @@ import numpy as np
 
 from ...shared import CfaPattern, CodeArray, DoubleArray, InputError, SensorCalibration
 from ...shared.arrays import BoolArray, ByteArray
-from .bits import contradiction, open_bits
+from .bits import contradiction, has_gap, open_bits
 from .frames import RawFrame, Sensor
 from .windows import FEWEST_WINDOWS, Windows
 
@@ -183,9 +183,9 @@ class _Check:
         codes = replace(layout, height=rows).unpack(last)
         windows = Windows.of(codes, self._side, 2 * _LAST_WINDOWS, top)
         shown = shows_filters(windows, pattern)
-        if codes.max() >> calibration.bits or not (
-            shown or (shown is None and not lacks_filters(windows, pattern, calibration))
-        ):
+        has_its_bits = codes.max() >> calibration.bits == 0 and not has_gap(codes, layout)
+        is_alike = shown is None and not lacks_filters(windows, pattern, calibration)
+        if not (has_its_bits and (shown or is_alike)):
             raise SlippedError(_SLIPPED)
         if shown:
             self._look_at_colours(frame, windows)
