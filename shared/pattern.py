@@ -19,7 +19,7 @@ from .block_grid import BlockGrid
 from .colorimetry import COMPLEMENTS
 from .errors import InputError, meant
 from .figures import shown, whole
-from .tiles import CLEAR, EXPECTED, TILES, letters_of, name_of
+from .tiles import CLEAR, EXPECTED, TILES, letters_of, name_of, place_of
 
 PANCHROMATIC = "W"
 PERIODS = range(3, 17)
@@ -344,11 +344,12 @@ class CfaPattern:
 
     @cached_property
     def _spans(self) -> tuple[tuple[int, int], ...]:
-        """(first, number) of the rows, and of the columns, of a block in the tile."""
-        return tuple(
-            (0, self.period) if self.is_scattered else _span(self._occupied(axis))
-            for axis in (1, 0)
-        )
+        """(first, number) of the rows, and of the columns, of a block in the tile; where that is
+        the tile, it begins as the tile of its name does.
+        """
+        if self.is_scattered:
+            return tuple((first, self.period) for first in place_of(self.tile)[1])
+        return tuple(_span(self._occupied(axis)) for axis in (1, 0))
 
     def _occupied(self, axis: int) -> BoolArray:
         """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""

@@ -32,7 +32,7 @@ def test_every_code_survives_scene_units(bits: int) -> None:
     assert scene.in_scene_units() is scene
     wide: Any = scene.signal.astype(np.float64)
     assert Mosaic(wide, PATTERN, calibration).samples.dtype == np.float32
-    swapped = every.samples.astype(every.samples.dtype.newbyteorder())
+    swapped: Any = every.samples.astype(every.samples.dtype.newbyteorder())
     assert np.array_equal(Mosaic(swapped, PATTERN, calibration).samples, every.samples)
 
 
