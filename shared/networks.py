@@ -51,6 +51,18 @@ class Block(NamedTuple):
         ]
         return max(images, key=lambda image: "".join(image.letters).replace(PANCHROMATIC, " "))
 
+    def sites(self, period: int) -> list[int]:
+        """Numbers of the pixels of a superpixel, K x K with the block in the middle, that see a
+        colour, row by row.
+        """
+        margin = (period - len(self.letters)) // 2
+        return [
+            (margin + row) * period + margin + column
+            for row, letters in enumerate(self.letters)
+            for column, letter in enumerate(letters)
+            if letter != PANCHROMATIC
+        ]
+
 
 def network_file(pattern: CfaPattern) -> str:
     """Name of the file with the network for a pattern: "rggb-k6.onnx" for any order of a Bayer

@@ -15,7 +15,8 @@ r_s of the render at the S sites before they were corrected, and the variance v 
 
 The network sees d_0 / a, d_k / a, r / a, t_k, log2(1 + sqrt v / a), 0.3 log2(1 + <l> / a) and b /
 a. Its answer times b is added to p_k, but leads no chromaticity p_k / l out of the range of those
-in 3 x 3 superpixels. Clipped blocks have an infinite v, so that b is 0 around them.
+in 3 x 3 superpixels; then, at the sites, to l, where p_k stays, as far as other frames of a burst
+do not measure l there. Clipped blocks have an infinite v, so that b is 0 around them.
 `tools/training` learns from the same inputs; `models/README.md` names the pictures.
 
 Where a superpixel is the same in another orientation, the network looks at it twice: the answer is
@@ -75,6 +76,7 @@ _FAINT = 0.01
 _SIDE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
 _ZERO, _THIRD = np.float32(0), np.float32(1 / 3)
+_MOST_TAKEN = np.float32(0.4)  # of luminance: more makes dark specks beside edges
 
 Span = tuple[int, int]
 """First and end of some rows, or columns, of superpixels; they may lie outside the frame."""
@@ -132,7 +134,8 @@ class ColourNetwork(RowStage):
         count = 2 * -(-grid.shape[1] // (2 * _WIDEST))
         sides = _SIDE, -(-grid.shape[1] // count)
         result, basis = band.rows(*rows), np.empty_like(BASIS)
-        result = replace(result, chromaticity=copy_array(result.chromaticity))
+        luminance, chromaticity = map(copy_array, (result.luminance, result.chromaticity))
+        sites = Block.of(self.frame.pattern).sites(period)
         basis[:, grid.channels] = BASIS
 
         def correct(chunk: tuple[int, int]) -> None:
@@ -140,7 +143,7 @@ class ColourNetwork(RowStage):
                 (index * side - _HALO, (index + 1) * side + _HALO)
                 for index, side in zip(chunk, sides, strict=True)
             ]
-            error, variance = residuals.of(*window)
+            error, variance, kept = residuals.of(*window)
             pixels = grid.cut(band, gamma, window[0], window[1])
             contrast = Contrast.of(pixels, error, variance)
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
@@ -151,6 +154,9 @@ class ColourNetwork(RowStage):
                 inputs = contrast.around(down, across, REACH).inputs()[None]
                 (answer,) = network.run(None, {"features": inputs})
                 limited = contrast.around(down, across, 1).answered(answer[0])
+                share = kept[_HALO:, _HALO:][: down[1], : across[1]][down[0] :, across[0] :]
+                missing, numbers = answer[0][2 * period**2 :] * share, np.full(period**2, -1)
+                numbers[sites[: len(missing)]] = np.arange(len(missing))
                 pixel_rows, pixel_columns = (
                     grid.pixels(axis, window[axis])[
                         (_HALO + start) * period : (_HALO + end) * period
@@ -158,11 +164,11 @@ class ColourNetwork(RowStage):
                     for axis, (start, end) in enumerate((down, across))
                 )
                 places = pixel_rows - result.first, pixel_columns
-                add_answer(limited, basis, gamma, places, result.luminance, result.chromaticity)
+                add_answer(limited, missing, numbers, basis, gamma, places, luminance, chromaticity)
 
         chunks = [(down, across) for down in range(first, last + 1) for across in range(count)]
         in_chunks(lambda first, _: correct(chunks[first]), len(chunks))
-        return result
+        return replace(result, luminance=luminance, chromaticity=chromaticity)
 
 
 class Contrast(NamedTuple):
@@ -243,8 +249,8 @@ class Contrast(NamedTuple):
         return np.clip(inputs, -RANGE, RANGE, out=inputs)
 
     def answered(self, answer: FloatArray) -> "Answer":
-        """Return the network's answer, (2 K^2, h - 2, w - 2), and its limits, for all but the
-        outermost superpixels.
+        """Return what the network answers of colour, the first 2 K^2 of its planes, and the limits,
+        for all but the outermost superpixels, (h - 2, w - 2).
         """
         dim = np.maximum(np.float32(_DIM) * self.own, np.float32(_LEAST_DIM))
         chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], dim)
@@ -252,7 +258,8 @@ class Contrast(NamedTuple):
             _extreme(of, of.reduce(chromaticity, axis=1)) for of in (np.minimum, np.maximum)
         )
         bound, dim = (np.ascontiguousarray(_inner(plane)) for plane in (self.bound, dim))
-        return Answer(answer.reshape(2, -1, *bound.shape), bound, dim, low, high)
+        change = answer[: 2 * self.pixels.shape[1]].reshape(2, -1, *bound.shape)
+        return Answer(change, bound, dim, low, high)
 
 
 class Answer(NamedTuple):
@@ -438,17 +445,23 @@ def cut_superpixels(
 def add_answer(
     chunks: Chunks,
     answer: Answer,
+    missing: Floats3,
+    sites: Ints1,
     basis: Floats2,
     gamma: Floats1,
     places: tuple[Ints1, Ints1],
     luminance: Floats2,
     chromaticity: Floats3,
 ) -> None:
-    """Add the answer for h x w superpixels to chromaticity, (H, W, 3), within its limits. No
-    channel gains or loses more than the luminance, (H, W), which stays.
+    """Add the answer for h x w superpixels to chromaticity, (H, W, 3), within its limits, and to
+    luminance, (H, W). No channel gains or loses more than the luminance.
 
     Parameters
     ----------
+    missing : Floats3
+        What the mean of the channels misses at sites, in units of the bound, (S, h, w).
+    sites : Ints1
+        Number of the site at each pixel of a superpixel, (K^2,); -1 = none.
     basis : Floats2
         e1 and e2 of the three channels, (2, 3).
     places : tuple[Ints1, Ints1]
@@ -481,6 +494,14 @@ def add_answer(
                 limit = max(level, abs(step[0]), abs(step[1]), abs(step[2]))
                 for channel in range(3):
                     colour[channel] += step[channel] / (limit * gamma[channel])
+                if sites[pixel] >= 0:
+                    added = missing[sites[pixel], down, across] * answer.bound[down, across]
+                    added = max(added, -_MOST_TAKEN * _THIRD * level)
+                    after = level + added / _THIRD
+                    for channel in range(3):
+                        share = colour[channel] * level + added / gamma[channel]
+                        colour[channel] = share / after
+                    luminance[row, column] = after
 
 
 class Residuals:
@@ -492,15 +513,17 @@ class Residuals:
         noise = frame.scaled_variance(rows)
         variance = np.zeros(error.shape[:2], np.float32) if noise is None else mean_of_sites(noise)
         variance = np.where(frame.unclipped[rows], variance, np.float32(UNKNOWN))
+        kept = np.ones_like(variance) if frame.kept is None else frame.kept[rows]
         # one superpixel around the whole blocks stands for all beyond
         error = np.pad(error, ((1, 1), (1, 1), (0, 0)))
         variance = np.pad(variance, 1, constant_values=UNKNOWN)
+        kept = np.pad(kept, 1, constant_values=1)
         self._grid, self._first = grid, (grid.blocks[0] + rows.start - 1, grid.blocks[1] - 1)
-        self._values = np.concatenate([error, variance[..., None]], axis=2)
+        self._values = np.concatenate([error, np.stack([variance, kept], axis=2)], axis=2)
 
-    def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray]:
-        """Return the residuals at the S sites of some superpixels, mirrored, and the variance of
-        their noise.
+    def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the residuals at the S sites of some superpixels, mirrored, the variance of their
+        noise, and the share of errors that is corrected (`Frame.kept`).
 
         Float32 (S, h, w) and (h, w): 0 and UNKNOWN in superpixels without a whole block.
         """
@@ -512,4 +535,4 @@ class Residuals:
         ]
         values = self._values[np.ix_(*places)].transpose(2, 0, 1)
         planes = np.ascontiguousarray(self._grid.turned(values))
-        return planes[:-1], planes[-1]
+        return planes[:-2], planes[-2], planes[-1]

@@ -199,7 +199,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     grid = Superpixels.of(measured.sites)
     # superpixels that lie wholly inside the frame
     rows, columns = ((1, count - 1) for count in grid.shape)
-    error, variance = Residuals(grid, corrected, measured).of(rows, columns)
+    error, variance, _ = Residuals(grid, corrected, measured).of(rows, columns)
     truth = Band(0, np.ones(mosaic.shape, np.float32), scene)
     return [
         _picture(grid, corrected, rows, columns).astype(_KIND),

@@ -37,7 +37,8 @@ _SAMPLED = 7
 
 
 class Network(nn.Module):  # type: ignore[misc]
-    """Correction of two components of colour (`BASIS`) for every pixel of a superpixel.
+    """Correction of two components of colour (`BASIS`) for every pixel of a superpixel, and of
+    luminance for its sites.
 
     Parameters
     ----------
@@ -53,13 +54,13 @@ class Network(nn.Module):  # type: ignore[misc]
         self.enter = nn.Conv2d(3 * pixels + sites + SURROUNDINGS, channels, 3)
         self.wide = nn.ModuleList(nn.Conv2d(channels, channels, 3) for _ in range(BLOCKS))
         self.deep = nn.ModuleList(nn.Conv2d(channels, channels, 1) for _ in range(BLOCKS))
-        self.leave = nn.Conv2d(channels, 2 * pixels, 1)
+        self.leave = nn.Conv2d(channels, 2 * pixels + sites, 1)
         nn.init.zeros_(self.leave.weight)
         nn.init.zeros_(self.leave.bias)
 
     def forward(self, inputs: Any) -> Any:
-        """(N, 3 K^2 + S + SURROUNDINGS, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in
-        units of the bound.
+        """(N, 3 K^2 + S + SURROUNDINGS, h, w) -> (N, 2 K^2 + S, h - 2 BLOCKS - 2, w - 2 BLOCKS -
+        2), in units of the bound.
         """
         values = self.enter(inputs)
         for block in range(BLOCKS):
@@ -187,11 +188,11 @@ def inner(planes: Any, width: int = 1) -> Any:
 
 
 def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
-    """Remaining error of colour, and the initial one; three measures of each in each crop of the
-    batch, (3, N).
+    """Remaining error, and the initial one; four measures of each in each crop of the batch, (4,
+    N).
 
-    The measures: the robust mean in units of activity; the energy; and the share of pixels with a
-    wrong hue.
+    The measures of colour: the robust mean in units of activity; the energy; and the share of
+    pixels with a wrong hue. Of luminance at the sites: the energy.
 
     Parameters
     ----------
@@ -207,9 +208,9 @@ def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
 
 
 def share_left(left: Any, before: Any) -> Any:
-    """The share of each measure that is left, (3,), for gradient descent.
+    """The share of each measure that is left, (4,), for gradient descent.
 
-    That of energy is the mean of the shares of crops: a photograph counts whatever its brightness,
+    Those of energy are means of the shares of crops: a photograph counts whatever its brightness,
     as in a mean of PSNR.
 
     Parameters
@@ -218,12 +219,14 @@ def share_left(left: Any, before: Any) -> Any:
         From `losses`.
     """
     shares = left.mean(dim=1) / before.mean(dim=1).clamp_min(1e-7)
-    return torch.stack([shares[0], (left[1] / (before[1] + _FAINT)).mean(), shares[2]])
+    energies = (left[1::2] / (before[1::2] + _FAINT)).mean(dim=1)
+    return torch.stack([shares[0], energies[0], shares[2], energies[1]])
 
 
 def _measures(error: Any, unit: Any, limit: Any) -> Any:
-    robust = torch.sqrt(((error / unit) ** 2).mean(dim=1) + 1e-4)
-    pixels = error.shape[1] // 2
-    apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / limit**2
-    terms = robust, error**2, apart**2 / (1 + apart**2)
+    pixels = limit.shape[1]
+    colour, light = error[:, : 2 * pixels], error[:, 2 * pixels :]
+    robust = torch.sqrt(((colour / unit) ** 2).mean(dim=1) + 1e-4)
+    apart = (colour[:, :pixels] ** 2 + colour[:, pixels:] ** 2) / limit**2
+    terms = robust, colour**2, apart**2 / (1 + apart**2), light**2
     return torch.stack([term.flatten(1).mean(dim=1) for term in terms])

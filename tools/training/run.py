@@ -35,7 +35,8 @@ from .network import Descent, Network, begin_with, losses, share_left, units
 
 Example = list[Any]
 """Tensors of what `prepare` returns."""
-_SHARES = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
+# of the measures in the loss: robust, energy, wrong hue, luminance
+_SHARES = (1.0, 0.75, 1.0, 1.0)
 _REPORT = 200  # steps between two checkpoints
 _JUDGED = 12  # batches of the sources kept back
 _MEASURED = 64  # examples that show how large the values in a network are
@@ -125,7 +126,9 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     sources = [*plan.sources, *[PAGE] * -(-count // 3), *[DRAWN] * -(-count // 4)]
     examples = make_examples(make, sources, seeds, work, jobs, progress)
     network, learned = _descend(plan, work, examples, jobs, progress), examples[0]
-    sampled = [_read(path, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]]
+    sampled = [
+        _read(path, plan, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]
+    ]
     batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
     steps = units(network, batches)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
@@ -154,9 +157,9 @@ def turned(plan: Plan, *, transposed: bool, exchanged: bool) -> Turn:
     if exchanged:
         pixels, order, colour = pixels[::-1, ::-1], order[::-1], BASIS[:, ::-1] @ BASIS.T
     places = np.eye(period**2, dtype=np.float32)[pixels.ravel()]
-    outputs = np.kron(colour, places)
+    outputs = block_diag(np.kron(colour, places), np.eye(sites, dtype=np.float32)[order])
     rest = np.eye(SURROUNDINGS - len(BASIS), dtype=np.float32)
-    inputs = block_diag(places, outputs, np.eye(sites, dtype=np.float32)[order], colour, rest)
+    inputs = block_diag(places, outputs, colour, rest)
     return Turn(inputs, outputs, transposed, exchanged)
 
 
@@ -173,7 +176,7 @@ def _descend(
     if descent.done == plan.steps:
         return network.to("cpu")
     progress.stage("reading", sum(map(len, paths)))
-    examples, judges = ([_read(path, device, progress) for path in side] for side in paths)
+    examples, judges = ([_read(path, plan, device, progress) for path in side] for side in paths)
     judged = [_batch(judges, plan, (plan.seed, 1, number)) for number in range(_JUDGED)]
     progress.stage("training", plan.steps)
     progress.advance(descent.done)
@@ -184,10 +187,10 @@ def _descend(
         loss = (share_left(left, before) * torch.tensor(_SHARES, device=device)).sum()
         progress.advance()
         if descent.follow(loss):
-            robust, energy, hue = _judge(network, judged)
+            robust, energy, hue, light = _judge(network, judged)
             progress.remark(
                 f"step {step + 1}: left {robust:.4f} of the error, {energy:.4f} of its energy, "
-                f"{hue:.4f} of wrong hues"
+                f"{hue:.4f} of wrong hues, {light:.4f} of luminance at sites"
             )
     return network.to("cpu")
 
@@ -217,10 +220,17 @@ def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]
     colours, numbers = _site_colours(known), list[int]()
     for place, colour in enumerate(wanted := _site_colours(pattern)):
         alike = [number for number, other in enumerate(colours) if other == colour]
+        alike = alike or [place % len(colours)]  # such as green, of RCCB
         numbers.append(alike[wanted[:place].count(colour) % len(alike)])
     others = np.concatenate([numbers, len(colours) + np.arange(SURROUNDINGS)])
     inputs = np.concatenate([(planes + pixels).ravel(), 3 * known.period**2 + others])
-    outputs = (planes[:2] + pixels).ravel()
+    outputs = np.concatenate(
+        [(planes[:2] + pixels).ravel(), 2 * known.period**2 + np.array(numbers)]
+    )
+    for name in ("leave.weight", "leave.bias"):  # older ones do not know what luminance misses
+        missing = 2 * known.period**2 + len(colours) - len(weights[name])
+        rest = np.zeros((missing, *weights[name].shape[1:]), np.float32)
+        weights[name] = np.concatenate([weights[name], rest])
     return weights | {
         "enter.weight": weights["enter.weight"][:, inputs],
         "leave.weight": weights["leave.weight"][outputs],
@@ -234,7 +244,11 @@ def _site_colours(pattern: CfaPattern) -> str:
 
 
 def prepare(
-    picture: FloatArray, truth: FloatArray, error: FloatArray, variance: FloatArray
+    pattern: CfaPattern,
+    picture: FloatArray,
+    truth: FloatArray,
+    error: FloatArray,
+    variance: FloatArray,
 ) -> list[NDArray[Any]]:
     """What the network sees of a picture and what it has to find, for all superpixels but the
     outermost `MARGIN`; all but the first two are in scene units.
@@ -247,13 +261,14 @@ def prepare(
     Returns
     -------
     list[NDArray[Any]]
-        `Contrast.inputs`; missing colour, (2 K^2, h, w); true luminance, (K^2, h, w); bound and
-        variance, (1, h, w) each. The first three are float16.
+        `Contrast.inputs`; missing colour, and luminance at the sites, (2 K^2 + S, h, w); true
+        luminance, (K^2, h, w); bound and variance, (1, h, w) each. The first three are float16.
     """
     pixels, right = (_superpixels(planes, *variance.shape[1:]) for planes in (picture, truth))
     contrast = Contrast.of(pixels, error.astype(np.float32), variance[0])
     right = right[..., MARGIN:-MARGIN, MARGIN:-MARGIN]
-    missing = (right[1:] - contrast.pixels[1:]).reshape(-1, *contrast.bound.shape)
+    light, *colour = right - contrast.pixels
+    missing = np.concatenate([*colour, light[Block.of(pattern).sites(pattern.period)]])
     small = (contrast.inputs(), missing, right[0])
     large = contrast.bound, contrast.variance
     return [*(planes.astype(np.float16) for planes in small), *(plane[None] for plane in large)]
@@ -267,10 +282,11 @@ def _superpixels(planes: FloatArray, rows: int, columns: int) -> FloatArray:
     return np.tensordot(WEIGHTS, pixels, 1)
 
 
-def _read(path: Path, device: str, progress: StageProgress) -> Example:
+def _read(path: Path, plan: Plan, device: str, progress: StageProgress) -> Example:
     """An example, as tensors."""
     progress.advance()
-    return [torch.from_numpy(planes).to(device) for planes in prepare(*read_example(path))]
+    prepared = prepare(plan.pattern, *read_example(path))
+    return [torch.from_numpy(planes).to(device) for planes in prepared]
 
 
 def _judge(network: Network, batches: Sequence[Example]) -> list[float]:
