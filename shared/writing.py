@@ -331,7 +331,9 @@ def reason(error: OSError, path: Path) -> str:
         if path.is_symlink() and not path.exists():
             return f"is a link to {path.readlink()}, which is not there; remove the link"
         return "exists already; use `overwrite=True` to replace it"
-    text, is_there = _REASONS.get(error.errno or 0), path.parent.is_dir()
-    if text is None or (error.errno == errno.ENOENT and is_there):  # as in /proc
+    text, folder = _REASONS.get(error.errno or 0), str(path.parent)
+    # as in /proc; Path.is_dir would raise where it may not look
+    is_there = os.path.isdir(folder)  # noqa: PTH112
+    if text is None or (error.errno == errno.ENOENT and is_there):
         return f"cannot be written ({error.strerror or error})"
-    return text.format(folder=path.parent, quoted=shlex.quote(str(path.parent)))
+    return text.format(folder=folder, quoted=shlex.quote(folder))

@@ -74,7 +74,7 @@ def is_misread(sensor: Sensor, frame: RawFrame, windows: Windows) -> bool:
     """Return whether samples vary widely and resemble none of their neighbours, or do so more in
     another format: bits of low value are read as bits of high value.
     """
-    layout, packing, shape = sensor.layout, FORMATS[sensor.layout.format], windows.codes.shape
+    layout, packing, side = sensor.layout, FORMATS[sensor.layout.format], windows.codes.shape[1]
     if len(windows.codes) < FEWEST_WINDOWS:
         return False
     spread, ours = _resemblance(windows, sensor, _NEIGHBOURS, 1 << sensor.calibration.bits)
@@ -82,7 +82,9 @@ def is_misread(sensor: Sensor, frame: RawFrame, windows: Windows) -> bool:
     for name, other in FORMATS.items():
         is_alike = (other.pixels, other.length) == (packing.pixels, packing.length)
         if is_alike and (ours < 1 - _MORE).any():
-            read = Windows.of(replace(layout, format=name).unpack(frame.data), shape[1], shape[0])
+            codes = replace(layout, format=name).unpack(frame.data)
+            cut = [codes[row : row + side, left : left + side] for row, left in windows.places]
+            read = replace(windows, codes=np.stack(cut).astype(np.float32))
             is_wrong |= ours + _MORE < _resemblance(read, sensor, _OTHER_ROWS)[1]
     return bool(is_wrong.any())
 

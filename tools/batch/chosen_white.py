@@ -31,7 +31,7 @@ class WhiteBalance:
         their ratios matter.
     grey : tuple[int, int] | None
         (x, y) of a pixel of the upright picture that shows a grey. Of a sensor with two channels
-        the same numbers are multipliers.
+        the same numbers are multipliers, if these may be as large and as small.
     """
 
     kind: str = _CAMERA
@@ -55,8 +55,7 @@ class WhiteBalance:
         is_place = len(multipliers) == 2 and all(at >= 0 and at % 1 == 0 for at in multipliers)
         if is_place and max(multipliers) >= GREY_BOX // 2:
             return cls("", multipliers, (int(multipliers[0]), int(multipliers[1])))
-        fitting = all(1 / _MOST_WB <= multiplier <= _MOST_WB for multiplier in multipliers)
-        if len(multipliers) < 2 or not fitting:
+        if len(multipliers) < 2 or not _are_multipliers(multipliers):
             raise InputError(
                 f"`wb` is {requested!r}, expected {_CAMERA}, {_AUTO}, the place X,Y of a grey, or "
                 f"multipliers R,G,B such as 2.1,1,1.6, between {1 / _MOST_WB:g} and {_MOST_WB:g}"
@@ -82,7 +81,8 @@ class WhiteBalance:
                 reason = "too dark, too bright or too small to estimate the white balance"
                 raise InputError(f'{reason}; give `wb="camera"` or multipliers')
             return mosaic.calibrated(balanced(calibration, np.array(neutral), estimated=True))
-        if self.grey and (len(calibration.channels) > 2 or 0 in self.grey):
+        is_place = len(calibration.channels) > 2 or not _are_multipliers(self.multipliers)
+        if self.grey and is_place:
             return self._grey_at(mosaic, *self.grey)
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)
@@ -105,6 +105,10 @@ class WhiteBalance:
         if neutral is None:
             raise InputError(f"`wb`: the picture is clipped or too dark at {x},{y}; name a grey")
         return mosaic.calibrated(balanced(mosaic.calibration, np.array(neutral)))
+
+
+def _are_multipliers(values: tuple[float, ...]) -> bool:
+    return all(1 / _MOST_WB <= value <= _MOST_WB for value in values)
 
 
 AS_SHOT = WhiteBalance()

@@ -59,7 +59,7 @@ class Job:
         return self.outputs[0]
 
     def make_folders(self) -> None:
-        """Create the subfolders for the outputs. Call it when all else has gone well.
+        """Create the subfolders for the outputs; one stays empty if the job fails then.
 
         Raises OutputError.
         """

@@ -86,6 +86,8 @@ class Journal:
     def made_with(self, output: str) -> list[Entry]:
         """The latest entries of all outputs that the latest run of this one made of its source."""
         made = {(entry.run, entry.source) for entry in self.of(output)[-1:]}
+        if not made:
+            return []
         with self._lock:
             latest = [entries[-1] for entries in self._entries.values()]
         return [entry for entry in latest if (entry.run, entry.source) in made]

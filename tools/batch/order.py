@@ -396,37 +396,32 @@ def kept(
         if all(each.current for each in found.values()):
             return _up_to_date(job.output, "current")
         left_over = _made_with(run, job)
-        if not run.may_replace:
-            refuse_existing(left_over)
 
         def keep(output: Path) -> dict[str, Any]:
             if found[output].changed:
                 changed = f"has changed since it was made; it is kept as {keep_old(output).name}"
                 listener.note(f"{output}: {changed}")
-            while left_over:
-                _remove(run, left_over.pop(), listener.note)
             note = partial(_note_in_journal, run, job, output, source)
             replaced = found[output].replace
             return {"overwrite": replaced, "on_complete": lambda whole: partial(note, whole)}
 
-        return work(job, listener, keep)
+        outcome = work(job, listener, keep)
+        for path in left_over:
+            latest = _journal(run.folder, run.run).of(run.name(path))[-1]
+            if latest.run != run.run and os.path.lexists(path):
+                what = "was made with what is replaced, and does not belong to what is there now"
+                listener.note(f"{path}: {what}: remove it")
+        return outcome
 
 
 def _made_with(run: FileRun, job: Job) -> list[Path]:
-    """Files that an earlier run made with the first output, and that this one does not make: beside
-    its new outputs they would be taken for theirs.
+    """Files that earlier runs made with the outputs, and that this one does not make: beside its
+    own they may be taken for theirs.
     """
-    entries = _journal(run.folder, run.run).made_with(run.name(job.output))
-    paths = [run.folder / entry.output for entry in entries]
-    return [path for path in paths if path not in job.outputs and os.path.lexists(path)]
-
-
-def _remove(run: FileRun, path: Path, note: Note) -> None:
-    """Remove a file of an earlier run; one that was changed since is kept under another name."""
-    made = {entry.digest for entry in _journal(run.folder, run.run).of(run.name(path))}
-    spare = "" if digest(path) in made else f"; it was changed, and stays as {keep_old(path).name}"
-    path.unlink()
-    note(f"{path}: is removed, as it was made with what is replaced{spare}")
+    journal = _journal(run.folder, run.run)
+    entries = (entry for output in job.outputs for entry in journal.made_with(run.name(output)))
+    paths = dict.fromkeys(run.folder / entry.output for entry in entries)
+    return [path for path in paths if path not in job.outputs]
 
 
 def _note_in_journal(

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from ...shared.errors import InputError
 from .damage import data_bytes
+from .versions import install_command
 
 Facts = dict[str, Any]
 """Whatever JSON holds, by name."""
@@ -97,7 +98,7 @@ def run_limited(
     if refused:
         raise InputError(refused) from ProcessError(trace)
     if trace and (missing := facts.get("missing")):
-        named = f"No module named {missing!r}"
+        named = f"the package {missing} is not installed: {install_command()}"
         raise ModuleNotFoundError(named, name=missing) from ProcessError(trace)
     if trace:
         raise RuntimeError(trace.splitlines()[-1]) from ProcessError(trace)

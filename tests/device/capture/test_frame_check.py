@@ -328,6 +328,14 @@ def test_frames_without_a_scene_are_no_proof_against_a_right_format(name: str) -
         look(pack(frame.clip(0, levels - 1).astype(np.uint16), name) * 3, described)
 
 
+def test_a_small_frame_of_which_one_corner_is_smooth_is_no_proof_either() -> None:
+    rng, side = np.random.default_rng(0), 70
+    frame = rng.uniform(300, 4000, (side, side))
+    ramp = np.add.outer(np.arange(48), np.arange(48))
+    frame[:48, :48] = 500 + 30 * ramp + rng.normal(0, 20, (48, 48))
+    look(pack(frame.astype(np.uint16), "raw12") * 3, of("raw12", width=side, height=side))
+
+
 def test_scenes_of_two_tones_in_dots_are_no_proof_against_a_right_description() -> None:
     rng = np.random.default_rng(1)
     for number, side in enumerate((2, 2, 2, 3, 3, 5, 9) * 2):

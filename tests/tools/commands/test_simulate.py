@@ -158,28 +158,25 @@ def test_the_truth_is_also_a_picture_and_nothing_of_a_user_is_replaced(out: Path
     ],
 )
 @pytest.mark.parametrize("replace", ["--overwrite", "--resume"])
-def test_nothing_of_a_replaced_shot_stays_beside_the_new_one(
+def test_what_does_not_belong_to_the_new_shot_is_named_and_stays(
     out: Path, earlier: str, later: str, left_over: set[str], replace: str
 ) -> None:
     run("simulate", SOURCE, "builtin:30x24", "-o", out, earlier, code=0)
-    before = results(out)
-    edited = sorted(left_over)[:1]
-    for name in edited:
-        (out / name).write_bytes(b"mine")
+    before = {name: (out / name).read_bytes() for name in results(out)}
     outcome = run("simulate", SOURCE, "-o", out, later, replace, code=0)
-    kept = {f"{name}.bak" for name in edited}
-    assert before - results(out) == left_over
-    assert kept <= results(out)
-    assert outcome.err.count("is removed") == len(left_over)
-    assert all(f"{out / name}: is removed" in outcome.err for name in left_over)
+    assert all((out / name).read_bytes() == before[name] for name in left_over)
+    assert outcome.err.count("was made with what is replaced") == len(left_over)
+    assert all(f"{out / name}: was made with" in outcome.err for name in left_over)
 
 
-def test_what_is_left_of_a_shot_that_is_gone_is_replaced_when_asked(out: Path) -> None:
-    simulate(out, "--truth")
-    (out / SHOT).unlink()
-    outcome = run("simulate", SOURCE, "-o", out, code=1)
-    assert_refused(outcome, "exists already", name=f"{SOURCE}: {out / TRUTH}")
-    assert results(out) == {TRUTH, SHOWN}
+def test_frames_that_the_same_run_makes_are_not_called_old(out: Path, tmp_path: Path) -> None:
+    for name in ("a", "a-1", "a-2"):
+        tifffile.imwrite(tmp_path / f"{name}.tif", np.full((24, 30, 3), 20000, np.uint16))
+    run("simulate", tmp_path / "a.tif", "-o", out, "--burst 2", code=0)
+    scenes = tmp_path / "a-1.tif", tmp_path / "a-2.tif"
+    outcome = run("simulate", *scenes, "-o", out, "--overwrite -j 2", code=0)
+    assert "a-1.dng: was made" not in outcome.err
+    assert {"a-1.dng", "a-2.dng"} <= results(out)
 
 
 # --- bursts --------------------------------------------------------------------------------------
