@@ -94,10 +94,10 @@ def folder(examples_made: Path, tmp_path: Path) -> Path:
 def test_it_learns_and_writes_what_the_render_runs(
     photographs: tuple[str, ...], folder: Path
 ) -> None:
-    path = run.train(small(photographs, 120), folder, 1, reports := Reports())
-    assert reports.texts[-1].startswith("step 120: left 0.")
+    path = run.train(small(photographs, 240), folder, 1, reports := Reports())
+    assert reports.texts[-1].startswith("step 240: left 0.")
     assert load_network(path).get_inputs()
-    assert json.loads((folder / "rggb-k4" / "plan.json").read_text())["steps"] == 120
+    assert json.loads((folder / "rggb-k4" / "plan.json").read_text())["steps"] == 240
 
 
 def test_an_interrupted_training_ends_with_the_same_weights_and_no_other_goes_on_there(
