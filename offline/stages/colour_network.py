@@ -1,5 +1,5 @@
-"""Correction of chromaticity by a network that was trained on photographs, for what one block in K
-x K pixels cannot measure.
+"""Correction of chromaticity, and of luminance at the sites, by a network that was trained on
+photographs, for what one block in K x K pixels cannot measure.
 
 The frame is cut into superpixels, K x K pixels with a block in the middle, and the pixels of a
 superpixel are the network's channels (space to depth). With e1 = (1, -1, 0) / sqrt 2 and e2 = (1,
@@ -99,7 +99,7 @@ def network_name(pattern: CfaPattern) -> str | None:
 
 @dataclass(eq=False)
 class ColourNetwork(RowStage):
-    """Correct chromaticity by a network.
+    """Correct chromaticity by a network, and luminance at the sites if it knows of that.
 
     Attributes
     ----------
@@ -154,8 +154,9 @@ class ColourNetwork(RowStage):
                 inputs = contrast.around(down, across, REACH).inputs()[None]
                 (answer,) = network.run(None, {"features": inputs})
                 limited = contrast.around(down, across, 1).answered(answer[0])
-                share = kept[_HALO:, _HALO:][: down[1], : across[1]][down[0] :, across[0] :]
-                missing, numbers = answer[0][2 * period**2 :] * share, np.full(period**2, -1)
+                inside = (slice(_HALO + start, _HALO + end) for start, end in (down, across))
+                missing = answer[0][2 * period**2 :] * kept[tuple(inside)]
+                numbers = np.full(period**2, -1)
                 numbers[sites[: len(missing)]] = np.arange(len(missing))
                 pixel_rows, pixel_columns = (
                     grid.pixels(axis, window[axis])[
