@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .errors import InputError
-from .pattern import PANCHROMATIC, CfaPattern
+from .pattern import MIRRORS, PANCHROMATIC, CfaPattern
 
 NETWORKS = Path(__file__).parents[1] / "offline" / "models"
 """Their folder; a camera does not have it."""
@@ -44,10 +44,9 @@ class Block(NamedTuple):
         """
         height, width = pattern.block_shape
         rows = [row[:width] for row in pattern.letters_from(pattern.block_origin)[:height]]
-        sides = (1, 1), (1, -1), (-1, 1), (-1, -1)
         images = [
             cls(tuple(row[::across] for row in rows[::down]), (down, across))
-            for down, across in sides
+            for down, across in MIRRORS
         ]
         return max(images, key=lambda image: "".join(image.letters).replace(PANCHROMATIC, " "))
 

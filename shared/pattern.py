@@ -24,6 +24,8 @@ from .tiles import CLEAR, EXPECTED, TILES, letters_of, name_of, place_of
 PANCHROMATIC = "W"
 PERIODS = range(3, 17)
 BAYER_ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
+MIRRORS = (1, 1), (1, -1), (-1, 1), (-1, -1)
+"""Steps (down, across) through the four mirror images of a block."""
 _ROW_LETTERS = re.compile("[A-Z]+")
 _FARTHEST = 2  # pixels, each way, from a colour site to the nearest panchromatic pixel at most
 
@@ -345,10 +347,15 @@ class CfaPattern:
     @cached_property
     def _spans(self) -> tuple[tuple[int, int], ...]:
         """(first, number) of the rows, and of the columns, of a block in the tile; where that is
-        the tile, it begins as the tile of its name does.
+        the tile, it begins as the tile of its name does, or a mirror image of that.
         """
         if self.is_scattered:
-            return tuple((first, self.period) for first in place_of(self.tile)[1])
+            for down, across in MIRRORS:
+                name, first = place_of(tuple(row[::across] for row in self.tile[::down]))
+                if name:
+                    starts = down * first[0] % self.period, across * first[1] % self.period
+                    return tuple((start, self.period) for start in starts)
+            return (0, self.period), (0, self.period)
         return tuple(_span(self._occupied(axis)) for axis in (1, 0))
 
     def _occupied(self, axis: int) -> BoolArray:

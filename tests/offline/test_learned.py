@@ -23,6 +23,7 @@ from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.shared.networks import NETWORKS, Block, load_network, network_for
+from panchroma.shared.pattern import MIRRORS
 from panchroma.shared.runtime import onnxruntime
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import sampled
@@ -92,7 +93,7 @@ def test_a_network_serves_a_block_and_its_mirror_images(path: Path) -> None:
     letters, _, period = path.stem.upper().partition("-K")
     side = isqrt(len(letters))
     rows = [letters[start : start + side] for start in range(0, len(letters), side)]
-    for down, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+    for down, across in MIRRORS:
         block = tuple(row[::across] for row in rows[::down])
         whole = side == int(period)
         pattern = CfaPattern(block) if whole else CfaPattern.with_block(block, int(period))
@@ -100,12 +101,15 @@ def test_a_network_serves_a_block_and_its_mirror_images(path: Path) -> None:
 
 
 def test_a_tile_has_its_network_wherever_its_letters_begin() -> None:
-    for pattern in (CfaPattern.of_letters("SCF1WGWB"), *SYMMETRIC):
+    for pattern in (*map(CfaPattern.of_letters, ("SCF1WGWB", "sony", "honda")), *SYMMETRIC):
         letters = "/".join(pattern.letters_from((1, 2)))
         other = CfaPattern.of_letters(letters, (1, 2))
         assert other.tile != pattern.tile
         assert network_name(other) == network_name(pattern) is not None
-        if pattern not in SYMMETRIC:  # there are several places where it may begin
+        for down, across in MIRRORS:
+            image = tuple(row[::across] for row in other.tile[::down])
+            assert network_name(CfaPattern(image)) == network_name(pattern)
+        if pattern.name == "Kodak":  # the others may begin at several places
             mosaic = simulate_additive(scene(60, 70), pattern, GREY, 0, np.random.default_rng(0))
             again = render(replace(mosaic, pattern=other))
             assert np.array_equal(again.rgb, render(mosaic).rgb)
