@@ -289,7 +289,8 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     """
     warnings = []
     if fit.worst > _GOOD_GAMMA * fit.limit:
-        remedy = "more light, white light, a larger chart, more shots or flat frames (`flat`)"
+        light = "white light" if any(shot.places.clipped.any() for shot in shots) else "more light"
+        remedy = f"{light}, a larger chart, more shots or flat frames (`flat`)"
         warnings.append(
             f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy} would help"
         )

@@ -320,7 +320,7 @@ def burst(
     if not names:
         raise InputError("`shots` is empty; expected two or more of one scene")
     if len(names) == 1 and names[0] not in held:
-        open(names[0])  # says what is wrong with it
+        open(names[0], max_pixels=max_pixels)  # says what is wrong with it
     index = checked_reference(names, None if isinstance(reference, int) else reference, places)
     if isinstance(reference, int):
         if not 0 <= reference < len(names):
