@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum_filter
 
-from ...shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray, strips
+from ...shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, strips
 from ...shared.mosaic import Mosaic
 from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
@@ -63,12 +63,15 @@ class BlockColours(NamedTuple):
         Variance of luminance around them, without noise, (rows, columns).
     noise : DoubleArray
         Variance of the noise of `channels`, that of luminance included, (C, rows, columns).
+    known : BoolArray
+        Whether neither they nor luminance around them are clipped, (rows, columns).
     """
 
     channels: DoubleArray
     luminance: DoubleArray
     contrast: DoubleArray
     noise: DoubleArray
+    known: BoolArray
 
 
 class Reference(NamedTuple):
@@ -248,6 +251,7 @@ _WIDTH = 1.5  # blocks: standard deviation of that neighbourhood
 _RANGE = 1.5
 # variance of the middle of that range, relative to one figure's; neighbours share it
 _SHARED = 0.15
+_AROUND = 5  # pixels: size of what luminance at a site is filled from
 _RIM = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between
 
 
@@ -263,14 +267,16 @@ def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArr
     def there(planes: DoubleArray) -> DoubleArray:
         return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
 
-    channels, luminance, rough, noise = reference.colours
+    channels, luminance, rough, noise, own_known = reference.colours
     shares, deviations = channels / luminance, np.sqrt(noise) / luminance
     low, high = minimum_filter(shares, (1, 3, 3)), maximum_filter(shares, (1, 3, 3))
     middle = there((low + high) / 2)
     half = np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
     noise, rough = there(noise), there(rough[None])
-    channels, luminance, contrast, own_noise = block_colours(frame, mosaic)
+    near = minimum_filter(own_known, 3).astype(np.float64)
+    channels, luminance, contrast, own_noise, known = block_colours(frame, mosaic)
     beyond = channels - np.clip(channels, (middle - half) * luminance, (middle + half) * luminance)
+    beyond *= known & (there(near[None])[0] == 1)  # what is clipped has no colour
     filled = np.square(FILL_ERROR * middle) * (contrast + rough)
     spread = DEVIATIONS**2 * (own_noise + noise)
     alone = np.square(beyond) / (np.square(_BLOCK * luminance) + filled + spread + TINY)
@@ -314,4 +320,8 @@ def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
     own = variance * gamma**2 / np.maximum(sites.pattern.site_counts, 1)
     filled = np.square(channels / luminance[..., None]) / len(sites.channels)
     noise = own + filled * frame.variance(luminance)[..., None]
-    return BlockColours(np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0))
+    clipped = maximum_filter(frame.luminance, _AROUND) >= CLIPPED * frame.limit
+    whole = frame.colours < CLIPPED * frame.limit * np.asarray(frame.colour_gains)
+    known = whole.all(axis=2) & ~sites.of(clipped).any(axis=2)
+    planes = np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0)
+    return BlockColours(*planes, known)

@@ -9,6 +9,7 @@ from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import minimum_filter
 
 from ...shared import BoolArray, ByteArray, FloatArray, Mosaic, NoiseModel
 from ...shared.progress import Progress
@@ -26,12 +27,13 @@ from .motion import Motion, displaced
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py
 # keeps and those that it refuses.
-_LEAST_AGREEMENT = 0.2  # share of the frame
+_LEAST_AGREEMENT = 0.2  # share of the frame, or of what is clipped in neither
 _LEAST_SHARPNESS = 0.85  # of the reference's detail; noise and aliasing leave 0.98 or more of it
 # of what noise accounts for: windows with less detail beyond noise do not show sharpness
 _DETAIL = 0.5
 # a quarter of the windows brighter or darker by this fraction than the median: a light elsewhere
 _UNEVEN = 0.12
+_MIXED = 5  # pixels: size of the neighbourhood that clipped light reaches when a frame is displaced
 _LIT = 5.0  # standard deviations of the noise, above which a pixel counts when frames are compared
 # fraction of clipped pixels; mean luminance in units of noise: beyond, a frame shows nothing
 _GONE, _DARK = 0.9, 0.5
@@ -233,10 +235,12 @@ def judge(
     frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
     moved, own = displaced(frame.luminance, aligned.motion), reference.frame
     visible = np.isfinite(moved) & (moved < frame.limit) & (own.luminance < own.limit)
+    visible = minimum_filter(visible, _MIXED)
     seen = View(np.where(visible, moved, own.luminance), frame.noise, frame.limit)
     sharpness, uneven = _sharpness(own, seen, visible), _unevenness(own, seen, visible)
     agrees = agreement(reference, frame, moved, aligned.motion)
     share = float(agrees.mean()) / 255
+    agreeing = max(share, float(agrees[visible].mean()) / 255 if visible.any() else 0.0)
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
         reason = (
@@ -245,8 +249,8 @@ def judge(
         )
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
-    elif share < _LEAST_AGREEMENT:
-        reason = f"only {100 * share:.0f} % of it agrees with the reference"
+    elif agreeing < _LEAST_AGREEMENT:
+        reason = f"only {100 * agreeing:.0f} % of it agrees with the reference"
     verdict = Judged(reason, aligned.motion, aligned.gain, aligned.error, share, sharpness)
     return verdict, None if reason else Kept(frame, aligned.motion, agrees)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, minimum_filter
 
 from panchroma.offline import BEST, render
 from panchroma.offline.burst import Motion, merge_burst, select
@@ -153,6 +153,23 @@ def test_a_bracket_shows_what_one_exposure_clips() -> None:
     assert error(both, truth, clipped) < error(single, truth, clipped) - 3
     assert error(both, truth, ~clipped) < error(single, truth, ~clipped)
     assert merge_burst(shots[::-1], _SETTINGS).reference != 0, "the longest exposure is clipped"
+
+
+@pytest.mark.parametrize("tint", [(1.0, 0.8, 0.6), (0.7, 0.9, 1.0)])
+@pytest.mark.parametrize("reference", [0, 1])
+def test_rings_of_coloured_lamps_have_the_light_and_the_colour_of_the_frame_that_measures_them(
+    tint: tuple[float, ...], reference: int
+) -> None:
+    """Their sharp edges, mixed as a frame is displaced, are no other lighting either."""
+    exposures, lamp = (1, 1 / 16), 8 * np.array(tint)
+    shots, scenes = bracketed(
+        exposures, lambda scene, spot: np.where(2 * spot % 1 > 0.5, lamp, scene), width=3000
+    )
+    merged = merge_burst(shots, _SETTINGS, reference=reference)
+    assert [frame.reason for frame in merged.frames] == ["", ""]
+    inside = scenes[reference].min(axis=2) > 4
+    found = picture(merged, _SETTINGS)[minimum_filter(inside, 9)]
+    assert found.mean(axis=0) == pytest.approx(lamp * exposures[reference], rel=0.03)
 
 
 @pytest.mark.parametrize(("exposures", "seen"), [((1, 1, 1), False), ((1, 0.1, 1), True)])
