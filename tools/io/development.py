@@ -88,9 +88,11 @@ class Development:
         """A rendering or some rows of it as such a picture shows it: white where light is lost
         (`offline.Rendering.lost`).
 
-        rgb: (H, W, C), scene units; linear pictures and measurements keep it.
+        rgb: (H, W, C), scene units; measurements keep it, but a DNG for raw developers.
         """
-        return rgb if lost is None or self.kind.space == CAMERA else self.shown.whitened(rgb, lost)
+        if lost is None or (self.kind.space == CAMERA and self.kind.format != "dng"):
+            return rgb
+        return self.shown.whitened(rgb, lost, self.exposure)
 
     @property
     def channels(self) -> str:

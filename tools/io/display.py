@@ -18,7 +18,8 @@ gradually.
 
 **Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has no clip, no
 curve, and keeps what is burnt
-out. The space "camera" of the commands means unchanged samples.
+out, but for lost light, which is white. The space "camera" of the commands means unchanged samples, but in a DNG for
+raw developers.
 
 **Samples of a file.** Integer codes, turned upright, in bands that are divided otherwise.
 """
@@ -122,17 +123,23 @@ class ColourTransform:
         known = SPACES[name], tuple(white.tolist()), as_rows(matrix), brightest
         return cls(*known, None if restored else weights)
 
-    def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
-        """A picture in which what is lost is burnt out, for display; a linear one stays as it is.
+    def whitened(
+        self, rgb: FloatArray, lost: ByteArray | None, exposure: float = 0.0
+    ) -> FloatArray:
+        """A picture in which what is lost is white: as bright as it is, but on a display white at
+        least, at this exposure too.
 
         rgb: (H, W, C), scene units. lost: (H, W), how far the shot does not show what the light
         was, 255 = not at all; None = nowhere.
         """
-        if lost is None or self.space.linear or not lost.any():
+        if lost is None or not lost.any():
             return rgb
-        brightest = np.array(self.white, np.float32) * np.float32(self.brightest)
+        white = np.array(self.white, np.float32)
+        least = 1.0 if self.space.linear else 2.0 ** -min(exposure, 0.0)
         places, result = lost > 0, rgb.copy()
-        result[places] += (lost[places, None] / np.float32(255)) * (brightest - rgb[places])
+        level = (rgb[places] / white).mean(axis=1, keepdims=True)
+        burnt = white * np.maximum(level, np.float32(least))
+        result[places] += (lost[places, None] / np.float32(255)) * (burnt - rgb[places])
         return result
 
     def saturated(self, rgb: FloatArray) -> ByteArray | None:

@@ -227,10 +227,6 @@ def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]
     outputs = np.concatenate(
         [(planes[:2] + pixels).ravel(), 2 * known.period**2 + np.array(numbers)]
     )
-    for name in ("leave.weight", "leave.bias"):  # older ones do not know what luminance misses
-        missing = 2 * known.period**2 + len(colours) - len(weights[name])
-        rest = np.zeros((missing, *weights[name].shape[1:]), np.float32)
-        weights[name] = np.concatenate([weights[name], rest])
     return weights | {
         "enter.weight": weights["enter.weight"][:, inputs],
         "leave.weight": weights["leave.weight"][outputs],

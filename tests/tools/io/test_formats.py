@@ -255,6 +255,32 @@ def test_a_display_with_room_shows_the_render(
     np.testing.assert_allclose(result[grey], expected[grey], rtol=STEP)
 
 
+@pytest.mark.parametrize("name", ["tif", "dng", "exr", "uhdr"])
+def test_lost_light_is_white_in_every_format_and_in_hdr_no_brighter_than_it_looks(
+    name: str,
+) -> None:
+    """Magenta, as its clipped samples are, in a linear picture; and a small highlight brighter
+    than the sun beside it, in HDR: both have happened.
+    """
+    plain = replace(CALIBRATION, neutral=(0.8, 1.0, 0.6), camera_to_xyz=None)
+    rgb = np.full((48, 64, 3), (0.36, 0.05, 0.13), np.float32)
+    lost = np.zeros(rgb.shape[:2], np.uint8)
+    lost[16:32, 16:48] = 255
+    kind = PictureKind.of(name)
+    how = replace(development(kind, rgb.shape[:2], 1), calibration=plain)
+    written = encode_picture(how.whitened(rgb, lost), how)
+    inside = np.s_[20:28, 20:44]
+    if name == "uhdr":
+        found = hdr(written)[inside]
+    elif name == "exr":
+        found = exr_pixels(io.BytesIO(written))[0][inside]
+    elif name == "dng":
+        found = examples.developed(io.BytesIO(written))[inside]
+    else:
+        found = tifffile.imread(io.BytesIO(written))[inside] / 65535
+    assert found == pytest.approx(1, abs=0.02)
+
+
 def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     path = tmp_path / "picture.jpg"
     path.write_bytes(encoded(highlights(), PictureKind.of("uhdr")).getvalue())

@@ -5,6 +5,7 @@ spot, and raw developers find clipped highlights at the white level and make the
 """
 
 from collections.abc import Iterable
+from math import log2
 from typing import BinaryIO, ClassVar
 
 import numpy as np
@@ -68,7 +69,7 @@ class LinearDng(Format):
         tiles, digests = list[bytes](), list[bytes]()
 
         def encoded(rgb: FloatArray) -> tuple[list[bytes], bytes, ByteArray]:
-            rgb = shown.whitened(rgb, shown.saturated(rgb))
+            rgb = shown.whitened(rgb, shown.saturated(rgb), -log2(shown.brightest))
             return *encode_chunk(rgb, shape), display_codes(rgb, shown, 8)
 
         def previews() -> Iterable[ByteArray]:

@@ -280,7 +280,8 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
 
     shown = picture if isinstance(picture, Picture) else Picture(np.asarray(picture))
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)
-    codes = display_codes(transform.whitened(shown.rgb, shown.lost), transform, 8, exposure)
+    rgb = transform.whitened(shown.rgb, shown.lost, exposure)
+    codes = display_codes(rgb, transform, 8, exposure)
     return Image(upright(codes, shown.metadata.orientation))
 
 
