@@ -36,8 +36,9 @@ _SLIPPED = (
 # frames that confirm the description; the second shows that the first has as many rows as described
 _ENOUGH = 2
 _SIDE, _PERIODS = 32, 4  # pixels along a window, and periods in it, at least
-# of a first frame, at most; of a later one at least, all but twice as many in its last rows
-_FIRST_WINDOWS, _LAST_WINDOWS = 64, 24
+# of a first frame, at most; of a later one at least, all but twice as many in its last rows, and
+# where those show nothing
+_FIRST_WINDOWS, _LAST_WINDOWS, _MORE_WINDOWS = 64, 24, 96
 # windows: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
 _FEW_WINDOWS = 8
@@ -74,7 +75,11 @@ _IMBALANCE = 0.03  # of their level by which sites of one channel may differ
 _SURE_ENERGY = 5.0  # standard errors of an energy
 
 
-class SlippedError(InputError):
+class FrameError(InputError):
+    """A frame is not as described, and perhaps no frame before it is that was saved."""
+
+
+class SlippedError(FrameError):
     """A stream has lost or gained bytes: this frame, and perhaps some before it, are not what the
     camera has sent.
     """
@@ -138,6 +143,8 @@ class _Check:
         if is_known and len(frame.data) != self._sensor.layout.frame_bytes:
             return False
         shown = self._later(frame) if is_known else self._first(frame)
+        if shown and self._confirmed and not is_known:
+            self._later(frame)  # most of it may lie before what slipped
         self._confirmed += shown
         return shown and is_known
 
@@ -177,16 +184,19 @@ class _Check:
         layout, pattern = self._sensor.layout, self._sensor.pattern
         calibration = self._sensor.calibration
         across = max(layout.width // self._side, 1)
-        rows = min(self._side * -(-_LAST_WINDOWS // across), layout.height)
-        top = layout.height - rows
-        last = memoryview(frame.data)[top * layout.stride :]
-        codes = replace(layout, height=rows).unpack(last)
-        windows = Windows.of(codes, self._side, 2 * _LAST_WINDOWS, top)
-        shown = shows_filters(windows, pattern)
-        has_its_bits = codes.max() >> calibration.bits == 0 and not has_gap(codes, layout)
-        is_alike = shown is None and not lacks_filters(windows, pattern, calibration)
-        if not (has_its_bits and (shown or is_alike)):
-            raise SlippedError(_SLIPPED)
+        for least in (_LAST_WINDOWS, _MORE_WINDOWS):
+            rows = min(self._side * -(-least // across), layout.height)
+            top = layout.height - rows
+            last = memoryview(frame.data)[top * layout.stride :]
+            codes = replace(layout, height=rows).unpack(last)
+            windows = Windows.of(codes, self._side, 2 * least, top)
+            shown = shows_filters(windows, pattern)
+            has_its_bits = codes.max() >> calibration.bits == 0 and not has_gap(codes, layout)
+            is_alike = shown is None and not lacks_filters(windows, pattern, calibration)
+            if not (has_its_bits and (shown or is_alike)):
+                raise SlippedError(_SLIPPED)
+            if shown:
+                break
         if shown:
             self._look_at_colours(frame, windows)
         return shown is True
@@ -210,7 +220,7 @@ class _Check:
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
         """Raise InputError with the reason."""
         layout, source = self._sensor.layout, frame.source or "FRAME"
-        raise InputError(
+        raise FrameError(
             f"the frame is not as described: {reason}; run `panchroma identify {source} --size "
             f"{layout.width}x{layout.height} --pixel-format {layout.format} --stride "
             f"{layout.stride}`. If the description is right, add `unchecked`"

@@ -16,7 +16,7 @@ from typing import Any, cast
 
 from ...device import Preview
 from ...device.capture import PreviewMaker, Sensor
-from ...device.capture.frame_check import SlippedError, checked
+from ...device.capture.frame_check import FrameError, checked
 from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
@@ -145,7 +145,7 @@ def doubts(first: Path | None, error: Exception) -> list[str]:
     came before that one is right.
     """
     doubt = f"{first} and later shots may be wrong; all shots before it are right"
-    return [doubt] if first is not None and isinstance(error, SlippedError) else []
+    return [doubt] if first is not None and isinstance(error, FrameError) else []
 
 
 def open_source(options: SourceOptions, described: Described) -> FrameSource:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from panchroma.device.capture import Sensor
-from panchroma.device.capture.frame_check import SlippedError, checked
+from panchroma.device.capture.frame_check import FrameError, SlippedError, checked
 from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
 from panchroma.shared import CfaPattern, CodeArray, FloatArray, InputError, SensorCalibration
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -314,6 +314,41 @@ def test_exchanged_bytes_that_dim_frames_do_not_show_are_told_in_a_later_one() -
     assert any("bits 0, 1, 2, 3, 4, 5, 6, 7 of its samples are always 0" in note for note in notes)
     with pytest.raises(SlippedError):
         next(frames)
+
+
+@pytest.mark.parametrize("number", [1, 2, 4])
+@pytest.mark.parametrize("lost", [802, 4096, 65536])
+@pytest.mark.parametrize("bottom", [1.0, 0.01])
+def test_a_small_frame_that_lost_bytes_is_told_by_itself_or_by_the_next(
+    number: int, lost: int, bottom: float
+) -> None:
+    """Its last rows, a dozen windows across, may be dark."""
+    height, width = 303, 401
+    described = Sensor(
+        FrameLayout(width, height, "u16"), CfaPattern.bayer(6), SensorCalibration.of_bits(12)
+    )
+    scene = leaves(height, width).copy()
+    scene[-70:] *= np.float32(bottom)
+    frames = [
+        simulate_additive(
+            scene, described.pattern, described.calibration, 0.003, np.random.default_rng(seed)
+        ).codes.tobytes()
+        for seed in range(7)
+    ]
+    size, whole = described.layout.frame_bytes, b"".join(frames)
+    assert look(whole, described) == []
+    place = number * size + 3 * size // 10 // 2 * 2
+    cut, passed = whole[:place] + whole[place + lost :], list[RawFrame]()
+    with pytest.raises(FrameError):
+        for frame in checked(
+            (RawFrame.now(cut[first : first + size]) for first in range(0, 6 * size, size)),
+            described,
+            str,
+            print,
+        ):
+            passed.append(frame)
+    right = max((place for place, frame in enumerate(passed) if frame.is_checked), default=-1)
+    assert right < number <= len(passed) <= number + 1
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "u8"])
