@@ -99,7 +99,7 @@ def network_name(pattern: CfaPattern) -> str | None:
 
 @dataclass(eq=False)
 class ColourNetwork(RowStage):
-    """Correct chromaticity by a network, and luminance at the sites if it knows of that.
+    """Correct chromaticity by a network, and luminance at the sites.
 
     Attributes
     ----------
@@ -136,6 +136,8 @@ class ColourNetwork(RowStage):
         result, basis = band.rows(*rows), np.empty_like(BASIS)
         luminance, chromaticity = map(copy_array, (result.luminance, result.chromaticity))
         sites = Block.of(self.frame.pattern).sites(period)
+        numbers = np.full(period**2, -1)
+        numbers[sites] = np.arange(len(sites))
         basis[:, grid.channels] = BASIS
 
         def correct(chunk: tuple[int, int]) -> None:
@@ -156,8 +158,6 @@ class ColourNetwork(RowStage):
                 limited = contrast.around(down, across, 1).answered(answer[0])
                 inside = (slice(_HALO + start, _HALO + end) for start, end in (down, across))
                 missing = answer[0][2 * period**2 :] * kept[tuple(inside)]
-                numbers = np.full(period**2, -1)
-                numbers[sites[: len(missing)]] = np.arange(len(missing))
                 pixel_rows, pixel_columns = (
                     grid.pixels(axis, window[axis])[
                         (_HALO + start) * period : (_HALO + end) * period

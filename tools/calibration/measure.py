@@ -36,6 +36,9 @@ from .places import Named, PlaceSamples, figures, patch_samples, without_shading
 _FAR = 1 / 256
 # Half width over gamma that a large chart reaches by itself: no areas around it are measured.
 _REACHED = 0.02
+# Samples end below the white level where this share of them has the highest code, many times as many
+# as so many lower codes.
+_ENDED, _MORE, _BELOW = 1e-3, 10, 8
 _CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
 
@@ -249,6 +252,7 @@ class Session:
             if "black_level" in old.measured:
                 self._known["black_level"] = old.calibration.black_level
         self._paths: dict[bytes, str] = {}  # by digest of the samples
+        self._ends = set[int]()  # codes at which samples end below the white level
         self._base_path, self._has_shot = "", False
         # By the id of the camera file that a frame states: the first such frame, and its black.
         self._cameras: dict[str, tuple[str, tuple[float, ...]]] = {}
@@ -376,6 +380,15 @@ class Session:
             first = self._paths[digest]
             raise InputError(f"it is the same shot as {first}: a copy adds nothing; leave it out")
         self._paths[digest] = path
+        end, share = _plateau(mosaic)
+        if share and kind != "dark" and end not in self._ends:
+            self._ends.add(end)
+            self.measured.remarks.append(
+                f"{path}: {100 * share:.1f} % of its samples have its highest code, {end}, and "
+                f"hardly any a lower one nearby: the sensor saturates there, and not at "
+                f"`white_level`, {mosaic.calibration.white_level}; state it in the camera.json of "
+                "`capture`, and take the shots again"
+            )
         self.measured.stated_defects |= set(stated.defects)
         if self.measured.base is None:
             self._base_path = path
@@ -426,6 +439,17 @@ class Session:
         self.measured.skipped.append(without_folders(line, paths))
         self._console.error(f"skipped {line}", cause=error)
         self._console.record(source=path, ok=False, error=" ".join(why.split()))
+
+
+def _plateau(mosaic: Mosaic) -> tuple[int, float]:
+    """Return the highest code, and the share of the samples that have it if they end there below
+    the white level; 0 if they do not. Noise alone makes the highest codes rare.
+    """
+    codes, end = mosaic.codes, int(mosaic.codes.max())
+    counts = np.bincount(end - codes[codes >= max(end - _BELOW, 0)].astype(np.intp))
+    share = float(counts[0] / codes.size)
+    is_end = end < mosaic.calibration.white_level and share > _ENDED
+    return end, share if is_end and counts[0] > _MORE * counts[1:].sum() else 0.0
 
 
 def _facts(mosaic: Mosaic) -> dict[str, str]:

@@ -316,6 +316,19 @@ def test_a_black_level_that_is_stated_wrongly_gives_way_to_dark_frames(stated: f
     np.testing.assert_allclose(seen.gamma.gamma, (0.9, 1.1, 0.8), rtol=0.01)
 
 
+def test_a_sensor_that_saturates_below_its_white_level_is_told_once() -> None:
+    def ends(mosaic: Mosaic) -> Mosaic:
+        end = int(np.quantile(mosaic.codes, 0.99))
+        return replace(mosaic, samples=np.minimum(mosaic.codes, end))
+
+    seen = measured(dark=several("dark", 2), flat=several("flat", 4), shots=several("chart", 1))
+    assert seen.remarks == []
+    seen = measured(dark=several("dark", 2, ends), shots=several("chart", 1, ends))
+    (line,) = seen.remarks
+    assert line.startswith("chart0.dng: 1.")
+    assert "the sensor saturates there, and not at `white_level`, " in line
+
+
 @pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])
 @pytest.mark.parametrize("kinds", [("dark", "shots"), ("shots",), ("dark",)])
 def test_flat_frames_of_another_gain_tell_no_noise(gain: float, kinds: tuple[str, ...]) -> None:
