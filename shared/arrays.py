@@ -12,6 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import InputError
+
 FloatArray = NDArray[np.float32]
 DoubleArray = NDArray[np.float64]
 CodeArray = NDArray[np.uint16]
@@ -34,6 +36,13 @@ STRIP = 256
 """Rows of a picture that are processed at a time, so that temporary arrays stay small compared with
 the picture.
 """
+
+
+def unmasked(array: object) -> NDArray[Any]:
+    """The argument as an array of NumPy. Raises InputError for one of which values are masked."""
+    if np.ma.is_masked(array):
+        raise InputError("an array has masked values; fill them, as by `array.filled(0)`")
+    return np.asarray(array)
 
 
 def is_frozen(array: NDArray[Any]) -> bool:

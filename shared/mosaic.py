@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import CACHED, CodeArray, FloatArray, is_frozen, strips
+from .arrays import CACHED, CodeArray, FloatArray, is_frozen, strips, unmasked
 from .calibration import SensorCalibration
 from .errors import InputError
 from .metadata import CaptureMetadata
@@ -48,7 +48,7 @@ class Mosaic:
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
 
     def __post_init__(self) -> None:
-        samples = np.asarray(self.samples)
+        samples = unmasked(self.samples)
         if not samples.dtype.isnative:
             samples = samples.astype(samples.dtype.newbyteorder())
         if samples.ndim != 2:

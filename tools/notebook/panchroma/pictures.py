@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from .shared import CaptureMetadata, SensorCalibration
-from .shared.arrays import ByteArray, FloatArray
+from .shared.arrays import ByteArray, FloatArray, unmasked
 from .shared.errors import InputError
 from .shared.reading import File, file_name
 from .shared.writing import durable_file
@@ -160,7 +160,7 @@ class Picture:
     facts: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
+        rgb = checked_picture(unmasked(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
         if not 0 < self.white < np.inf:
@@ -278,7 +278,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     """
     from .tools.io.display import display_codes, upright
 
-    shown = picture if isinstance(picture, Picture) else Picture(np.asarray(picture))
+    shown = picture if isinstance(picture, Picture) else Picture(unmasked(picture))
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)
     rgb = transform.whitened(shown.rgb, shown.lost, exposure)
     codes = display_codes(rgb, transform, 8, exposure)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .pictures import Picture
+from .shared.arrays import unmasked
 from .shared.errors import InputError
 from .shots import Shot
 from .tools.evaluation.metrics import Measures
@@ -97,7 +98,7 @@ def compare(
     truth = truth.truth if isinstance(truth, Shot) else truth
     if truth is None:
         raise InputError("`truth` is None: only a simulated shot knows what it saw")
-    rgb, true_rgb = np.asarray(picture), np.asarray(truth)
+    rgb, true_rgb = unmasked(picture), unmasked(truth)
     count = true_rgb.shape[-1] if true_rgb.ndim == 3 else len("RGB")
     source = next((image for image in (truth, picture) if isinstance(image, Picture)), None)
     if white is None:

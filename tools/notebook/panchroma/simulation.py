@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from .pictures import Picture
 from .shared import CfaPattern
+from .shared.arrays import unmasked
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .shots import Shot, with_notes_shown
@@ -198,6 +199,7 @@ def _scene(source: Any, requested: str, bands: str | None, linear: bool, max_pix
                 return load_scene(name, linear=linear, max_pixels=max_pixels, channels=requested)
         except InputError as error:
             raise type(error)(f"{file_name(source)}: {error}") from None
+    unmasked(source)
     try:
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
