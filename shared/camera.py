@@ -79,6 +79,10 @@ class Camera:
                 raise InputError(f"camera: measured.{entry} is {shown(how)}, expected an object")
         if self.size is not None:
             object.__setattr__(self, "size", size("camera: size", self.size))
+            for defect in self.calibration.defects:
+                if defect[0] >= self.size[0] or defect[1] >= self.size[1]:
+                    where = f"row {defect[0]}, column {defect[1]}"
+                    raise InputError(f"camera: the defect at {where} lies outside `size`")
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
         """The shot with this camera's calibration; what it does not know of colours, noise, defects

@@ -95,6 +95,7 @@ def mosaic(samples: Any, pattern: CfaPattern = PAPER, **fields: Any) -> Mosaic:
         ({"pattern": {**TILE, "origin": [0, 0.5]}}, "origin is 0.5, expected a whole number"),
         ({"pattern": {**TILE, "size": 1}}, f"pattern: .* {OF_A_PATTERN}"),
         ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "RGB.*XYZ"),
+        ({"size": [10, 24], "defects": [[9, 24]]}, "defect at row 9, column 24 lies outside"),
         ({"size": [0, 24]}, "size is .*, expected .rows, columns."),
         ({"measured": []}, "measured"),
         ({"measured": {"taste": {}}}, "unknown entry 'taste'"),

@@ -4,6 +4,7 @@ in which colours they are, and the highlights.
 Writing pictures: the bytes do not depend on how a picture is divided into bands.
 """
 
+import errno
 import io
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -198,6 +199,14 @@ def test_no_room_for_openexr_is_an_output_error(
     how = development(PictureKind.of("exr"), (4, 4))
     with pytest.raises(OutputError, match="no temporary file for OpenEXR"):
         write_picture(tmp_path / "a.exr", [scene((4, 4))], how)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
+def test_numpy_files_say_why_they_cannot_be_written() -> None:
+    how = development(PictureKind.of("npy"), (40, 50))
+    with Path("/dev/full").open("wb", buffering=0) as file, pytest.raises(OSError) as caught:
+        FORMATS["npy"].encode(file, [scene((40, 50))], how, 1)
+    assert caught.value.errno == errno.ENOSPC
 
 
 # --- Ultra HDR -----------------------------------------------------------------------------------

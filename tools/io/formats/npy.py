@@ -18,4 +18,7 @@ class NumPy(Format):
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
         (pixels,) = bands
-        np.save(file, np.ascontiguousarray(pixels), allow_pickle=False)
+        pixels = np.ascontiguousarray(pixels)
+        # `np.save` would not say why a file cannot be written
+        np.lib.format.write_array_header_1_0(file, np.lib.format.header_data_from_array_1_0(pixels))
+        file.write(pixels.data)
