@@ -68,7 +68,7 @@ inputs: as in training.
 # scene units, and squared: they keep quotients finite
 _LEAST_LUMINANCE, _LEAST_ACTIVITY = 1e-4, 1e-30
 # fraction of the mean luminance, and scene units: a darker pixel's chromaticity tells little
-_DIM, _LEAST_DIM = 0.2, 1e-5
+_DIM, _LEAST_DIM = np.float32(0.2), 1e-5
 # bound, a fraction of luminance, below which a correction is not worth its time, as below the
 # noise: loses nothing
 _FAINT = 0.01
@@ -76,7 +76,8 @@ _FAINT = 0.01
 _SIDE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
 _ZERO, _THIRD = np.float32(0), np.float32(1 / 3)
-_MOST_TAKEN = np.float32(0.4)  # of luminance: more makes dark specks beside edges
+# of luminance: more makes dark specks beside edges; added is at most luminance here and around
+_MOST_TAKEN = np.float32(0.4)
 
 Span = tuple[int, int]
 """First and end of some rows, or columns, of superpixels; they may lie outside the frame."""
@@ -253,7 +254,7 @@ class Contrast(NamedTuple):
         """Return what the network answers of colour, the first 2 K^2 of its planes, and the limits,
         for all but the outermost superpixels, (h - 2, w - 2).
         """
-        dim = np.maximum(np.float32(_DIM) * self.own, np.float32(_LEAST_DIM))
+        dim = np.maximum(_DIM * self.own, np.float32(_LEAST_DIM))
         chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], dim)
         low, high = (
             _extreme(of, of.reduce(chromaticity, axis=1)) for of in (np.minimum, np.maximum)
@@ -497,7 +498,8 @@ def add_answer(
                     colour[channel] += step[channel] / (limit * gamma[channel])
                 if sites[pixel] >= 0:
                     added = missing[sites[pixel], down, across] * answer.bound[down, across]
-                    added = max(added, -_MOST_TAKEN * _THIRD * level)
+                    most = _THIRD * level + answer.dim[down, across] / _DIM
+                    added = min(max(added, -_MOST_TAKEN * _THIRD * level), most)
                     after = level + added / _THIRD
                     for channel in range(3):
                         share = colour[channel] * level + added / gamma[channel]
