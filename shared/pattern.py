@@ -25,7 +25,7 @@ PANCHROMATIC = "W"
 PERIODS = range(3, 17)
 BAYER_ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
 MIRRORS = (1, 1), (1, -1), (-1, 1), (-1, -1)
-"""Steps (down, across) through the four mirror images of a block."""
+"""Steps (down, across) through the four mirror images of a block, or of a tile."""
 _ROW_LETTERS = re.compile("[A-Z]+")
 _FARTHEST = 2  # pixels, each way, from a colour site to the nearest panchromatic pixel at most
 

@@ -36,8 +36,8 @@ _SLIPPED = (
 # frames that confirm the description; the second shows that the first has as many rows as described
 _ENOUGH = 2
 _SIDE, _PERIODS = 32, 4  # pixels along a window, and periods in it, at least
-# of a first frame, at most; of a later one at least, all but twice as many in its last rows, and
-# where those show nothing
+# of a first frame, at most; of a later one at least, all but twice as many in its last rows; and
+# where these do not show the filters, in more rows
 _FIRST_WINDOWS, _LAST_WINDOWS, _MORE_WINDOWS = 64, 24, 96
 # windows: with so few standard errors and medians are uncertain; among many places twice as many
 # errors are asked for
@@ -76,7 +76,7 @@ _SURE_ENERGY = 5.0  # standard errors of an energy
 
 
 class FrameError(InputError):
-    """A frame is not as described, and perhaps no frame before it is that was saved."""
+    """A frame is not as described; frames before it may not be either."""
 
 
 class SlippedError(FrameError):
@@ -94,7 +94,7 @@ def checked(
     """Pass frames on, and look at them: until some have confirmed the description of their sensor,
     and whether they still do.
 
-    Raises InputError, before the frame is passed on, at the first that contradicts the description.
+    Raises FrameError, before the frame is passed on, at the first that contradicts the description.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class _Check:
         """Return whether the frame shows what is described after others have, and note what it
         leaves open.
 
-        Raises InputError if the frame contradicts the description.
+        Raises FrameError if the frame contradicts the description.
         """
         is_known = self._confirmed >= _ENOUGH
         # whoever reads it says so
@@ -218,7 +218,7 @@ class _Check:
             self._note(_OPEN.format(_COLOUR_SITES if pattern.is_scattered else _GREENS))
 
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
-        """Raise InputError with the reason."""
+        """Raise FrameError with the reason."""
         layout, source = self._sensor.layout, frame.source or "FRAME"
         raise FrameError(
             f"the frame is not as described: {reason}; run `panchroma identify {source} --size "

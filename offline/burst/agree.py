@@ -251,6 +251,7 @@ _WIDTH = 1.5  # blocks: standard deviation of that neighbourhood
 _RANGE = 1.5
 # variance of the middle of that range, relative to one figure's; neighbours share it
 _SHARED = 0.15
+_ALL = 1 - 1e-6  # of four blocks, interpolated
 _AROUND = 5  # pixels: size of what luminance at a site is filled from
 _RIM = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between
 
@@ -276,7 +277,7 @@ def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArr
     near = minimum_filter(own_known, 3).astype(np.float64)
     channels, luminance, contrast, own_noise, known = block_colours(frame, mosaic)
     beyond = channels - np.clip(channels, (middle - half) * luminance, (middle + half) * luminance)
-    beyond *= known & (there(near[None])[0] == 1)  # what is clipped has no colour
+    beyond *= known & (there(near[None])[0] > _ALL)  # what is clipped has no colour
     filled = np.square(FILL_ERROR * middle) * (contrast + rough)
     spread = DEVIATIONS**2 * (own_noise + noise)
     alone = np.square(beyond) / (np.square(_BLOCK * luminance) + filled + spread + TINY)
@@ -322,6 +323,6 @@ def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
     noise = own + filled * frame.variance(luminance)[..., None]
     clipped = maximum_filter(frame.luminance, _AROUND) >= CLIPPED * frame.limit
     whole = frame.colours < CLIPPED * frame.limit * np.asarray(frame.colour_gains)
-    known = whole.all(axis=2) & ~sites.of(clipped).any(axis=2)
+    known: BoolArray = np.logical_and(whole.all(axis=2), ~sites.of(clipped).any(axis=2))
     planes = np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0)
     return BlockColours(*planes, known)

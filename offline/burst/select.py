@@ -27,7 +27,7 @@ from .motion import Motion, displaced
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py
 # keeps and those that it refuses.
-_LEAST_AGREEMENT = 0.2  # share of the frame, or of what is clipped in neither
+_LEAST_AGREEMENT = 0.2  # share of the frame, or of it without what is clipped in either
 _LEAST_SHARPNESS = 0.85  # of the reference's detail; noise and aliasing leave 0.98 or more of it
 # of what noise accounts for: windows with less detail beyond noise do not show sharpness
 _DETAIL = 0.5
@@ -240,7 +240,8 @@ def judge(
     sharpness, uneven = _sharpness(own, seen, visible), _unevenness(own, seen, visible)
     agrees = agreement(reference, frame, moved, aligned.motion)
     share = float(agrees.mean()) / 255
-    agreeing = max(share, float(agrees[visible].mean()) / 255 if visible.any() else 0.0)
+    unclipped = visible | ~np.isfinite(moved)
+    agreeing = float(agrees[unclipped].mean()) / 255 if unclipped.mean() > 1 - _GONE else share
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
         reason = (
@@ -249,8 +250,9 @@ def judge(
         )
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
-    elif agreeing < _LEAST_AGREEMENT:
-        reason = f"only {100 * agreeing:.0f} % of it agrees with the reference"
+    elif max(share, agreeing) < _LEAST_AGREEMENT:
+        found = f"{100 * max(share, agreeing):.0f} %"
+        reason = f"only {found} of what is not clipped agrees with the reference"
     verdict = Judged(reason, aligned.motion, aligned.gain, aligned.error, share, sharpness)
     return verdict, None if reason else Kept(frame, aligned.motion, agrees)
 

@@ -456,7 +456,8 @@ def add_answer(
     chromaticity: Floats3,
 ) -> None:
     """Add the answer for h x w superpixels to chromaticity, (H, W, 3), within its limits, and to
-    luminance, (H, W). No channel gains or loses more than the luminance.
+    luminance, (H, W). No channel gains or loses more than the luminance, but at
+    sites, where luminance itself gains at most that of the pixel and of its superpixel.
 
     Parameters
     ----------

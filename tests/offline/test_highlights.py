@@ -64,9 +64,9 @@ def spark(
 def pictures(mosaic: Mosaic, stops: float) -> tuple[FloatArray, FloatArray]:
     """The picture to look at, and as it would be if no light counted as lost."""
     rendering, display = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
-    return display.apply(display.whitened(rendering.rgb, rendering.lost, stops), stops), display.apply(
-        rendering.rgb, stops
-    )
+    return display.apply(
+        display.whitened(rendering.rgb, rendering.lost, stops), stops
+    ), display.apply(rendering.rgb, stops)
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.3])

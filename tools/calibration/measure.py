@@ -36,9 +36,9 @@ from .places import Named, PlaceSamples, figures, patch_samples, without_shading
 _FAR = 1 / 256
 # Half width over gamma that a large chart reaches by itself: no areas around it are measured.
 _REACHED = 0.02
-# Samples end below the white level where this share of them has the highest code, many times as many
-# as so many lower codes.
-_ENDED, _MORE, _BELOW = 1e-3, 10, 8
+# Samples end below the white level where this share of them has the highest code, many times as
+# many as so many lower codes; a drawn scene without noise has few codes.
+_ENDED, _MORE, _BELOW, _CODES = 1e-3, 10, 8, 64
 _CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
 
@@ -100,7 +100,8 @@ class Measurements:
     skipped : list[str]
         A line for each frame, or set of frames, that could not be used.
     remarks : list[str]
-        Why flat frames do not show shading or noise, and why an earlier measurement is kept.
+        Why flat frames do not show shading or noise, why an earlier measurement is kept, and below
+        which white level the sensor saturates.
     """
 
     chart_colours: DoubleArray
@@ -380,8 +381,8 @@ class Session:
             first = self._paths[digest]
             raise InputError(f"it is the same shot as {first}: a copy adds nothing; leave it out")
         self._paths[digest] = path
-        end, share = _plateau(mosaic)
-        if share and kind != "dark" and end not in self._ends:
+        end, share = (0, 0.0) if kind == "dark" else _plateau(mosaic)
+        if share and end not in self._ends:
             self._ends.add(end)
             self.measured.remarks.append(
                 f"{path}: {100 * share:.1f} % of its samples have its highest code, {end}, and "
@@ -445,11 +446,13 @@ def _plateau(mosaic: Mosaic) -> tuple[int, float]:
     """Return the highest code, and the share of the samples that have it if they end there below
     the white level; 0 if they do not. Noise alone makes the highest codes rare.
     """
-    codes, end = mosaic.codes, int(mosaic.codes.max())
-    counts = np.bincount(end - codes[codes >= max(end - _BELOW, 0)].astype(np.intp))
-    share = float(counts[0] / codes.size)
-    is_end = end < mosaic.calibration.white_level and share > _ENDED
-    return end, share if is_end and counts[0] > _MORE * counts[1:].sum() else 0.0
+    counts = np.bincount(mosaic.codes.ravel())
+    used, end = np.flatnonzero(counts), len(counts) - 1
+    if end >= mosaic.calibration.white_level or len(used) < _CODES:
+        return end, 0.0
+    step = int(np.gcd.reduce(np.diff(used)))
+    near, share = counts[max(end - _BELOW * step, 0) : end], float(counts[end] / counts.sum())
+    return end, share if share > _ENDED and counts[end] > _MORE * near.sum() else 0.0
 
 
 def _facts(mosaic: Mosaic) -> dict[str, str]:

@@ -139,7 +139,8 @@ def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:
 
 
 def doubts(first: Path | None, error: Exception) -> list[str]:
-    """Advice to the user on the shots before this error ended the stream; empty if there is none.
+    """Advice to the user on the shots before this error ended the stream: those of a stream that
+    lost bytes, or of frames that are not as described; empty if there is none.
 
     first: the first shot since the last frame that showed its filters where they belong; whatever
     came before that one is right.

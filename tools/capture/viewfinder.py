@@ -66,8 +66,8 @@ class Viewfinder:
     """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow
     viewer.
 
-    The attribute `doubtful` is the first of the shots that may be wrong if the stream has lost
-    bytes, see `doubts`, `folder` is where `shoot` saves, `closed` says that there are no more
+    The attribute `doubtful` is the first of the shots that may be wrong if a frame is not as
+    described, see `doubts`, `folder` is where `shoot` saves, `closed` says that there are no more
     pictures.
 
     dropped: returns the number of frames that came too fast to be shown. shots: the folder in which

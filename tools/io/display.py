@@ -18,8 +18,8 @@ gradually.
 
 **Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has no clip, no
 curve, and keeps what is burnt
-out, but for lost light, which is white. The space "camera" of the commands means unchanged samples, but in a DNG for
-raw developers.
+out, but for lost light, which is white. The space "camera" of the commands means unchanged samples,
+but in a DNG, in which lost light is white, too.
 
 **Samples of a file.** Integer codes, turned upright, in bands that are divided otherwise.
 """
@@ -126,18 +126,20 @@ class ColourTransform:
     def whitened(
         self, rgb: FloatArray, lost: ByteArray | None, exposure: float = 0.0
     ) -> FloatArray:
-        """A picture in which what is lost is white: as bright as it is, but on a display white at
-        least, at this exposure too.
+        """A picture in which what is lost is white: as bright as it is, but at least so that a
+        display shows white at this exposure.
 
         rgb: (H, W, C), scene units. lost: (H, W), how far the shot does not show what the light
-        was, 255 = not at all; None = nowhere.
+        was, 255 = not at all; None = nowhere. Raises InputError as `apply` does.
         """
+        check_exposure(exposure)
         if lost is None or not lost.any():
             return rgb
         white = np.array(self.white, np.float32)
-        least = 1.0 if self.space.linear else 2.0 ** -min(exposure, 0.0)
+        # what is brighter, `_burnt_out` makes white
+        least = 1.0 if self.space.linear else min(2.0**-exposure, max(self.brightest, 1.0))
         places, result = lost > 0, rgb.copy()
-        level = (rgb[places] / white).mean(axis=1, keepdims=True)
+        level = rgb[places].sum(axis=1, keepdims=True) / white.sum()
         burnt = white * np.maximum(level, np.float32(least))
         result[places] += (lost[places, None] / np.float32(255)) * (burnt - rgb[places])
         return result

@@ -329,24 +329,19 @@ def test_a_small_frame_that_lost_bytes_is_told_by_itself_or_by_the_next(
     )
     scene = leaves(height, width).copy()
     scene[-70:] *= np.float32(bottom)
-    frames = [
+    taken = [
         simulate_additive(
             scene, described.pattern, described.calibration, 0.003, np.random.default_rng(seed)
         ).codes.tobytes()
         for seed in range(7)
     ]
-    size, whole = described.layout.frame_bytes, b"".join(frames)
+    size, whole = described.layout.frame_bytes, b"".join(taken)
     assert look(whole, described) == []
     place = number * size + 3 * size // 10 // 2 * 2
     cut, passed = whole[:place] + whole[place + lost :], list[RawFrame]()
+    sent = (RawFrame.now(cut[first : first + size]) for first in range(0, 6 * size, size))
     with pytest.raises(FrameError):
-        for frame in checked(
-            (RawFrame.now(cut[first : first + size]) for first in range(0, 6 * size, size)),
-            described,
-            str,
-            print,
-        ):
-            passed.append(frame)
+        passed.extend(checked(sent, described, print, print))
     right = max((place for place, frame in enumerate(passed) if frame.is_checked), default=-1)
     assert right < number <= len(passed) <= number + 1
 

@@ -204,7 +204,10 @@ def test_no_room_for_openexr_is_an_output_error(
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
 def test_numpy_files_say_why_they_cannot_be_written() -> None:
     how = development(PictureKind.of("npy"), (40, 50))
-    with Path("/dev/full").open("wb", buffering=0) as file, pytest.raises(OSError) as caught:
+    with (
+        Path("/dev/full").open("wb", buffering=0) as file,
+        pytest.raises(OSError, match="No space") as caught,
+    ):
         FORMATS["npy"].encode(file, [scene((40, 50))], how, 1)
     assert caught.value.errno == errno.ENOSPC
 
@@ -264,21 +267,25 @@ def test_a_display_with_room_shows_the_render(
     np.testing.assert_allclose(result[grey], expected[grey], rtol=STEP)
 
 
-@pytest.mark.parametrize("name", ["tif", "dng", "exr", "uhdr"])
+@pytest.mark.parametrize(
+    ("name", "exposure", "shown"),
+    [("tif", 0, 1), ("tif", -5, 1), ("dng", 0, 1), ("exr", 0, 1), ("uhdr", 0, 1), ("uhdr", 2, 1.6)],
+)
 def test_lost_light_is_white_in_every_format_and_in_hdr_no_brighter_than_it_looks(
-    name: str,
+    name: str, exposure: float, shown: float
 ) -> None:
     """Magenta, as its clipped samples are, in a linear picture; and a small highlight brighter
     than the sun beside it, in HDR: both have happened.
     """
     plain = replace(CALIBRATION, neutral=(0.8, 1.0, 0.6), camera_to_xyz=None)
-    rgb = np.full((48, 64, 3), (0.36, 0.05, 0.13), np.float32)
+    rgb = np.full((48, 64, 3), (0.46, 0.22, 0.28), np.float32)
     lost = np.zeros(rgb.shape[:2], np.uint8)
     lost[16:32, 16:48] = 255
     kind = PictureKind.of(name)
-    how = replace(development(kind, rgb.shape[:2], 1), calibration=plain)
+    how = replace(development(kind, rgb.shape[:2], 1), calibration=plain, exposure=exposure)
     written = encode_picture(how.whitened(rgb, lost), how)
     inside = np.s_[20:28, 20:44]
+    found: NDArray[Any]
     if name == "uhdr":
         found = hdr(written)[inside]
     elif name == "exr":
@@ -287,7 +294,18 @@ def test_lost_light_is_white_in_every_format_and_in_hdr_no_brighter_than_it_look
         found = examples.developed(io.BytesIO(written))[inside]
     else:
         found = tifffile.imread(io.BytesIO(written))[inside] / 65535
-    assert found == pytest.approx(1, abs=0.02)
+    assert found == pytest.approx(shown, rel=STEP)
+
+
+@pytest.mark.parametrize("stops", [0.0, -4.0, -16.0])
+def test_light_that_is_partly_lost_grows_white_gradually(stops: float) -> None:
+    shown = ColourTransform.to_space(CALIBRATION)
+    lost = np.arange(256, dtype=np.uint8)[None]
+    rgb = np.full((1, 256, 3), np.float32(0.5) * np.array(shown.white, np.float32))
+    picture = shown.apply(shown.whitened(rgb, lost, stops), stops)[0, :, 1]
+    assert picture[-1] == pytest.approx(1)
+    assert np.diff(picture).min() >= 0
+    assert np.diff(picture).max() < 0.1
 
 
 def test_other_programs_find_both_pictures(tmp_path: Path) -> None:

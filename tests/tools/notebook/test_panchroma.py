@@ -317,6 +317,8 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate("there.tif", bands="BGR"), "`bands` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0': is not"),  # type: ignore[call-overload]
         (lambda: panchroma.simulate(GREY, rng=-1), "`rng` is -1"),
+        (lambda: panchroma.simulate([[1, 2], [3]]), "the array is object"),
+        (lambda: panchroma.to_srgb(panchroma.Picture(GREY), exposure=-200), "expected -16 to 16"),
         (lambda: panchroma.simulate(np.ma.masked_less(GREY, 1)), "masked values; fill them"),
         (lambda: panchroma.Picture(np.ma.masked_less(GREY, 1)), "masked values; fill them"),
         (lambda: panchroma.compare(GREY, np.ma.masked_less(GREY, 1)), "masked values; fill them"),

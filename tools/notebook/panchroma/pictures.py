@@ -203,8 +203,8 @@ class Picture:
         bits : int | None, optional
             8, 16 or 32 (floating point); by default what is usual for the format.
         space : str | None, optional
-            "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is
-            usual for the format.
+            "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is, but in a DNG white
+            where light is lost. By default what is usual for the format.
         exposure : float, optional
             Brighten by this many stops; negative ones darken, and what is burnt out stays white.
         quality : int | None, optional

@@ -199,9 +199,10 @@ def _scene(source: Any, requested: str, bands: str | None, linear: bool, max_pix
                 return load_scene(name, linear=linear, max_pixels=max_pixels, channels=requested)
         except InputError as error:
             raise type(error)(f"{file_name(source)}: {error}") from None
-    unmasked(source)
     try:
-        array = np.asarray(source)
+        array = unmasked(source)
+    except InputError:
+        raise
     except ValueError:  # rows of different lengths
         array = np.array(None)
     if bands is not None and array.shape[2:] != (len(bands),):
