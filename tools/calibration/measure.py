@@ -387,8 +387,8 @@ class Session:
             self.measured.remarks.append(
                 f"{path}: {100 * share:.1f} % of its samples have its highest code, {end}, and "
                 f"hardly any a lower one nearby: the sensor saturates there, and not at "
-                f"`white_level`, {mosaic.calibration.white_level}; state it in the camera.json of "
-                "`capture`, and take the shots again"
+                f"the white level, {mosaic.calibration.white_level}; state it in the camera.json "
+                "with which they are captured, and take the shots again"
             )
         self.measured.stated_defects |= set(stated.defects)
         if self.measured.base is None:

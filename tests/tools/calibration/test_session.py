@@ -326,7 +326,7 @@ def test_a_sensor_that_saturates_below_its_white_level_is_told_once() -> None:
     seen = measured(dark=several("dark", 2, ends), shots=several("chart", 1, ends))
     (line,) = seen.remarks
     assert line.startswith("chart0.dng: 1.")
-    assert "the sensor saturates there, and not at `white_level`, " in line
+    assert "the sensor saturates there, and not at the white level, " in line
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])
