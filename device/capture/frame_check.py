@@ -196,10 +196,9 @@ class _Check:
             if not (has_its_bits and (shown or is_alike)):
                 raise SlippedError(_SLIPPED)
             if shown:
-                break
-        if shown:
-            self._look_at_colours(frame, windows)
-        return shown is True
+                self._look_at_colours(frame, windows)
+                return True
+        return False
 
     def _look_at_colours(self, frame: RawFrame, windows: Windows) -> None:
         """Note what the windows of a frame that shows its filters leave open of their colours."""

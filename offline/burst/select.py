@@ -241,7 +241,9 @@ def judge(
     agrees = agreement(reference, frame, moved, aligned.motion)
     share = float(agrees.mean()) / 255
     unclipped = visible | ~np.isfinite(moved)
-    agreeing = float(agrees[unclipped].mean()) / 255 if unclipped.mean() > 1 - _GONE else share
+    agreeing = share
+    if unclipped.mean() > 1 - _GONE:
+        agreeing = max(share, float(agrees[unclipped].mean()) / 255)
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
         reason = (
@@ -250,9 +252,8 @@ def judge(
         )
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
-    elif max(share, agreeing) < _LEAST_AGREEMENT:
-        found = f"{100 * max(share, agreeing):.0f} %"
-        reason = f"only {found} of what is not clipped agrees with the reference"
+    elif agreeing < _LEAST_AGREEMENT:
+        reason = f"only {100 * agreeing:.0f} % of what is not clipped agrees with the reference"
     verdict = Judged(reason, aligned.motion, aligned.gain, aligned.error, share, sharpness)
     return verdict, None if reason else Kept(frame, aligned.motion, agrees)
 

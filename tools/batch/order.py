@@ -127,6 +127,11 @@ class Run:
         """True if an existing file need not stay."""
         return self.overwrite or self.resume
 
+    @property
+    def journal(self) -> Journal:
+        """The journal of its folder."""
+        return _journal(self.folder, self.run)
+
     def name(self, output: Path) -> str:
         """The output's path below the folder, as it stands in the journal."""
         return Path(os.path.relpath(output, self.folder)).as_posix()
@@ -407,7 +412,7 @@ def kept(
 
         outcome = work(job, listener, keep)
         for path in left_over:
-            latest = _journal(run.folder, run.run).of(run.name(path))[-1]
+            latest = run.journal.of(run.name(path))[-1]
             if latest.run != run.run and os.path.lexists(path):
                 what = "was made with what is replaced, and does not belong to what is there now"
                 listener.note(f"{path}: {what}: remove it")
@@ -418,8 +423,8 @@ def _made_with(run: FileRun, job: Job) -> list[Path]:
     """Files that earlier runs made with the outputs, and that this one does not make: beside its
     own they may be taken for theirs.
     """
-    journal = _journal(run.folder, run.run)
-    entries = (entry for output in job.outputs for entry in journal.made_with(run.name(output)))
+    names = map(run.name, job.outputs)
+    entries = (entry for name in names for entry in run.journal.made_with(name))
     paths = dict.fromkeys(run.folder / entry.output for entry in entries)
     return [path for path in paths if path not in job.outputs]
 
@@ -429,14 +434,14 @@ def _note_in_journal(
 ) -> None:
     made = order.name(output), digest(partial) or "", order.key(output, source_digest)
     source = os.path.abspath(job.source)  # noqa: PTH100 (without following links)
-    _journal(order.folder, order.run).append(Entry(*made, order.run, source, source_digest))
+    order.journal.append(Entry(*made, order.run, source, source_digest))
 
 
 def _note_stamp(order: Order, output: Path, stamp: str) -> None:
     """Note sizes and times of files that are as the last entry says: the next run need not read
     them. Getting its name changed the picture's.
     """
-    journal = _journal(order.folder, order.run)
+    journal = order.journal
     journal.append(replace(journal.of(order.name(output))[-1], stamp=stamp), wait=False)
 
 
@@ -444,7 +449,7 @@ def _is_unchanged(order: Order, job: Job) -> bool:
     """True if the picture is up to date by sizes and times alone: reading all files of an archive
     takes long.
     """
-    entries = _journal(order.folder, order.run).of(order.name(job.output)) if order.resume else []
+    entries = order.journal.of(order.name(job.output)) if order.resume else []
     if not entries or entries[-1].stamp != f"{_stamp(job.files)} {_stamp([job.output])}":
         return False
     return entries[-1].key == order.key(job.output, entries[-1].input)
@@ -470,7 +475,7 @@ def _existing(
     """
     if file_status(output) is None:
         return _Existing(replace=order.overwrite)
-    entries = _journal(order.folder, order.run).of(order.name(output))
+    entries = order.journal.of(order.name(output))
     last = entries[-1] if entries else None
     # by a process that died before it could say so
     of_this_run = last is not None and last.run == order.run

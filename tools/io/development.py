@@ -40,6 +40,13 @@ class FileKind:
     space: str
     quality: int | None = None
 
+    @property
+    def has_white_balance(self) -> bool:
+        """True if pictures are balanced, or (a linear DNG) state how to: all but measurements in
+        scene units.
+        """
+        return self.space != CAMERA or self.format == "dng"
+
     def check_exposure(self, exposure: float) -> None:
         """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
         if self.space != CAMERA:
@@ -90,7 +97,7 @@ class Development:
 
         rgb: (H, W, C), scene units; measurements keep it, but a DNG for raw developers.
         """
-        if lost is None or (self.kind.space == CAMERA and self.kind.format != "dng"):
+        if lost is None or not self.kind.has_white_balance:
             return rgb
         return self.shown.whitened(rgb, lost, self.exposure)
 

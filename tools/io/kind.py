@@ -16,7 +16,7 @@ from tempfile import gettempdir
 from ...shared import FloatArray, InputError
 from ...shared.reading import File
 from ...shared.writing import OnComplete, durable_file
-from .development import CAMERA, Development, FileKind
+from .development import Development, FileKind
 from .formats import FORMATS, Format
 from .formats.jpg import check_quality
 
@@ -69,13 +69,6 @@ class PictureKind(FileKind):
     def suffix(self) -> str:
         """The end of the file's name, with the dot."""
         return self.kept_as.suffix
-
-    @property
-    def has_white_balance(self) -> bool:
-        """True if pictures are balanced, or (a linear DNG) state how to: all but measurements in
-        scene units.
-        """
-        return self.space != CAMERA or self.format == "dng"
 
 
 def _known(name: str) -> Format:

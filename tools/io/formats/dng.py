@@ -69,6 +69,7 @@ class LinearDng(Format):
         tiles, digests = list[bytes](), list[bytes]()
 
         def encoded(rgb: FloatArray) -> tuple[list[bytes], bytes, ByteArray]:
+            # as at the exposure at which the brightest white that is measured is display white
             rgb = shown.whitened(rgb, shown.saturated(rgb), -log2(shown.brightest))
             return *encode_chunk(rgb, shape), display_codes(rgb, shown, 8)
 
