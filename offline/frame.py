@@ -347,8 +347,9 @@ class Frame:
         estimated.
     lines : FloatArray
         Of every block, how colour goes with luminance, a line: what a unit of luminance adds,
-        chromaticity plus a slope, and the slope times the luminance of the block, which is taken
-        off, float32 (block rows, block columns, 2 C); empty where no network has found them.
+        chromaticity plus a slope, the slope times the luminance of the block, which is taken off,
+        and the luminances at which it ends, float32 (block rows, block columns, 2 C + 2); empty
+        where no network has found them.
     fill_error : FloatArray
         Standard deviation of the error of filled luminance in each of the B whole blocks, float32
         B; empty where the settings do nothing with the sites.

@@ -29,7 +29,8 @@ high / a, log2(s_i / a + 0.001) / 4, log2(b + 0.001) / 8, the share of clipped s
 of each line the deviation of luminance and of samples from it, both / a, and its slope, and 3 z - 1
 for each proposal z. It answers with the weights (by softmax) of the proposals and of the o of the
 eight blocks around, and with what has to be added to chromaticity and slope in the plane of
-constant luminance.
+constant luminance. A line ends at the least and at the greatest luminance at the sites of 3 x 3
+blocks: what tells apart two colours of nearly one luminance says nothing of a thin stroke between.
 No input depends on exposure, and none on where in a block its sites are: one network serves every
 pattern of R, G and B and every period. `tools/training/blocks.py` trains it, with the planes that
 `block_planes` returns. Convolutions round to 8 bits. Chunks overlap by all that the network sees,
@@ -37,10 +38,12 @@ so that they change no bit.
 """
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from ...shared.arrays import FloatArray, IndexArray
 from ...shared.networks import NETWORKS, load_network
@@ -94,8 +97,9 @@ def learned_chromaticities(
     progress: Progress = SILENT,
 ) -> tuple[FloatArray, FloatArray]:
     """c_j of every block of the grid, float32 (block rows, block columns, 3), and its line, (block
-    rows, block columns, 6): c_j + s, with s the slope of colour beside c_j l, and s times the
-    luminance of the block. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
+    rows, block columns, 8): c_j + s, with s the slope of colour beside c_j l, s times the luminance
+    of the block, and the least and the greatest luminance at the sites of 3 x 3 blocks, between
+    which the line holds. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
 
     Raises
     ------
@@ -105,19 +109,22 @@ def learned_chromaticities(
     network = load_network(PATH)
     alike = alike_blocks(frame, medians, pooling, progress)
     height, width = frame.sites.shape
-    lines = np.empty((height, width, 9), np.float32)
+    lines = np.empty((height, width, 11), np.float32)
     # an even number in a row, so that two threads end together; one where each would see the frame
     columns = [*_chunks(width, 2 * -(-width // (2 * _SIDE)) if width > 2 * _HALO else 1)]
     for rows in _chunks(height, -(-height // _SIDE)):
         known = slice(int(rows.seen[0]), int(rows.seen[-1]) + 1)
-        planes, at_sites = _planes_in_strips(frame, alike, known)
+        planes, lit = _planes_in_strips(frame, alike, known)
         seen = rows._replace(seen=rows.seen - known.start)
         _answer(network, planes, seen, columns, lines[..., :6])
-        at_sites = at_sites[rows.place.start - known.start :][: rows.place.stop - rows.place.start]
-        lines[rows.place, :, 6:] = lines[rows.place, :, 3:6] * at_sites[..., None]
+        lit = lit[rows.place.start - known.start :][: rows.place.stop - rows.place.start]
+        lines[rows.place, :, 6:9] = lines[rows.place, :, 3:6] * lit[..., None]
         del planes  # before those of the next rows
-    lines /= np.tile(frame.gamma32, 3)
+    lines[..., :9] /= np.tile(frame.gamma32, 3)
     lines[..., 3:6] += lines[..., :3]
+    at_sites = [frame.luminance[place] for place in frame.sites.places]
+    lines[..., 9] = minimum_filter(reduce(np.minimum, at_sites), 3)
+    lines[..., 10] = maximum_filter(reduce(np.maximum, at_sites), 3)
     blocks, spread = (frame.grid.extend(planes) for planes in np.split(lines, [3], axis=2))
     return blocks, spread
 

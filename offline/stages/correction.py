@@ -111,7 +111,7 @@ def _block_residuals(frame: Frame, rows: slice) -> tuple[FloatArray, FloatArray]
     filled, weight = sites.in_rows(frame.luminance, rows), sites.whole(frame.blocks)[rows]
     error = sites.in_rows(frame.signal, rows) * gamma[sites.channels]
     if frame.lines.size:
-        weight, level = np.split(sites.whole(frame.lines)[rows], 2, axis=2)
+        weight, level, _ = np.split(sites.whole(frame.lines)[rows], [len(gamma), 2 * len(gamma)], 2)
         error = error + np.take(level * gamma, sites.channels, axis=2)
     weight = np.take(weight * gamma, sites.channels, axis=2)
     error = error - weight * filled

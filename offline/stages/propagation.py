@@ -105,12 +105,13 @@ def follow_lines(
     chunks: Chunks, lines: Floats3, luminance: Frozen2, least: Single, gamma: Floats1, out: Floats3
 ) -> None:
     """Compute the chromaticities of pixels whose colour is c l + s (l - l_j), a line through that
-    of the block. No channel is below 0.
+    of the block; a pixel beyond the ends of the line has the chromaticity of its end. No channel is
+    below 0.
 
     Parameters
     ----------
     lines : Floats3
-        c + s and s l_j, (rows, W, 2 C).
+        c + s, s l_j, and the luminances at which the line ends, (rows, W, 2 C + 2).
     luminance : Frozen2
         l, (rows, W).
     least : Single
@@ -121,9 +122,9 @@ def follow_lines(
     channels = len(gamma)
     for row in range(chunks[0], chunks[1]):
         for column in range(out.shape[1]):
-            lit, total = max(luminance[row, column], least), _ZERO
+            line, total = lines[row, column], _ZERO
+            lit = max(min(luminance[row, column], line[-1]), line[-2], least)
             for channel in range(channels):
-                line = lines[row, column]
                 value = max(line[channel] - line[channels + channel] / lit, _ZERO)
                 out[row, column, channel] = value
                 total += gamma[channel] * value

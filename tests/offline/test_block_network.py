@@ -139,8 +139,34 @@ def test_lines_go_through_all_inks() -> None:
     _, lines = learned(taken(np.ascontiguousarray(stripes), gamma=(1.0, 1.0, 1.0)))
     for ink in inks:
         light = float(ink.sum())
-        colour = lines[..., :3] * light - lines[..., 3:]
+        colour = lines[..., :3] * light - lines[..., 3:6]
         assert np.median(np.abs(colour[4:-4, 4:-4] - ink).max(axis=2)) < 0.03
+
+
+def test_lines_end_where_no_site_around_is_as_dark_or_bright() -> None:
+    frame = taken(scene(), sigma=0.02)
+    _, lines = learned(frame)
+    at_sites = frame.sites.of(frame.luminance)
+    for row, column in ((0, 0), (7, 12), (frame.sites.shape[0] - 1, 5)):
+        around = at_sites[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        ends = frame.sites.whole(lines)[row, column, 6:]
+        assert np.array_equal(ends, [around.min(), around.max()])
+
+
+@pytest.mark.parametrize("darker", [0.8, 0.9])
+def test_a_thin_line_beside_an_edge_of_equal_luminance_keeps_its_colour(darker: float) -> None:
+    """Yellow beside blue that is a little darker, with lines of 1 pixel, darker still, on the blue:
+    what tells yellow from blue says nothing of these.
+    """
+    inks = np.array([[0.5, 0.42, 0.1], [0.1, 0.25, 0.55]], np.float32)
+    rows, columns = np.indices((90, 120))
+    picture = inks[(columns + rows // 3 > 75).astype(int)]
+    thin = (columns + rows // 2) % 17 == 0
+    thin &= columns + rows // 3 > 76
+    picture[thin] *= darker
+    found = render(taken(picture).mosaic).rgb
+    wrong = np.abs(found - picture).max(axis=2)[6:-6, 6:-6]
+    assert np.median(wrong[thin[6:-6, 6:-6]]) < 0.09 * (1 - darker)
 
 
 @pytest.mark.parametrize("shape", [(500, 30), (30, 500)])
