@@ -4,7 +4,7 @@ rendered from.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import degrees
+from math import degrees, log2
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -246,6 +246,12 @@ class BurstSubject(Subject):
                 self._note(f"{frame.name}: is left out: {frame.reason}")
         self.mosaic = cast(Mosaic, self._reference.mosaic)
         name = Path(self._reference.name).name
+        gains = [frame.judged.gain for frame in self._used if frame.judged and not frame.reason]
+        if (stops := log2(max(gains, default=1))) > 1:
+            self._note(
+                f"{name} is the reference, and the picture as dark: {stops:.1f} stops darker than "
+                "the brightest frame; name that as `reference`, or brighten it by `exposure`"
+            )
         self.words = f"{self._left} of {len(self.frames)} frames, reference {name}, "
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:

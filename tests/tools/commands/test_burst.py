@@ -15,7 +15,7 @@ from panchroma.offline.burst import merge_burst, render_burst_bands
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
-from panchroma.tools.simulation.sensor import simulate_additive
+from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.tools.batch.examples import save_mosaic
 from tests.tools.calibration.known_camera import stating
 from tests.tools.command import Outcome, assert_refused, results, run
@@ -74,6 +74,23 @@ def test_the_picture_is_the_librarys_and_fates_of_frames_are_told(frames: Path, 
         assert (fate["source"], fate["used"], fate["reason"]) == (name, True, "")
         assert (fate["down"], fate["right"]) == pytest.approx(judged.motion.shift, abs=1e-3)
         assert fate["gain"] == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize(("exposures", "told"), [((4, 2, 0.5), True), ((1, 0.6, 0.8), False)])
+def test_a_reference_much_darker_than_another_frame_is_told(
+    exposures: tuple[float, ...], told: bool, tmp_path: Path, out: Path
+) -> None:
+    """Half of the scene is clipped in the longer exposures of the bracket."""
+    scene, sensor = builtin_scene(180, 130).rgb, (CfaPattern.bayer(), SensorCalibration.of_bits(14))
+    shots = [tmp_path / f"step-{number}.dng" for number in (1, 2, 3)]
+    for shot, exposure in zip(shots, exposures, strict=True):
+        save_mosaic(shot, simulate_sensor(scene, *sensor, exposure, np.random.default_rng(0)))
+    outcome = run("burst", *shots, "-o", out, "--preset unlearned", code=0)
+    note = (
+        "step-3.dng is the reference, and the picture as dark: 3.0 stops darker than the brightest "
+        "frame; name that as --reference, or brighten it by --exposure\n"
+    )
+    assert (note in outcome.err) == ("stops darker" in outcome.err) == told
 
 
 # --- known shifts --------------------------------------------------------------------------------
