@@ -24,7 +24,7 @@ def session(model: Path | bytes, *, as_written: bool = False, keeps_memory: bool
     """An onnxruntime session, which computes in the calling thread; any number of threads may call
     it.
 
-    Raises InputError, which does not name the file, when onnxruntime cannot run it.
+    Raises InputError, which does not name the file, when onnxruntime cannot run it, and MemoryError.
 
     Parameters
     ----------
@@ -48,4 +48,6 @@ def session(model: Path | bytes, *, as_written: bool = False, keeps_memory: bool
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
     # each error code of onnxruntime has its own class, without a common base
     except Exception as error:
+        if "bad_alloc" in str(error):
+            raise MemoryError(str(error)) from error
         raise InputError(f"is not a network that onnxruntime can run ({error})") from error

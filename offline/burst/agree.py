@@ -134,6 +134,7 @@ def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -
     )
 
 
+@np.errstate(under="ignore")  # whatever the caller's program asks for
 def agreement(reference: Reference, frame: View, moved: FloatArray, motion: Motion) -> ByteArray:
     """Agreement of luminance and of the colours of blocks at each pixel, 0 to 255, uint8 (H, W).
 

@@ -72,6 +72,8 @@ _CHOSEN, _LOCATORS = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
 # Sources, processors and settings of which a folder keeps kernels, some megabytes each: those that
 # were compiled last.
 _VERSIONS = 16
+# Of files that are kept, seconds: an archive holds none of before 1980, which a camera may have.
+_TIME = 1e9
 
 
 class ParallelKernel(Generic[P]):
@@ -148,6 +150,8 @@ class ParallelKernel(Generic[P]):
             compiled.compile(kinds)
             compiled.disable_compile()
             if compiled.stats.cache_misses:
+                for path in Path(folder).iterdir():
+                    os.utime(path, (_TIME, _TIME))
                 self._keep(Path(make_archive(f"{scratch}/kept", "zip", folder)).read_bytes())
         return compiled
 
@@ -194,6 +198,7 @@ def _version() -> str:
     """Digest of all on which machine code depends."""
     facts = [_SOURCE, numba.__version__, sys.implementation.cache_tag, binding.get_process_triple()]
     facts.append(numba.config.CPU_NAME or binding.get_host_cpu_name())
+    facts.append(sys.flags.optimize > 1)  # without docstrings code is another one for Numba
     if numba.config.CPU_FEATURES is None:
         facts.append(binding.get_host_cpu_features().flatten())
     others = re.compile("NUMBA_(?!CACHE|NUM_THREADS|THREADING)").match
@@ -278,8 +283,14 @@ def kernel_cache() -> Path:
     >>> kernel_cache().is_absolute()
     True
     """
-    used = (folder for folder in _folders(len(kernels)) if any(folder.glob("*.zip")))
-    return next(used, None) or writable_cache()
+    return next(filter(_is_used, _folders(len(kernels))), None) or writable_cache()
+
+
+def _is_used(folder: Path) -> bool:
+    """True if kernels are kept in a folder, and may be read."""
+    with suppress(OSError):
+        return any(name.endswith(".zip") for name in os.listdir(folder))
+    return False
 
 
 def writable_cache() -> Path:

@@ -5,6 +5,7 @@ are is told by the evaluation.
 from dataclasses import replace
 from math import isqrt
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from panchroma.shared.arrays import FloatArray
 from panchroma.shared.errors import InputError
 from panchroma.shared.networks import NETWORKS, Block, load_network, network_for
 from panchroma.shared.pattern import MIRRORS
-from panchroma.shared.runtime import onnxruntime
+from panchroma.shared.runtime import onnxruntime, session
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
@@ -264,6 +265,13 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
         InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"
     ):
         load_network(path)
+
+
+def test_without_memory_no_file_is_called_damaged(monkeypatch: pytest.MonkeyPatch) -> None:
+    none_left = Mock(side_effect=RuntimeError("std::bad_alloc"))
+    monkeypatch.setattr(onnxruntime, "InferenceSession", none_left)
+    with pytest.raises(MemoryError):
+        session(b"")
 
 
 def test_a_memory_estimate_reads_no_network(

@@ -110,6 +110,10 @@ def in_processes(
 
     from ...shared.errors import InputError
 
+    try:
+        os.getcwd()  # where processes begin
+    except FileNotFoundError:
+        raise InputError("the current folder is gone; change to another one") from None
     before, spawn = set(multiprocessing.active_children()), _SafeSpawn()
     pools: list[ProcessPool] = []  # the last one is at work
     settings = {"initializer": _begin, "initargs": (threads, LOG.getEffectiveLevel())}

@@ -11,6 +11,7 @@ import time
 from importlib import import_module
 from pathlib import Path
 from unittest.mock import Mock
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -96,6 +97,8 @@ def test_what_is_damaged_is_compiled_again_and_told(tmp_path: Path) -> None:
     copied(tmp_path)
     assert run_python(SCRIPT, folder=tmp_path) == COMPILED
     (path,) = kept_files(tmp_path)
+    with ZipFile(path) as archive:  # whatever the clock says
+        assert {entry.date_time[0] for entry in archive.infolist() if not entry.is_dir()} == {2001}
     data = path.read_bytes()
     middle = len(data) // 2
     for damaged in (data[:-9], data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]):
@@ -201,7 +204,9 @@ def test_a_folder_that_can_be_read_alone_serves_its_kernels(
     monkeypatch.setenv("NUMBA_CACHE_LOCATOR_CLASSES", "")
     assert run_as_user(tmp_path) == COMPILED  # and kept beside the sources
     assert run_as_user(tmp_path) == KEPT
-    for folder in [shared, *shared.rglob("*/")]:
+    path.parent.chmod(0)
+    assert str(tmp_path / "panchroma") in run_as_user(tmp_path, where)
+    for folder in [shared, *shared.rglob("*/"), path.parent]:
         folder.chmod(0o755)
 
 

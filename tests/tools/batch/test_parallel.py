@@ -93,6 +93,17 @@ def test_without_semaphores_one_process_does_all_and_says_so(
     assert isinstance(ended[1], Exception)  # as in another process, the error is the result
 
 
+def test_processes_ask_for_a_folder_that_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(InputError, match="current folder is gone; change to another one"):
+        list(pool(double, [1, 2]))
+
+
 def test_a_process_that_is_killed_costs_one_item() -> None:
     results = dict(pool(die, range(8)))
     killed = results.pop(5)

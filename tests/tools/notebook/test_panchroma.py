@@ -428,3 +428,10 @@ def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> Non
 def test_a_lens_is_simulated_and_known() -> None:
     shot = panchroma.simulate("builtin:120x90", shading=(1.5, 10), light=1)
     assert shot.mosaic.calibration.shading == lens_shading(1.5, 0.1, 4, (90, 120))
+
+
+def test_programs_to_which_underflow_is_an_error_are_served(tmp_path: Path) -> None:
+    with np.errstate(all="raise"):
+        frames = panchroma.simulate("builtin:280x220", burst=3, motion=3, bracket=(0, -2, 2))
+        panchroma.burst(frames).save(tmp_path / "a.exr")
+        panchroma.render(frames[0]).save(tmp_path / "b.exr")

@@ -31,7 +31,8 @@ class OpenExr(Format):
         (pixels,), kind, compression = bands, development.kind, OpenEXR.NO_COMPRESSION
         if kind.bits == 16:
             largest = float(np.finfo(np.float16).max)
-            pixels = pixels.clip(-largest, largest).astype(np.float16)
+            with np.errstate(under="ignore"):  # whatever the caller's program asks for
+                pixels = pixels.clip(-largest, largest).astype(np.float16)
             # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for
             # which it takes too long.
             compression = OpenEXR.ZIP_COMPRESSION
