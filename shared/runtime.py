@@ -24,7 +24,7 @@ def session(model: Path | bytes, *, as_written: bool = False, keeps_memory: bool
     """An onnxruntime session, which computes in the calling thread; any number of threads may call
     it.
 
-    Raises InputError, which does not name the file, when onnxruntime cannot run it, and MemoryError.
+    Raises InputError, which does not name the file, when onnxruntime cannot run it; MemoryError.
 
     Parameters
     ----------

@@ -15,6 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
 from itertools import chain, islice
 from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .console import LOG, WorkerFault, fault, shown_by, traceback_of
@@ -111,7 +112,7 @@ def in_processes(
     from ...shared.errors import InputError
 
     try:
-        os.getcwd()  # where processes begin
+        Path.cwd()  # where processes begin
     except FileNotFoundError:
         raise InputError("the current folder is gone; change to another one") from None
     before, spawn = set(multiprocessing.active_children()), _SafeSpawn()
