@@ -6,6 +6,7 @@ with it, so that `disable_telemetry_events` alone comes too late; the variable o
 read by the import alone, and is the program's own again afterwards.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,6 @@ def session(model: Path | bytes, *, as_written: bool = False, keeps_memory: bool
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
     # each error code of onnxruntime has its own class, without a common base
     except Exception as error:
-        if "bad_alloc" in str(error):
+        if re.search("bad.alloc|allocate memory", str(error)):
             raise MemoryError(str(error)) from error
         raise InputError(f"is not a network that onnxruntime can run ({error})") from error

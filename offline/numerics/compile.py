@@ -289,7 +289,7 @@ def kernel_cache() -> Path:
 def _is_used(folder: Path) -> bool:
     """True if kernels are kept in a folder, and may be read."""
     with suppress(OSError):
-        return any(path.suffix == ".zip" for path in folder.iterdir())
+        return any(os.access(path, os.R_OK) for path in folder.glob("*.zip"))
     return False
 
 

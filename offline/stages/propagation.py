@@ -41,8 +41,8 @@ class PropagationSettings(StageSettings):
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
-# share of what a line says beyond its ends: more turns thin lines beside edges pure colours, less
-# takes the colour of small type
+# a pixel beyond the end of a line counts as end + _BEYOND (l - end): with more, thin strokes beside
+# edges have too pure colours; with less, small type loses colour
 _BEYOND = np.float32(0.5)
 _DIMMEST = 0.02  # of the mean luminance: darker pixels have the colour of such on their line
 
@@ -108,8 +108,8 @@ def follow_lines(
     chunks: Chunks, lines: Floats3, luminance: Frozen2, least: Single, gamma: Floats1, out: Floats3
 ) -> None:
     """Compute the chromaticities of pixels whose colour is c l + s (l - l_j), a line through that
-    of the block; a pixel beyond the ends of the line counts as half as far beyond. No channel is
-    below 0.
+    of the block. A pixel whose luminance lies beyond an end of the line has the chromaticity of
+    half that distance. No channel is below 0.
 
     Parameters
     ----------

@@ -267,8 +267,11 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
         load_network(path)
 
 
-def test_without_memory_no_file_is_called_damaged(monkeypatch: pytest.MonkeyPatch) -> None:
-    none_left = Mock(side_effect=RuntimeError("std::bad_alloc"))
+@pytest.mark.parametrize("words", ["std::bad_alloc", "bad allocation", "Failed to allocate memory"])
+def test_without_memory_no_file_is_called_damaged(
+    words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    none_left = Mock(side_effect=RuntimeError(words))
     monkeypatch.setattr(onnxruntime, "InferenceSession", none_left)
     with pytest.raises(MemoryError):
         session(b"")

@@ -83,22 +83,23 @@ def test_without_light_all_four_count_the_same(value: float) -> None:
 
 def test_colours_lie_on_the_line_through_that_of_the_block() -> None:
     """A pixel as bright as the block has its chromaticity; red falls faster than the others, and
-    never below 0, where luminance is kept. A pixel beyond the end of the line counts as half as
-    far beyond.
+    never below 0, where luminance is kept. A pixel beyond an end of the line has the colour of
+    half that distance.
     """
     gamma = np.array([0.8, 1.1, 1.3], np.float32)
     chromaticity = np.array([0.4, 0.3, 0.35 / 1.3], np.float32)
     slope = np.array([0.5, -0.2, -0.18 / 1.3], np.float32)
-    block, light = 0.6, np.array([[0.6, 0.9, 0.05, 0.0, -0.1, 1.2]], np.float32)
+    block, light = 0.6, np.array([[0.6, 0.9, 0.05, 0.0, -0.1, 1.2, 0.2]], np.float32)
     planes = np.concatenate([chromaticity + slope, slope * np.float32(block), [-1, 1]])
-    found = np.empty((1, 6, 3), np.float32)
-    follow_lines(
-        np.tile(planes.astype(np.float32), (1, 6, 1)), light, np.float32(0.01), gamma, found
-    )
+    found = np.empty((1, 7, 3), np.float32)
+    lines = np.tile(planes.astype(np.float32), (1, 7, 1))
+    lines[0, 6, -2] = 0.5
+    follow_lines(lines, light, np.float32(0.01), gamma, found)
     assert_close(found[0, 0], chromaticity, FLOAT32)
     colour = chromaticity * 0.9 + slope * 0.3
     assert_close(found[0, 1] * 0.9, colour, FLOAT32)
     assert found.min() == found[0, 2, 0] == 0
-    assert_close(found @ gamma, np.ones((1, 6)), FLOAT32)
+    assert_close(found @ gamma, np.ones((1, 7)), FLOAT32)
     assert np.array_equal(found[0, 3], found[0, 4])  # as dark as the least luminance
     assert_close(found[0, 5], chromaticity + slope - slope * block / 1.1, FLOAT32)
+    assert_close(found[0, 6], chromaticity + slope - slope * block / 0.35, FLOAT32)

@@ -246,11 +246,12 @@ class BurstSubject(Subject):
                 self._note(f"{frame.name}: is left out: {frame.reason}")
         self.mosaic = cast(Mosaic, self._reference.mosaic)
         name = Path(self._reference.name).name
-        gains = [frame.judged.gain for frame in self._used if frame.judged and not frame.reason]
-        if (stops := log2(max(gains, default=1))) > 1:
+        gains = {f.name: f.judged.gain for f in self._used if f.judged and not f.reason}
+        brightest = max(gains, key=gains.__getitem__, default=name)
+        if (stops := log2(gains.get(brightest, 1))) > 1 and self._order.reference is None:
             self._note(
                 f"{name} is the reference, and the picture as dark: {stops:.1f} stops darker than "
-                "the brightest frame; name that as `reference`, or brighten it by `exposure`"
+                f"{brightest}; name that as `reference`, or brighten what is shown by `exposure`"
             )
         self.words = f"{self._left} of {len(self.frames)} frames, reference {name}, "
 

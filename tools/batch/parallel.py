@@ -113,8 +113,10 @@ def in_processes(
 
     try:
         Path.cwd()  # where processes begin
-    except FileNotFoundError:
-        raise InputError("the current folder is gone; change to another one") from None
+    except OSError:
+        raise InputError(
+            "the current folder is gone, or not to be read; change to another one"
+        ) from None
     before, spawn = set(multiprocessing.active_children()), _SafeSpawn()
     pools: list[ProcessPool] = []  # the last one is at work
     settings = {"initializer": _begin, "initargs": (threads, LOG.getEffectiveLevel())}
