@@ -9,13 +9,7 @@ from scipy import optimize
 from scipy.sparse import csr_array, diags_array
 
 from panchroma.shared import CfaPattern, DoubleArray
-from tests.reference import (
-    affinity,
-    chromaticity,
-    geometry,
-    luminance,
-    propagation,
-)
+from tests.reference import affinity, chromaticity, geometry, luminance, propagation
 from tests.reference.compare import assert_close
 
 ROUNDING = 1e-12  # float64 sums of at most a few hundred terms of size one

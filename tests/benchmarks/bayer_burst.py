@@ -34,9 +34,7 @@ _SPARSE = 0.05  # samples per pixel, below which a correction is reduced
 
 
 def render_bayer_burst(
-    mosaics: Sequence[FloatArray],
-    sigma: float,
-    neutral: tuple[float, ...] | None,
+    mosaics: Sequence[FloatArray], sigma: float, neutral: tuple[float, ...] | None
 ) -> FloatArray:
     """The picture of the first frame from all frames of a burst, float32 (H, W, 3), scene units.
 

@@ -58,9 +58,7 @@ def assert_constraint(chromaticity: FloatArray, mosaic: Mosaic) -> None:
 @every_case
 @pytest.mark.parametrize("sigma", [None, 0.0, 0.05])
 @pytest.mark.parametrize(
-    "settings",
-    [PAPER, NO_MEDIANS, ChromaticitySettings(1)],
-    ids=["paper", "no medians", "once"],
+    "settings", [PAPER, NO_MEDIANS, ChromaticitySettings(1)], ids=["paper", "no medians", "once"]
 )
 def test_equals_the_reference(
     pattern: CfaPattern, shape: tuple[int, int], sigma: float | None, settings: ChromaticitySettings

@@ -16,10 +16,7 @@ from panchroma.offline.bands import Band
 from panchroma.offline.frame import Frame
 from panchroma.offline.settings import RenderSettings
 from panchroma.offline.stages import colour_network as module
-from panchroma.offline.stages.colour_network import (
-    REACH,
-    ColourNetwork,
-)
+from panchroma.offline.stages.colour_network import REACH, ColourNetwork
 from panchroma.offline.stages.correction import SiteResidual
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray

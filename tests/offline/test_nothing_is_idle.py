@@ -42,11 +42,7 @@ MOVED: dict[str, dict[str, Change]] = {
         "relative": (None, 0.02),
         "learned": (None, 0.02),
     },
-    "denoising": {
-        "strength": (0.5, 0.02),
-        "sizes": ((12,), 0.02),
-        "threshold": (2.0, 0.02),
-    },
+    "denoising": {"strength": (0.5, 0.02), "sizes": ((12,), 0.02), "threshold": (2.0, 0.02)},
     "chromaticity": {"repetitions": (1, FOREIGN), "learned": (None, 0.02)},
     "pooling": {
         "passes": ((PoolingPass(1.0, 0.5, 5),), 0.02),

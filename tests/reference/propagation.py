@@ -10,10 +10,7 @@ from tests.reference.geometry import first_patch
 
 
 def propagate(
-    blocks: DoubleArray,
-    affinity: DoubleArray,
-    luminance: DoubleArray,
-    pattern: CfaPattern,
+    blocks: DoubleArray, affinity: DoubleArray, luminance: DoubleArray, pattern: CfaPattern
 ) -> DoubleArray:
     """Chromaticity of every pixel, (H, W, C).
 

@@ -11,14 +11,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from panchroma.shared import (
-    Camera,
-    CfaPattern,
-    Mosaic,
-    NoiseModel,
-    SensorCalibration,
-    read_camera,
-)
+from panchroma.shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, read_camera
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.calibration import BITS
 from panchroma.shared.errors import InputError

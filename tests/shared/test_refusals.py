@@ -199,7 +199,7 @@ MEASURED = calibration(defects=((1, 2),), shading=Shading(**EVEN)).to_json() | {
     "measured": {
         "gamma": {"half_width_95": [0.1, 0.2, 0.3]},
         "black_level": {"frames": 2, "standard_error": [1.0] * 4},
-    },
+    }
 }
 TEXT = json.dumps(MEASURED)
 NUMBERS = [number.span() for number in re.finditer(r"-?\b\d[\d.e+-]*(?=[],}])", TEXT)]

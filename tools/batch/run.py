@@ -24,12 +24,7 @@ _MEASURED_SHOTS = 3  # files that are read to learn how much memory the largest 
 
 
 def render_all(
-    order: Order,
-    shots: Sequence[Job],
-    console: Console,
-    *,
-    jobs: int | None,
-    memory: int | None,
+    order: Order, shots: Sequence[Job], console: Console, *, jobs: int | None, memory: int | None
 ) -> Counter[State]:
     """Render all shots, with a line and a record for each.
 

@@ -17,14 +17,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from ...offline.stages.colour_network import (
-    BASIS,
-    MARGIN,
-    REACH,
-    SURROUNDINGS,
-    WEIGHTS,
-    Contrast,
-)
+from ...offline.stages.colour_network import BASIS, MARGIN, REACH, SURROUNDINGS, WEIGHTS, Contrast
 from ...shared import CfaPattern, FloatArray, InputError
 from ...shared.networks import Block, network_file, network_for
 from ...shared.pattern import PANCHROMATIC

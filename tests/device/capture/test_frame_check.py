@@ -262,11 +262,7 @@ def test_what_is_described_wrongly_is_refused(sent: Any, described: Sensor) -> N
     refusal(stream(*sent), described)
 
 
-PASSING = {
-    ("mono10packed", "raw10"),
-    ("mono10packed", "mono12packed"),
-    ("mono10packed", "u8"),
-}
+PASSING = {("mono10packed", "raw10"), ("mono10packed", "mono12packed"), ("mono10packed", "u8")}
 """(sent, described): bytes of which one in three tells little, and bits of which only the lowest
 are in the wrong place; only at one origin.
 """

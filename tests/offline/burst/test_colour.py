@@ -50,10 +50,7 @@ def samples_of(
 
 
 def spread(
-    samples: ColourSamples,
-    luminance: FloatArray,
-    before: FloatArray,
-    rows: int = 10**6,
+    samples: ColourSamples, luminance: FloatArray, before: FloatArray, rows: int = 10**6
 ) -> FloatArray:
     """The corrected chromaticity. rows: of each band that it is computed in."""
     channels = before.shape[2]

@@ -231,8 +231,7 @@ def unpacked(frame: bytes) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("place", "lost"),
-    [(100 * LINE, LINE), (30001, 1), (44444, 4096), (20000, -LINE), (777, -3)],
+    ("place", "lost"), [(100 * LINE, LINE), (30001, 1), (44444, 4096), (20000, -LINE), (777, -3)]
 )
 def test_a_slip_ends_the_stream_and_its_shots_are_right(out: Path, place: int, lost: int) -> None:
     frames = moving(8)

@@ -79,11 +79,7 @@ def test_shots_of_a_command_have_noise_of_their_own_in_any_order(out: Path, tmp_
 
 @pytest.mark.parametrize(
     ("option", "light"),
-    [
-        ("--shading 1,10", 0.25),
-        ("--reduce 2", 0.25),
-        ("--burst 2 --motion 1 --bracket=-1,1", 3),
-    ],
+    [("--shading 1,10", 0.25), ("--reduce 2", 0.25), ("--burst 2 --motion 1 --bracket=-1,1", 3)],
 )
 def test_the_truth_is_as_bright_as_a_render_under_any_light(
     out: Path, option: str, light: float

@@ -16,11 +16,7 @@ from .shots import Shot, Shots, named_shots
 from .tools.batch.console import Console
 from .tools.batch.in_memory import note_once
 from .tools.batch.jobs import output_folder, refuse_existing
-from .tools.calibration.calibrated import (
-    NoCameraError,
-    calibrated,
-    shots_by_light,
-)
+from .tools.calibration.calibrated import NoCameraError, calibrated, shots_by_light
 from .tools.calibration.conclude import Result, noise_change
 from .tools.calibration.files import KINDS, read_known, sort_files, write_camera
 
