@@ -34,8 +34,8 @@ blocks, and counts half beyond: what tells apart two colours of nearly one lumin
 a thin dark stroke between.
 No input depends on exposure, and none on where in a block its sites are: one network serves every
 pattern of R, G and B and every period. `tools/training/blocks.py` trains it, with the planes that
-`block_planes` returns. Convolutions round to 8 bits. Chunks overlap by all that the network sees,
-so that they change no bit.
+`block_planes` returns. Convolutions round to 8 bits. Chunks have fixed places, so that neither
+threads nor memory change a bit, and overlap so far that no border shows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -79,7 +79,9 @@ STEP = 8
 """Blocks of one place on the network's coarsest grid, down and across: it takes multiples."""
 _SIDE = 256  # blocks down and across that are computed at once
 _TOGETHER = 100_000  # blocks whose planes a thread computes at once: it takes 1 kB for each
-_HALO = 64  # blocks around them, a multiple of STEP: it sees 63
+# blocks around them, a multiple of STEP: it sees 63, but learned on 32 x 32, and those beyond 24
+# change a chromaticity by 2e-4 (root of the mean square)
+_HALO = 24
 _ERROR = 0.2  # of filled luminance, as a multiple of its curvature, of the c and c' it learned from
 _LEAST = np.float32(1e-3)
 _EVEN = np.float32(0.02)  # of a: deviations of luminance that tell nothing of a slope
@@ -123,11 +125,18 @@ def learned_chromaticities(
         del planes  # before those of the next rows
     lines[..., :9] /= np.tile(frame.gamma32, 3)
     lines[..., 3:6] += lines[..., :3]
-    at_sites = [frame.luminance[place] for place in frame.sites.places]
-    lines[..., 9] = minimum_filter(reduce(np.minimum, at_sites), 3)
-    lines[..., 10] = maximum_filter(reduce(np.maximum, at_sites), 3)
+    lines[..., 9], lines[..., 10] = line_ends(frame)
     blocks, spread = (frame.grid.extend(planes) for planes in np.split(lines, [3], axis=2))
     return blocks, spread
+
+
+def line_ends(frame: Frame) -> tuple[FloatArray, FloatArray]:
+    """The least and the greatest luminance at the sites of 3 x 3 blocks, (rows, columns) each, for
+    the whole blocks of a frame.
+    """
+    at_sites = [frame.luminance[place] for place in frame.sites.places]
+    least, greatest = (reduce(of, at_sites) for of in (np.minimum, np.maximum))
+    return minimum_filter(least, 3), maximum_filter(greatest, 3)
 
 
 class Chunk(NamedTuple):

@@ -41,10 +41,10 @@ class PropagationSettings(StageSettings):
 
 _ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
-# a pixel beyond the end of a line counts as end + _BEYOND (l - end): with more, thin strokes beside
+# a pixel beyond the end of a line counts as end + BEYOND (l - end): with more, thin strokes beside
 # edges have too pure colours; with less, small type loses colour
-_BEYOND = np.float32(0.5)
-_DIMMEST = 0.02  # of the mean luminance: darker pixels have the colour of such on their line
+BEYOND = np.float32(0.5)
+DIMMEST = 0.02  # of the mean luminance: darker pixels have the colour of such on their line
 
 
 @dataclass(eq=False)
@@ -77,7 +77,7 @@ class Propagation(RowStage):
         fields = solve_affinities(self.frame.luminance, self.frame.pattern, self.affinity, rows)
         lit, colour = band.rows(*rows).luminance, self.mixed(fields, rows)
         if self.frame.lines.size:
-            along, least = colour, np.float32(_DIMMEST * self.frame.level)
+            along, least = colour, np.float32(DIMMEST * self.frame.level)
             colour = np.empty((*lit.shape, len(self.frame.gamma32)), np.float32)
             follow_lines(along, lit, least, self.frame.gamma32, colour)
         return Band(rows[0], lit, colour)
@@ -127,7 +127,7 @@ def follow_lines(
         for column in range(out.shape[1]):
             line, total = lines[row, column], _ZERO
             known = max(min(luminance[row, column], line[-1]), line[-2])
-            lit = max(known + _BEYOND * (luminance[row, column] - known), least)
+            lit = max(known + BEYOND * (luminance[row, column] - known), least)
             for channel in range(channels):
                 value = max(line[channel] - line[channels + channel] / lit, _ZERO)
                 out[row, column, channel] = value

@@ -172,15 +172,22 @@ def test_a_thin_line_beside_an_edge_of_equal_luminance_keeps_its_colour(
 
 
 @pytest.mark.parametrize("shape", [(500, 30), (30, 500)])
-def test_chunks_change_no_bit(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where the network sees only a part of the frame's 167 blocks."""
+def test_no_border_of_a_chunk_shows(
+    shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Chunks that see all that the network can, and small ones that see less: the noise is 0.02."""
     mosaic = simulate_additive(
         leaves(*shape), CfaPattern.bayer(3), SensorCalibration(), 0.02, np.random.default_rng(0)
     )
-    frame = filled(mosaic)
-    whole = learned(frame)
-    monkeypatch.setattr(block_network, "_SIDE", 16)
-    assert all(map(np.array_equal, learned(frame), whole))
+    frame, found = filled(mosaic), list[FloatArray]()
+    for halo, side in ((64, 256), (64, 16), (block_network._HALO, 16)):
+        monkeypatch.setattr(block_network, "_HALO", halo)
+        monkeypatch.setattr(block_network, "_SIDE", side)
+        found.append(learned(frame)[0])
+    assert np.array_equal(found[0], found[1])
+    difference = found[2] - found[0]
+    assert 0 < np.sqrt(np.square(difference).mean()) < 1.5e-3
+    assert np.abs(difference).max() < 0.02
 
 
 def test_samples_of_other_frames_count() -> None:

@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -38,12 +38,14 @@ from ...offline.stages.block_network import (
     UNIT,
     alike_blocks,
     block_planes,
+    line_ends,
 )
 from ...offline.stages.chromaticity import block_sums
 from ...offline.stages.colour_network import BASIS
 from ...offline.stages.denoising import denoise_luminance
 from ...offline.stages.luminance import recover_luminance
-from ...shared import CfaPattern, DoubleArray, FloatArray, NoiseModel, SensorCalibration
+from ...offline.stages.propagation import BEYOND, DIMMEST
+from ...shared import CfaPattern, DoubleArray, FloatArray, IndexArray, NoiseModel, SensorCalibration
 from ...shared.errors import InputError, PanchromaError
 from ..batch.console import Console
 from ..batch.jobs import output_folder
@@ -188,11 +190,13 @@ def losses(found: Any, slope: Any, truth: Any) -> Any:
 
     The three are the logarithm of the energy; the mean logarithm of that of blocks, so that even
     places count; and the logarithm of the mean size relative to light, so that dark colour counts.
-    At a pixel of luminance l the colour is t l + s (l - x), with the components t of chromaticity
-    and s of its slope, and luminance x of the block; with u = t + s, v = - s x and the means <.>
-    around the block, the energy of its error is
+    At a pixel of luminance l the colour is l (t + s h), with the components t of chromaticity and s
+    of its slope, and h = 1 - x / m for a block of luminance x, with l, or what counts for it beyond
+    an end of the line, m. With the means <.> around the block, the energy of its error is
 
-        u^2 <l^2> + 2 u v <l> + v^2 - 2 u <l p> - 2 v <p> + <p^2>,   summed over the components.
+        t^2 <l^2> + 2 t s <l^2 h> + s^2 <l^2 h^2> - 2 t <l p> - 2 s <l h p> + <p^2>,
+
+    summed over the components.
 
     Parameters
     ----------
@@ -201,16 +205,15 @@ def losses(found: Any, slope: Any, truth: Any) -> Any:
     truth : Any
         What `example` returns.
     """
-    colour, mean, light_mean = truth[:, :3], truth[:, 3:6], truth[:, 6:9]
-    first, second, power, level = truth[:, 9:].unsqueeze(2).unbind(1)
+    colour, lit_mean, along = truth[:, :3], truth[:, 3:6], truth[:, 6:9]
+    first, second, tilted, square, power = truth[:, 9:].unsqueeze(2).unbind(1)
     light = colour.sum(1, keepdim=True)
     at_sites = (light * found - colour).square().sum(1)
     basis = torch.from_numpy(BASIS).to(found)
-    t, s, p, lp = (
-        torch.einsum("niyx,ki->nkyx", planes, basis) for planes in (found, slope, mean, light_mean)
+    t, s, lp, lhp = (
+        torch.einsum("niyx,ki->nkyx", planes, basis) for planes in (found, slope, lit_mean, along)
     )
-    u, v = t + s, -s * level
-    around = u * u * second + 2 * u * v * first + v * v - 2 * u * lp - 2 * v * p
+    around = t * t * second + 2 * t * s * tilted + s * s * square - 2 * t * lp - 2 * s * lhp
     around = (around.sum(1) + power[:, 0]).clamp_min(0)
     return torch.cat([_measures(at_sites, light[:, 0]), _measures(around, first[:, 0])])
 
@@ -229,12 +232,12 @@ def _measures(square: Any, light: Any) -> Any:
 
 def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     """Planes of the blocks of a picture, float16 (PLANES, rows, columns), and their colours,
-    float32 (13, rows, columns), in units of the mean light. The same arguments give the same bytes.
+    float32 (14, rows, columns), in units of the mean light. The same arguments give the same bytes.
 
     The colours, with c = (R, G, B) times gamma, l the luminance that the render finds, p the
-    components of c in `BASIS`, and the mean <.> of the pixels around a block, which count the less
-    the farther they are, up to K pixels down and across: c at the sites, <c>, <l c>, <l>, <l^2>,
-    <p^2>, and l at the sites.
+    components of c in `BASIS`, h as in `losses`, and the mean <.> of the pixels around a block,
+    which count the less the farther they are, up to K pixels down and across: c at the sites,
+    <l c>, <l h c>, <l>, <l^2>, <l^2 h>, <l^2 h^2> and <p^2>.
     """
     random = np.random.default_rng(seed)
     scene = pictured(source, random)
@@ -276,25 +279,51 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
     colour = np.moveaxis(scene * (gamma / frame.level), 2, 0)
     at_sites = np.stack([sites.of(plane).mean(axis=2) for plane in colour])
     power = np.square(np.tensordot(BASIS, colour, 1)).sum(axis=0)
-    down, across = (
-        _nearness(middle, sites.grid.period, count, size)
-        for middle, count, size in zip(sites.middle, sites.shape, mosaic.shape, strict=True)
-    )
     # not the true one: a slope must not make colour of the errors of luminance
-    luminance /= np.float32(frame.level)
-    pixels = [*colour, *(luminance * colour), luminance, luminance**2, power]
-    around = [down @ plane @ across.T for plane in pixels]
-    filled /= np.float32(frame.level)
-    return planes.astype(np.float16), np.array([*at_sites, *around, filled], np.float32)
+    lit, x = luminance, filled[:, None, :, None]
+    around = _Around.of(sites, mosaic.shape)
+    pixels = around.pixels(lit)
+    known = pixels.clip(*(end[:, None, :, None] for end in line_ends(frame)))
+    known += BEYOND * (pixels - known)
+    tilt = 1 - x / np.maximum(known, np.float32(DIMMEST * frame.level))
+    unit = np.float32(frame.level)
+    lit = lit / unit
+    means = [around.mean(plane) for plane in (*(lit * colour), lit, lit**2, power)]
+    tilted = [around.mean(plane, tilt) for plane in (*(lit * colour), lit**2)]
+    square = around.mean(lit**2, tilt**2)
+    truth = [*at_sites, *means[:3], *tilted[:3], means[3], means[4], tilted[3], square, means[5]]
+    return planes.astype(np.float16), np.array(truth, np.float32)
 
 
-def _nearness(middle: float, period: int, count: int, size: int) -> DoubleArray:
-    """How far each of so many pixels in a row counts for each block, (blocks, pixels); they sum to
-    1. middle: of the first block.
+class _Around(NamedTuple):
+    """The pixels around each block, up to K down and across: rows and columns, and how far each
+    counts, (block rows, 2 K) and (block columns, 2 K) each; those of a block sum to 1.
     """
-    middles = middle + period * np.arange(count)
-    near = np.maximum(1 - np.abs(np.arange(size) - middles[:, None]) / period, 0)
-    return np.asarray(near / near.sum(axis=1, keepdims=True))
+
+    places: list[IndexArray]
+    shares: list[DoubleArray]
+
+    @classmethod
+    def of(cls, sites: Sites, shape: tuple[int, int]) -> "_Around":
+        """Those of the whole blocks of a frame."""
+        places, shares, period = [], [], sites.grid.period
+        for middle, count, size in zip(sites.middle, sites.shape, shape, strict=True):
+            middles = middle + period * np.arange(count)[:, None]
+            there = np.floor(middles).astype(int) + np.arange(1 - period, period + 1)
+            near = np.maximum(1 - np.abs(there - middles) / period, 0)
+            near[(there < 0) | (there >= size)] = 0
+            places.append(there.clip(0, size - 1))
+            shares.append(near / near.sum(axis=1, keepdims=True))
+        return cls(places, shares)
+
+    def pixels(self, plane: FloatArray) -> FloatArray:
+        """Those of a plane, (block rows, 2 K, block columns, 2 K)."""
+        down, across = self.places
+        return plane[down[:, :, None, None], across]
+
+    def mean(self, plane: FloatArray, factor: FloatArray | float = 1.0) -> DoubleArray:
+        """Their mean for each block; factor: of each pixel."""
+        return np.einsum("jokp,jo,kp->jk", self.pixels(plane) * factor, *self.shares)
 
 
 def _read(path: Path) -> list[Any]:
@@ -312,7 +341,7 @@ def _batch(examples: Sequence[list[Any]], seed: tuple[int, ...]) -> tuple[Any, A
         flipped = [axis for axis in (1, 2) if random.random() < 0.5]
         pair = [plane.flip(flipped) for plane in pair]
         if random.random() < 0.5:
-            pair = [pair[0][_EXCHANGED], pair[1][[2, 1, 0, 5, 4, 3, 8, 7, 6, *range(9, 13)]]]
+            pair = [pair[0][_EXCHANGED], pair[1][[2, 1, 0, 5, 4, 3, 8, 7, 6, *range(9, 14)]]]
         crops.append(pair)
     planes, truth = (torch.stack(arrays).float() for arrays in zip(*crops, strict=True))
     return planes.contiguous(memory_format=torch.channels_last), truth
