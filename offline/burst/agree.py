@@ -64,7 +64,8 @@ class BlockColours(NamedTuple):
     noise : DoubleArray
         Variance of the noise of `channels`, that of luminance included, (C, rows, columns).
     known : BoolArray
-        Whether neither they nor luminance around them are clipped, (rows, columns).
+        Whether they are lit beyond noise, and neither they nor luminance around them are clipped,
+        (rows, columns).
     """
 
     channels: DoubleArray
@@ -138,7 +139,8 @@ def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -
 def agreement(reference: Reference, frame: View, moved: FloatArray, motion: Motion) -> ByteArray:
     """Agreement of luminance and of the colours of blocks at each pixel, 0 to 255, uint8 (H, W).
 
-    Where the reference is clipped, a frame agrees that is not clipped and at least as bright.
+    Where the reference is clipped, a frame agrees that is not clipped and at least as bright, and
+    no other.
 
     Parameters
     ----------
@@ -180,7 +182,7 @@ def agreement_of_luminance(reference: View, frame: View, measured: FloatArray) -
     shown, own_shown = unclipped(frame) * visible, unclipped(reference)
     weight = measured * (shown > 0) * (own_shown > 0) + np.float32(1e-4)
     agrees = _agreement_of(_deviation(reference, frame, weight.astype(np.float32)))
-    agrees = np.where((own_shown == 0) & (frame.luminance > _BRIGHT * reference.limit), 1, agrees)
+    agrees = np.where(own_shown == 0, frame.luminance > _BRIGHT * reference.limit, agrees)
     return np.rint(255 * minimum_filter(shown * agrees, _FRINGE)).astype(np.uint8)
 
 
@@ -309,12 +311,12 @@ def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
     reference.
     """
     gamma, sites = np.array(mosaic.calibration.gamma), Sites.in_frame(mosaic)
-    luminance = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
+    seen = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
     near = smoothed(frame.luminance, NEIGHBOURHOOD)
     rough = smoothed(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
     # in the dark ratios are noise
-    luminance = np.maximum(luminance, max(DEVIATIONS * frame.noise.sigma(0), TINY))
+    luminance = np.maximum(seen, max(DEVIATIONS * frame.noise.sigma(0), TINY))
     values = sites.means(frame.colours.astype(np.float64))
     channels = gamma * values
     gains = sites.means(np.broadcast_to(frame.colour_gains, frame.colours.shape))
@@ -324,6 +326,6 @@ def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
     noise = own + filled * frame.variance(luminance)[..., None]
     clipped = maximum_filter(frame.luminance, _AROUND) >= CLIPPED * frame.limit
     whole = frame.colours < CLIPPED * frame.limit * np.asarray(frame.colour_gains)
-    known: BoolArray = np.logical_and(whole.all(axis=2), ~sites.of(clipped).any(axis=2))
+    known: BoolArray = whole.all(axis=2) & ~sites.of(clipped).any(axis=2) & (seen == luminance)
     planes = np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0)
     return BlockColours(*planes, known)

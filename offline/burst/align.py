@@ -54,8 +54,12 @@ _MODEL = cv2.MOTION_EUCLIDEAN, (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT,
 # of the mean luminance, added before roots are taken: noise in the dark would decide. Without roots
 # errors are twice as large (0.008 instead of 0.005 pixels, 0.037 instead of 0.016 with lamps)
 _BLACK = 0.1
+_LAMPS = 0.99  # quantile of the reference: what is brighter counts as that, or lamps would decide
+# of the limit, and of a neighbourhood: what counts as not clipped
+_CLEAR = 0.98
 _ROUNDING = 1e-6  # of the power of luminance: what rounding makes of differences
 _STEP = 32  # pixels between nodes of local shifts
+_LEAST_SIDE = 16  # pixels, of planes whose flow is measured: OpenCV ends the program with fewer
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
 # pixels: local shifts that are worth it explain the differences that such a shift makes,
@@ -193,13 +197,15 @@ def with_exposure(reference: View, frame: View, motion: Motion) -> Alignment:
 class _Copy(NamedTuple):
     """Smaller, smooth copies of both frames, at the exposure of the reference.
 
-    scale: pixels of the frame per pixel. variance: of the noise of both.
+    scale: pixels of the frame per pixel. variance: of the noise of both. limit: luminance of what
+    is clipped.
     """
 
     scale: int
     reference: FloatArray
     frame: FloatArray
     variance: float
+    limit: float
 
 
 class _Aligned(NamedTuple):
@@ -235,7 +241,7 @@ def _copies(reference: View, frame: View, gain: float) -> Iterator[_Copy]:
         is_last = max(height, width) <= _COPY or min(height, width) < 4 * _SMALLEST
         if is_last or planes[0].size <= _LARGEST:
             own, other = (smoothed(plane, _BLUR) for plane in planes)
-            yield _Copy(scale, own, other, variance / (_SPREAD * scale**2))
+            yield _Copy(scale, own, other, variance / (_SPREAD * scale**2), float(limit))
         if is_last:
             return
         half = width // 2, height // 2
@@ -267,7 +273,9 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     own, other = (
         smoothed(np.where(inside, plane, 0), _TEXTURE_WIDTH) for plane in (copy.reference, moved)
     )
-    lit = inside & (own > 0) & (other > 0)
+    unclipped = inside & (np.fmax(copy.reference, moved) < _CLEAR * copy.limit)
+    unclipped = smoothed(unclipped.astype(np.float32), _TEXTURE_WIDTH) > _CLEAR
+    lit = unclipped & (own > 0) & (other > 0)
     gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0
     moved = np.where(inside, moved / np.float32(gain), copy.reference)
     # not where illumination differs
@@ -321,9 +329,9 @@ def _fit(copy: _Copy, motion: Motion) -> Alignment:
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
-    wide = [
-        plane - _around(plane, _STEP) for plane in (copy.reference, aligned.moved - copy.reference)
-    ]
+    most = np.float32(np.quantile(copy.reference, _LAMPS))
+    own, other = (np.minimum(plane, most) for plane in (copy.reference, aligned.moved))
+    wide = [plane - _around(plane, _STEP) for plane in (own, other - own)]
     texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
     texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
     return Alignment(motion, aligned.gain, error, max(1 - differs / texture, 0))
@@ -331,9 +339,11 @@ def _fit(copy: _Copy, motion: Motion) -> Alignment:
 
 def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     """Local shifts of nodes, (R, C, 2), pixels of the copies; None = most of the picture lies where
-    the motion says.
+    the motion says, or has too few pixels for more.
     """
     shape, rigid = copy.reference.shape, _aligned(copy, motion)
+    if min(shape) < _LEAST_SIDE:
+        return None
     places = [np.linspace(0, size - 1, max(round(size / _STEP) + 1, 2)) for size in shape]
     nodes = np.ix_(*(np.rint(along).astype(np.intp) for along in places))
     local = np.zeros((*np.broadcast(*nodes).shape, 2), np.float32)

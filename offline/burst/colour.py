@@ -7,8 +7,8 @@ At the end, samples correct the picture too, each at its own place. A picture di
 sample by some error. The correction of the picture's colour leaves little of these errors and
 changes little from pixel to pixel, except across edges of luminance: it minimises a sum of squares
 (`numerics.linked`) in each channel, times gamma. Without samples near a pixel its correction fades
-to nothing. The mean of the channels' corrections is taken off them, which leaves luminance as it
-is.
+to nothing, and so it does where noise explains the errors. The mean of the channels' corrections is
+taken off them, which leaves luminance as it is.
 """
 
 import math
@@ -42,6 +42,7 @@ _ERROR = 2e-3
 # Of the solution; fading relative to the weight of a usual sample, and the least of it, with which
 # the solver takes hundreds of iterations. Chosen on five photographs, in noise of 0 to 0.03.
 _SMOOTHNESS, _FADING, _LEAST_FADING = 0.08, 2e-3, 1e-5
+_NEAR = 3.0  # pixels: standard deviation of a neighbourhood of samples; two reach `HALO`
 _EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance
 SHARED = 0.3
 """Variance of merged luminance relative to the reference's, from which on the reference counts as
@@ -69,6 +70,8 @@ class ColourSamples:
         (M,), luminance there, scene units.
     variance : FloatArray
         (M,), of their noise; 0 where there is none.
+    usual : FloatArray
+        (M,), of the noise that the reference would have there.
     weight : FloatArray
         (M,), how far they count by the agreement of their frames and by what is known of luminance
         there, 0 to 1.
@@ -81,6 +84,7 @@ class ColourSamples:
     values: FloatArray
     filled: FloatArray
     variance: FloatArray
+    usual: FloatArray
     weight: FloatArray
     own: int
 
@@ -109,13 +113,17 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             filled = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             gains = np.broadcast_to(one.frame.colour_gains, used.shape)[used]
-            variance = one.frame.noise.variance(values, channels, gains)
-            weight = agrees[used] / np.float32(255)
-            frames.append((places.T, channels.astype(np.uint8), values, filled, variance, weight))
-        places, channels, values, filled, variance, weight = (
+            variance, usual = (
+                noise.variance(values, channels, gains)
+                for noise in (one.frame.noise, kept[0].frame.noise)
+            )
+            weight, kinds = agrees[used] / np.float32(255), channels.astype(np.uint8)
+            frames.append((places.T, kinds, values, filled, variance, usual, weight))
+        places, channels, values, filled, variance, usual, weight = (
             np.concatenate(arrays) for arrays in zip(*frames, strict=True)
         )
-        return cls(places, channels, values, filled, variance, weight, len(frames[0][0]))
+        own = len(frames[0][0])
+        return cls(places, channels, values, filled, variance, usual, weight, own)
 
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed.
@@ -171,16 +179,16 @@ class ColourSamples:
     def block_sums(self, sites: Sites) -> BlockSums:
         """The sums of Eqs. 8-9 from the samples of other frames around each whole block.
 
-        Each term counts relative to a sample in the middle of the block.
+        Each term counts relative to a sample of the reference in the middle of the block.
         """
         rest, shape, period = slice(self.own, None), sites.shape, sites.grid.period
         at = (self.places[rest] - sites.middle) / period
         block = np.rint(at).astype(np.intp)
         inside = ((block >= 0) & (block < shape)).all(axis=1)
         far = np.maximum(np.square((at - block) * period).sum(axis=1) - _INSIDE, 0)
-        filled, variance = self.filled[rest].astype(np.float64), self.variance[rest] + self.error
-        with_distance = variance + np.square(_GRADIENT * filled) * far
-        share = inside * self.weight[rest] * variance / with_distance
+        filled = self.filled[rest].astype(np.float64)
+        distant = self.error + self.variance[rest] + np.square(_GRADIENT * filled) * far
+        share = inside * self.weight[rest] * (self.error + self.usual[rest]) / distant
         full, within = (*shape, len(sites.pattern.channels)), block.clip(0, np.array(shape) - 1)
         place = np.ravel_multi_index((*within.T, self.channels[rest]), full)
         factors = filled, self.values[rest]
@@ -264,11 +272,12 @@ class Spreading(RowStage):
         order, down, precision = self._in_rows
         first, end = np.searchsorted(down, band.first), np.searchsorted(down, band.end - 1, "right")
         near = order[first:end]
-        samples = samples_of(band, self.samples, near, precision[near], gamma)
+        samples, noise = samples_of(band, self.samples, near, precision[near], gamma)
         extent = Extent(rows[0] - band.first, rows[1] - band.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
         fields = fitted(band.luminance, samples, prior, extent, "samples")
+        fields *= beyond_noise(samples, noise)[extent.first : extent.end]
         fields = np.moveaxis(fields, 0, 2)
         divisor = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * divisor)
@@ -277,9 +286,9 @@ class Spreading(RowStage):
 
 def samples_of(
     band: Band, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray
-) -> Samples:
+) -> tuple[Samples, FloatArray]:
     """Residuals of samples in a band of the picture, times gamma, distributed to the four pixels
-    around each sample.
+    around each sample, and the variance of what noise adds to the products.
 
     Parameters
     ----------
@@ -303,6 +312,32 @@ def samples_of(
     weights = (samples.weight[near] * precision)[:, None] * shares
     shape = len(gamma), rows, columns
     at = (channels[:, None] * (rows * columns) + pixels).ravel()
-    planes = weights, weights * residual[:, None]
+    # the variance of a residual is the error over its precision
+    noise = weights * (samples.error * samples.weight[near])[:, None]
+    planes = weights, weights * residual[:, None], noise
     sums = (np.bincount(at, plane.ravel(), math.prod(shape)) for plane in planes)
-    return Samples(*(plane.reshape(shape).astype(np.float32) for plane in sums))
+    *of_samples, noise = (plane.reshape(shape).astype(np.float32) for plane in sums)
+    return Samples(*of_samples), noise
+
+
+def beyond_noise(samples: Samples, noise: FloatArray) -> FloatArray:
+    """The share of the power of residuals around each pixel that noise does not explain, (rows, W):
+    that of their local means, in the plane of constant luminance.
+
+    Parameters
+    ----------
+    samples, noise : Samples, FloatArray
+        What `samples_of` returns.
+    """
+    weights, products = (
+        np.stack([smoothed(plane, _NEAR) for plane in planes]) for planes in samples
+    )
+    weights += TINY
+    # a smoothed plane of noise has the weights of that Gaussian, squared
+    left = np.stack([smoothed(plane, _NEAR / 2**0.5) for plane in noise])
+    expected = (left / np.square(weights)).sum(axis=0) / (4 * np.pi * _NEAR**2)
+    means = products / weights
+    means -= means.mean(axis=0)
+    found = smoothed(np.square(means).sum(axis=0), _NEAR)
+    expected = smoothed(expected * np.float32(1 - 1 / len(means)), _NEAR)
+    return np.maximum(1 - expected / np.maximum(found, TINY), 0)

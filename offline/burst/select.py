@@ -35,13 +35,15 @@ _DETAIL = 0.5
 _UNEVEN = 0.12
 _MIXED = 5  # pixels: size of the neighbourhood that clipped light reaches when a frame is displaced
 _LIT = 5.0  # standard deviations of the noise, above which a pixel counts when frames are compared
-# fraction of clipped pixels; mean luminance in units of noise: beyond, a frame shows nothing
+# fraction of clipped pixels; mean luminance in units of noise: beyond, a frame shows nothing, but
+# where this fraction of it (stars) is brighter than so many units
 _GONE, _DARK = 0.9, 0.5
+_STARS, _BRIGHTER = 1e-3, 6.0
 # Pixels: Gaussians whose difference shows detail that a soft frame has lost, and windows that are
 # compared.
 _FINE, _COARSE, _WINDOW = 0.8, 1.6, 32
 # Chosen: they decide between frames that would do.
-_CANDIDATES = 4  # frames that are tried as the reference
+_CANDIDATES = 4  # frames that are tried as the reference, or half of them
 # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
 _ALIKE = 0.02
 _BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
@@ -242,7 +244,7 @@ def judge(
     share = float(agrees.mean()) / 255
     unclipped = visible | ~np.isfinite(moved)
     agreeing = share
-    if unclipped.mean() > 1 - _GONE:
+    if shows := unclipped.mean() > 1 - _GONE:
         agreeing = max(share, float(agrees[unclipped].mean()) / 255)
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
@@ -253,7 +255,8 @@ def judge(
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
     elif agreeing < _LEAST_AGREEMENT:
-        reason = f"only {100 * agreeing:.0f} % of what is not clipped agrees with the reference"
+        part = "what is not clipped" if shows else "it, most of which is clipped in one of both,"
+        reason = f"only {100 * agreeing:.0f} % of {part} agrees with the reference"
     verdict = Judged(reason, aligned.motion, aligned.gain, aligned.error, share, sharpness)
     return verdict, None if reason else Kept(frame, aligned.motion, agrees)
 
@@ -280,7 +283,9 @@ def emptiness(frame: View) -> str:
     """Why a frame shows nothing; "" if it shows something."""
     if (share := float((frame.luminance >= CLIPPED * frame.limit).mean())) > _GONE:
         return f"is overexposed: {100 * share:.0f} % of it is clipped"
-    if _level(frame) <= _DARK * frame.noise.sigma(0):
+    sigma = frame.noise.sigma(0)
+    stars = float((frame.luminance > _BRIGHTER * sigma).mean())
+    if _level(frame) <= _DARK * sigma and stars <= _STARS:
         return "is black: there is no light beyond noise"
     return ""
 
@@ -298,7 +303,7 @@ def candidates_of(frames: Sequence[View]) -> list[int]:
         sharpness[number] = 0 if emptiness(frame) else amplitude
     sharp = sharpness >= _BLURRED * np.median(sharpness)
     left, chosen = np.ones(len(frames), bool), list[int]()
-    while left.any() and len(chosen) < _CANDIDATES:
+    while left.any() and len(chosen) < max(_CANDIDATES, len(frames) // 2):
         good = left & sharp if (left & sharp).any() else left
         good = good & (usable >= usable[good].max() - _ALIKE)
         good = good & (sharpness >= _AS_SHARP * sharpness[good].max())

@@ -1,0 +1,95 @@
+"""Night, lamps, stars and noise: a burst is no worse than its reference alone, and none of its frames
+is refused.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from panchroma.offline import render
+from panchroma.offline.burst import Motion, merge_burst
+from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration
+from panchroma.tools.simulation.sensor import simulate_sensor, typical_noise
+
+from .scenes import picture, scene
+
+SHAPE, SHIFTS = (132, 150), ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))
+SCENES = [scene(Motion(shift), shape=SHAPE, strength=0) for shift in SHIFTS]
+CAMERA = SensorCalibration.of_bits(12)
+LAMP = np.float32(3)
+
+
+def shot(scenes: Iterable[FloatArray], stops: Sequence[int] = (0,) * 10) -> list[Mosaic]:
+    """Frames of 12 bits of scenes, with usual noise."""
+    camera = replace(CAMERA, noise=typical_noise(CAMERA))
+    return [
+        simulate_sensor(rgb, CfaPattern.bayer(6), camera, 2.0**stop, np.random.default_rng(number))
+        for number, (rgb, stop) in enumerate(zip(scenes, stops, strict=False))
+    ]
+
+
+def error(found: FloatArray, truth: FloatArray) -> float:
+    """Of what is not the border, decibels."""
+    return float(10 * np.log10(np.square(found - truth)[8:-8, 8:-8].mean()))
+
+
+def with_lamp(scenes: Iterable[FloatArray], way: int, size: int) -> list[FloatArray]:
+    """Scenes in which a square lamp moves to the right from frame to frame."""
+    lit = [rgb.copy() for rgb in scenes]
+    for number, rgb in enumerate(lit):
+        rgb[60 : 60 + size, 30 + way * number :][:, :size] = LAMP
+    return lit
+
+
+def test_a_darker_frame_takes_no_colour_away() -> None:
+    scenes = [rgb / 10 for rgb in SCENES[:2]]
+    shots = shot(scenes, (0, -4))
+    merged = picture(merge_burst(shots, reference=0))
+    assert error(merged, scenes[0]) < error(render(shots[0]).rgb, scenes[0]) + 0.2
+
+
+@pytest.mark.parametrize("size", [6, 12])
+def test_a_clipped_lamp_that_moves_stays_whole(size: int) -> None:
+    scenes = with_lamp(SCENES, 20, size)
+    shots = shot(scenes)
+    pictures = render(shots[0]).rgb, picture(merge_burst(shots, reference=0))
+    alone, merged = (rgb[60 : 60 + size, 30 : 30 + size].mean() for rgb in pictures)
+    assert merged > 0.8 * alone
+
+
+def test_a_frame_that_alone_measures_the_lamps_of_a_night_is_used() -> None:
+    scenes = with_lamp((rgb / 100 for rgb in SCENES), 0, 12)
+    frames = merge_burst(shot(scenes, (0, -4)), reference=0).frames
+    assert [frame.reason for frame in frames] == ["", ""]
+
+
+def test_a_small_lamp_that_moves_does_not_decide_what_agrees() -> None:
+    frames = merge_burst(shot(with_lamp((rgb / 5 for rgb in SCENES), 9, 6)), reference=0).frames
+    assert [frame.reason for frame in frames] == [""] * 4
+
+
+def test_stars_on_a_black_sky_are_no_black_frame() -> None:
+    y, x = np.random.default_rng(3).integers(12, 120, (2, 40))
+    sky = np.zeros((4, *SHAPE, 3), np.float32)
+    for number, (down, across) in enumerate(((0, 0), (1, -1), (-2, 2), (1, 2))):
+        sky[number, y + down, x + across] = np.linspace(0.05, 1, 40)[:, None]
+        sky[number] = gaussian_filter(sky[number], (1, 1, 0))
+    frames = merge_burst(shot(sky, (-4,) * 4), reference=0).frames
+    assert [frame.reason for frame in frames] == [""] * 4
+
+
+def test_frames_of_other_scenes_are_no_reference_however_sharp_they_are() -> None:
+    others = (scene(Motion((0.0, 400.0 * number)), shape=SHAPE) ** 2 for number in range(1, 5))
+    frames = merge_burst(shot([*others, *SCENES, *SCENES[:2]])).frames
+    assert [frame.used for frame in frames] == [False] * 4 + [True] * 6
+
+
+def test_noise_makes_no_colour() -> None:
+    grey = [np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2) for rgb in SCENES]
+    shots = shot(grey)
+    pictures = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
+    merged, alone = (error(rgb, rgb.mean(axis=2, keepdims=True)) for rgb in pictures)
+    assert merged < alone
