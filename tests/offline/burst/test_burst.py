@@ -147,7 +147,9 @@ def test_one_frame_alone_is_a_single_render() -> None:
         assert np.sqrt(np.square(found - render(frame, settings).rgb).mean()) < rounding
 
 
-@pytest.mark.parametrize("shape", [(1, 40), (40, 1), (1, 9), (9, 1), (2, 3), (13, 2), (3, 30), (12, 200)])
+@pytest.mark.parametrize(
+    "shape", [(1, 40), (40, 1), (1, 9), (9, 1), (2, 3), (13, 2), (3, 30), (12, 200)]
+)
 @pytest.mark.parametrize("letters", ["RGB", "G"])
 def test_frames_of_few_rows_or_columns_are_merged(shape: tuple[int, int], letters: str) -> None:
     pattern = CfaPattern.with_block((letters,) if shape[1] > 2 else tuple(letters), 4)

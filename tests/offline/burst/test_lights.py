@@ -19,16 +19,19 @@ from .scenes import picture, scene
 SHAPE, SHIFTS = (132, 150), ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))
 SCENES = [scene(Motion(shift), shape=SHAPE, strength=0) for shift in SHIFTS]
 CAMERA = SensorCalibration.of_bits(12)
-LAMP = np.float32(3)
+NOISY = replace(CAMERA, noise=typical_noise(CAMERA))
 
 
 def shot(scenes: Iterable[FloatArray], stops: Sequence[int] = (0,) * 10) -> list[Mosaic]:
     """Frames of 12 bits of scenes, with usual noise."""
-    camera = replace(CAMERA, noise=typical_noise(CAMERA))
-    return [
-        simulate_sensor(rgb, CfaPattern.bayer(6), camera, 2.0**stop, np.random.default_rng(number))
-        for number, (rgb, stop) in enumerate(zip(scenes, stops, strict=False))
-    ]
+    random, pattern = np.random.default_rng(0), CfaPattern.bayer(6)
+    pairs = zip(scenes, stops, strict=False)
+    return [simulate_sensor(rgb, pattern, NOISY, 2.0**stop, random) for rgb, stop in pairs]
+
+
+def reasons(shots: list[Mosaic]) -> list[str]:
+    """Why frames are not part of the picture of the first."""
+    return [frame.reason for frame in merge_burst(shots, reference=0).frames]
 
 
 def error(found: FloatArray, truth: FloatArray) -> float:
@@ -40,7 +43,7 @@ def with_lamp(scenes: Iterable[FloatArray], way: int, size: int) -> list[FloatAr
     """Scenes in which a square lamp moves to the right from frame to frame."""
     lit = [rgb.copy() for rgb in scenes]
     for number, rgb in enumerate(lit):
-        rgb[60 : 60 + size, 30 + way * number :][:, :size] = LAMP
+        rgb[60 : 60 + size, 30 + way * number :][:, :size] = 3
     return lit
 
 
@@ -62,13 +65,11 @@ def test_a_clipped_lamp_that_moves_stays_whole(size: int) -> None:
 
 def test_a_frame_that_alone_measures_the_lamps_of_a_night_is_used() -> None:
     scenes = with_lamp((rgb / 100 for rgb in SCENES), 0, 12)
-    frames = merge_burst(shot(scenes, (0, -4)), reference=0).frames
-    assert [frame.reason for frame in frames] == ["", ""]
+    assert reasons(shot(scenes, (0, -4))) == ["", ""]
 
 
 def test_a_small_lamp_that_moves_does_not_decide_what_agrees() -> None:
-    frames = merge_burst(shot(with_lamp((rgb / 5 for rgb in SCENES), 9, 6)), reference=0).frames
-    assert [frame.reason for frame in frames] == [""] * 4
+    assert reasons(shot(with_lamp((rgb / 5 for rgb in SCENES), 9, 6))) == [""] * 4
 
 
 def test_stars_on_a_black_sky_are_no_black_frame() -> None:
@@ -77,8 +78,7 @@ def test_stars_on_a_black_sky_are_no_black_frame() -> None:
     for number, (down, across) in enumerate(((0, 0), (1, -1), (-2, 2), (1, 2))):
         sky[number, y + down, x + across] = np.linspace(0.05, 1, 40)[:, None]
         sky[number] = gaussian_filter(sky[number], (1, 1, 0))
-    frames = merge_burst(shot(sky, (-4,) * 4), reference=0).frames
-    assert [frame.reason for frame in frames] == [""] * 4
+    assert reasons(shot(sky, (-4,) * 4)) == [""] * 4
 
 
 def test_frames_of_other_scenes_are_no_reference_however_sharp_they_are() -> None:
