@@ -279,20 +279,17 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
     colour = np.moveaxis(scene * (gamma / frame.level), 2, 0)
     at_sites = np.stack([sites.of(plane).mean(axis=2) for plane in colour])
     power = np.square(np.tensordot(BASIS, colour, 1)).sum(axis=0)
-    # not the true one: a slope must not make colour of the errors of luminance
-    lit, x = luminance, filled[:, None, :, None]
-    around = _Around.of(sites, mosaic.shape)
-    pixels = around.pixels(lit)
+    around, level = _Around.of(sites, mosaic.shape), np.float32(frame.level)
+    # not the true luminance: a slope must not make colour of its errors
+    pixels, x = around.pixels(luminance), filled[:, None, :, None]
     known = pixels.clip(*(end[:, None, :, None] for end in line_ends(frame)))
     known += BEYOND * (pixels - known)
-    tilt = 1 - x / np.maximum(known, np.float32(DIMMEST * frame.level))
-    unit = np.float32(frame.level)
-    lit = lit / unit
-    means = [around.mean(plane) for plane in (*(lit * colour), lit, lit**2, power)]
-    tilted = [around.mean(plane, tilt) for plane in (*(lit * colour), lit**2)]
-    square = around.mean(lit**2, tilt**2)
-    truth = [*at_sites, *means[:3], *tilted[:3], means[3], means[4], tilted[3], square, means[5]]
-    return planes.astype(np.float16), np.array(truth, np.float32)
+    lit, tilted = pixels / level, pixels / level * (1 - x / np.maximum(known, DIMMEST * level))
+    colours = [around.pixels(plane) for plane in colour]
+    of_colour = [factor * plane for factor in (lit, tilted) for plane in colours]
+    of_light = lit, lit**2, lit * tilted, tilted**2, around.pixels(power)
+    means = map(around.mean, (*of_colour, *of_light))
+    return planes.astype(np.float16), np.array([*at_sites, *means], np.float32)
 
 
 class _Around(NamedTuple):
@@ -321,9 +318,9 @@ class _Around(NamedTuple):
         down, across = self.places
         return plane[down[:, :, None, None], across]
 
-    def mean(self, plane: FloatArray, factor: FloatArray | float = 1.0) -> DoubleArray:
-        """Their mean for each block; factor: of each pixel."""
-        return np.einsum("jokp,jo,kp->jk", self.pixels(plane) * factor, *self.shares)
+    def mean(self, pixels: FloatArray | DoubleArray) -> DoubleArray:
+        """The mean of such pixels for each block."""
+        return np.einsum("jokp,jo,kp->jk", pixels, *self.shares)
 
 
 def _read(path: Path) -> list[Any]:
