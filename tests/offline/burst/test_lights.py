@@ -3,34 +3,31 @@ is refused.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from panchroma.offline import render
 from panchroma.offline.burst import Motion, merge_burst
-from panchroma.shared import CfaPattern, DoubleArray, FloatArray, Mosaic, SensorCalibration
+from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration
 from panchroma.tools.simulation.sensor import simulate_sensor, typical_noise
 
 from .scenes import picture, scene
 
 SHAPE, SHIFTS = (132, 150), ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))
 SCENES = [scene(Motion(shift), shape=SHAPE, strength=0) for shift in SHIFTS]
-CAMERA = SensorCalibration.of_bits(12)
-NOISY = replace(CAMERA, noise=typical_noise(CAMERA))
+NOISY = SensorCalibration.of_bits(12, noise=typical_noise(SensorCalibration.of_bits(12)))
 
 
-def shot(
-    scenes: Iterable[FloatArray | DoubleArray], stops: Sequence[int] = (0,) * 10
-) -> list[Mosaic]:
+def shot(scenes: Iterable[FloatArray], stops: Sequence[int] = (0,) * 10) -> list[Mosaic]:
     """Frames of 12 bits of scenes, with usual noise."""
     random, pattern = np.random.default_rng(0), CfaPattern.bayer(6)
     pairs = zip(scenes, stops, strict=False)
-    return [
-        simulate_sensor(np.asarray(rgb, np.float32), pattern, NOISY, 2.0**stop, random)
-        for rgb, stop in pairs
-    ]
+    return [simulate_sensor(rgb, pattern, NOISY, 2.0**stop, random) for rgb, stop in pairs]
+
+
+def darker(factor: int) -> list[FloatArray]:
+    return [np.asarray(rgb / factor, np.float32) for rgb in SCENES]
 
 
 def reasons(shots: list[Mosaic]) -> list[str]:
@@ -38,14 +35,12 @@ def reasons(shots: list[Mosaic]) -> list[str]:
     return [frame.reason for frame in merge_burst(shots, reference=0).frames]
 
 
-def error(found: FloatArray, truth: FloatArray | DoubleArray) -> float:
+def error(found: FloatArray, truth: FloatArray) -> float:
     """Of what is not the border, decibels."""
     return float(10 * np.log10(np.square(found - truth)[8:-8, 8:-8].mean()))
 
 
-def with_lamp(
-    scenes: Iterable[FloatArray | DoubleArray], way: int
-) -> list[FloatArray | DoubleArray]:
+def with_lamp(scenes: Iterable[FloatArray], way: int) -> list[FloatArray]:
     """Scenes in which a square lamp moves to the right from frame to frame."""
     lit = [rgb.copy() for rgb in scenes]
     for number, rgb in enumerate(lit):
@@ -54,7 +49,7 @@ def with_lamp(
 
 
 def test_a_darker_frame_takes_no_colour_away() -> None:
-    shots, truth = shot((rgb / 10 for rgb in SCENES), (0, -4)), SCENES[0] / 10
+    shots, truth = shot(darker(10), (0, -4)), darker(10)[0]
     merged = picture(merge_burst(shots, reference=0))
     assert error(merged, truth) < error(render(shots[0]).rgb, truth) + 0.2
 
@@ -66,11 +61,11 @@ def test_a_clipped_lamp_that_moves_stays_whole() -> None:
 
 
 def test_a_frame_that_alone_measures_the_lamps_of_a_night_is_used() -> None:
-    assert reasons(shot(with_lamp((rgb / 100 for rgb in SCENES), 0), (0, -4))) == ["", ""]
+    assert reasons(shot(with_lamp(darker(100), 0), (0, -4))) == ["", ""]
 
 
 def test_a_small_lamp_that_moves_does_not_decide_what_agrees() -> None:
-    assert reasons(shot(with_lamp((rgb / 5 for rgb in SCENES), 9))) == [""] * 4
+    assert reasons(shot(with_lamp(darker(5), 9))) == [""] * 4
 
 
 def test_stars_on_a_black_sky_are_no_black_frame() -> None:
@@ -89,8 +84,7 @@ def test_frames_of_other_scenes_are_no_reference_however_sharp_they_are() -> Non
 
 
 def test_noise_makes_no_colour() -> None:
-    grey = [np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2) for rgb in SCENES]
-    shots = shot(grey)
+    shots = shot([np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2) for rgb in SCENES])
     pictures = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
     merged, alone = (error(rgb, rgb.mean(axis=2, keepdims=True)) for rgb in pictures)
     assert merged < alone + 1
