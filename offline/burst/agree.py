@@ -280,7 +280,7 @@ def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArr
     near = minimum_filter(own_known, 3).astype(np.float64)
     channels, luminance, contrast, own_noise, known = block_colours(frame, mosaic)
     beyond = channels - np.clip(channels, (middle - half) * luminance, (middle + half) * luminance)
-    beyond *= known & (there(near[None])[0] > _ALL)  # what is clipped has no colour
+    beyond *= known & (there(near[None])[0] > _ALL)  # what is clipped or dark has no colour
     filled = np.square(FILL_ERROR * middle) * (contrast + rough)
     spread = DEVIATIONS**2 * (own_noise + noise)
     alone = np.square(beyond) / (np.square(_BLOCK * luminance) + filled + spread + TINY)

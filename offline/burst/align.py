@@ -54,12 +54,15 @@ _MODEL = cv2.MOTION_EUCLIDEAN, (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT,
 # of the mean luminance, added before roots are taken: noise in the dark would decide. Without roots
 # errors are twice as large (0.008 instead of 0.005 pixels, 0.037 instead of 0.016 with lamps)
 _BLACK = 0.1
-_LAMPS = 0.99  # quantile of the reference: what is brighter counts as that, or lamps would decide
-# of the limit, and of a neighbourhood: what counts as not clipped
+# quantile of the reference: what is brighter counts as that, so that lamps do not decide, unless the
+# rest shows no texture beyond noise
+_LAMPS = 0.99
+# a pixel is not clipped below this share of the limit, and exposure is measured where this share of
+# the neighbourhood is not
 _CLEAR = 0.98
 _ROUNDING = 1e-6  # of the power of luminance: what rounding makes of differences
 _STEP = 32  # pixels between nodes of local shifts
-_LEAST_SIDE = 16  # pixels, of planes whose flow is measured: OpenCV ends the program with fewer
+_LEAST_SIDE = 16  # pixels, of planes whose flow is measured: with fewer, OpenCV ends the program
 _FLOWS = 2  # measurements of local shifts: each adds what the one before has left
 _FASTEST = 2.0  # pixels: flow beyond it is that of a moving thing
 # pixels: local shifts that are worth it explain the differences that such a shift makes,
@@ -329,21 +332,24 @@ def _fit(copy: _Copy, motion: Motion) -> Alignment:
     chance = _STEEPNESS / 2 * left * (count + DEVIATIONS * np.sqrt(_SPREAD * count))
     certainty = np.linalg.eigvalsh(gradients @ gradients.T - chance * np.eye(2)) / (left * _SPREAD)
     error = float(np.sqrt((1 / np.maximum(certainty, TINY)).sum()))
-    most = np.float32(np.quantile(copy.reference, _LAMPS))
-    own, other = (np.minimum(plane, most) for plane in (copy.reference, aligned.moved))
-    wide = [plane - _around(plane, _STEP) for plane in (own, other - own)]
-    texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
-    texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
+    for most in np.quantile(copy.reference, (_LAMPS, 1)).astype(np.float32):
+        own, other = (np.minimum(plane, most) for plane in (copy.reference, aligned.moved))
+        wide = [plane - _around(plane, _STEP) for plane in (own, other - own)]
+        texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
+        texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
+        if texture > copy.variance:
+            break
     return Alignment(motion, aligned.gain, error, max(1 - differs / texture, 0))
 
 
 def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
     """Local shifts of nodes, (R, C, 2), pixels of the copies; None = most of the picture lies where
-    the motion says, or has too few pixels for more.
+    the motion says, or the copies are too small.
     """
-    shape, rigid = copy.reference.shape, _aligned(copy, motion)
+    shape = copy.reference.shape
     if min(shape) < _LEAST_SIDE:
         return None
+    rigid = _aligned(copy, motion)
     places = [np.linspace(0, size - 1, max(round(size / _STEP) + 1, 2)) for size in shape]
     nodes = np.ix_(*(np.rint(along).astype(np.intp) for along in places))
     local = np.zeros((*np.broadcast(*nodes).shape, 2), np.float32)

@@ -22,7 +22,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 from ...shared.arrays import ByteArray, FloatArray, IndexArray
 from ..bands import DARK, Band, Halo, RowStage
 from ..frame import BlockSums, Frame, Sites
-from ..numerics.gaussian import smoothed
+from ..numerics.gaussian import filtered, gaussian, smoothed
 from ..numerics.linked import SIDE, Extent, Prior, Samples, fitted
 from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY
@@ -71,7 +71,7 @@ class ColourSamples:
     variance : FloatArray
         (M,), of their noise; 0 where there is none.
     usual : FloatArray
-        (M,), of the noise that the reference would have there.
+        (M,), of the noise of such a sample of the reference, with the frame's gains of colour.
     weight : FloatArray
         (M,), how far they count by the agreement of their frames and by what is known of luminance
         there, 0 to 1.
@@ -321,23 +321,27 @@ def samples_of(
 
 
 def beyond_noise(samples: Samples, noise: FloatArray) -> FloatArray:
-    """The share of the power of residuals around each pixel that noise does not explain, (rows, W):
-    that of their local means, in the plane of constant luminance.
+    """The fraction of the power of local mean residuals, in the plane of constant luminance, beyond
+    what noise and `ColourSamples.error` explain, 0 to 1, (rows, W).
+
+    The residuals count as independent of the picture, though the same samples made it.
 
     Parameters
     ----------
     samples, noise : Samples, FloatArray
         What `samples_of` returns.
     """
-    weights, products = (
-        np.stack([smoothed(plane, _NEAR) for plane in planes]) for planes in samples
+    taps = gaussian(_NEAR)
+    reach = len(taps) // 2
+    border, inner = ((0, 0), (reach, reach), (reach, reach)), np.s_[:, reach:-reach, reach:-reach]
+    # the variance of a sum has the squares of its weights
+    weights, products, left = (
+        filtered(np.pad(planes, border), of)[inner]
+        for planes, of in zip((*samples, noise), (taps, taps, taps**2), strict=True)
     )
-    weights += TINY
-    # a smoothed plane of noise has the weights of that Gaussian, squared
-    left = np.stack([smoothed(plane, _NEAR / 2**0.5) for plane in noise])
-    expected = (left / np.square(weights)).sum(axis=0) / (4 * np.pi * _NEAR**2)
+    weights = weights + np.float32(TINY)
     means = products / weights
     means -= means.mean(axis=0)
-    found = smoothed(np.square(means).sum(axis=0), _NEAR)
-    expected = smoothed(expected * np.float32(1 - 1 / len(means)), _NEAR)
+    expected = (left / np.square(weights)).sum(axis=0) * np.float32(1 - 1 / len(means))
+    found, expected = (smoothed(plane, _NEAR) for plane in (np.square(means).sum(axis=0), expected))
     return np.maximum(1 - expected / np.maximum(found, TINY), 0)

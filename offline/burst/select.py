@@ -43,7 +43,7 @@ _STARS, _BRIGHTER = 1e-3, 6.0
 # compared.
 _FINE, _COARSE, _WINDOW = 0.8, 1.6, 32
 # Chosen: they decide between frames that would do.
-_CANDIDATES = 4  # frames that are tried as the reference, or half of them
+_CANDIDATES = 4  # frames that are tried as the reference, at least; half of them if that is more
 # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
 _ALIKE = 0.02
 _BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
@@ -213,9 +213,10 @@ def compare_frames(
         if cleaned.lost is not None:
             cleaned = replace(cleaned, lost=np.minimum(cleaned.lost, agrees))
         tried.append(Comparison(number, cleaned, verdicts, [Kept(base, Motion(), agrees), *kept]))
-        if 2 * len(tried[-1].kept) > len(shots):
+        tried = [max(tried, key=lambda comparison: len(comparison.kept))]
+        if 2 * len(tried[0].kept) > len(shots):
             break
-    return max(tried, key=lambda comparison: len(comparison.kept))
+    return tried[0]
 
 
 def judge(
@@ -255,7 +256,7 @@ def judge(
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
     elif agreeing < _LEAST_AGREEMENT:
-        part = "what is not clipped" if shows else "it, most of which is clipped in one of both,"
+        part = "what is not clipped" if shows else "it, clipped for the most part in one of both,"
         reason = f"only {100 * agreeing:.0f} % of {part} agrees with the reference"
     verdict = Judged(reason, aligned.motion, aligned.gain, aligned.error, share, sharpness)
     return verdict, None if reason else Kept(frame, aligned.motion, agrees)
@@ -299,11 +300,12 @@ def candidates_of(frames: Sequence[View]) -> list[int]:
         plane = frame.luminance
         usable[number] = ((plane < CLIPPED * frame.limit) & (plane > frame.noise.sigma(0))).mean()
         power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
-        amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5 / max(_level(frame), TINY)
-        sharpness[number] = 0 if emptiness(frame) else amplitude
+        amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5
+        level = max(_level(frame), frame.noise.sigma(0), TINY)
+        sharpness[number] = 0 if emptiness(frame) else amplitude / level
     sharp = sharpness >= _BLURRED * np.median(sharpness)
     left, chosen = np.ones(len(frames), bool), list[int]()
-    while left.any() and len(chosen) < max(_CANDIDATES, len(frames) // 2):
+    while left.any() and len(chosen) < max(_CANDIDATES, (len(frames) + 1) // 2):
         good = left & sharp if (left & sharp).any() else left
         good = good & (usable >= usable[good].max() - _ALIKE)
         good = good & (sharpness >= _AS_SHARP * sharpness[good].max())

@@ -5,6 +5,7 @@ is refused.
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+import pytest
 from scipy.ndimage import gaussian_filter
 
 from panchroma.offline import render
@@ -36,8 +37,8 @@ def reasons(shots: list[Mosaic]) -> list[str]:
 
 
 def error(found: FloatArray, truth: FloatArray) -> float:
-    """Of what is not the border, decibels."""
-    return float(10 * np.log10(np.square(found - truth)[8:-8, 8:-8].mean()))
+    """Of what is not the outermost border, decibels."""
+    return float(10 * np.log10(np.square(found - truth)[2:-2, 2:-2].mean()))
 
 
 def with_lamp(scenes: Iterable[FloatArray], way: int) -> list[FloatArray]:
@@ -68,23 +69,24 @@ def test_a_small_lamp_that_moves_does_not_decide_what_agrees() -> None:
     assert reasons(shot(with_lamp(darker(5), 9))) == [""] * 4
 
 
-def test_stars_on_a_black_sky_are_no_black_frame() -> None:
-    y, x = np.random.default_rng(3).integers(12, 120, (2, 40))
+@pytest.mark.parametrize("count", [6, 40])
+def test_stars_on_a_black_sky_are_no_black_frame(count: int) -> None:
+    y, x = np.random.default_rng(3).integers(12, 120, (2, count))
     sky = np.zeros((4, *SHAPE, 3), np.float32)
     for number, (down, across) in enumerate(((0, 0), (1, -1), (-2, 2), (1, 2))):
-        sky[number, y + down, x + across] = np.linspace(0.05, 1, 40)[:, None]
+        sky[number, y + down, x + across] = np.linspace(0.2, 1, count)[:, None]
         sky[number] = gaussian_filter(sky[number], (1, 1, 0))
     assert reasons(shot(sky, (-4,) * 4)) == [""] * 4
 
 
 def test_frames_of_other_scenes_are_no_reference_however_sharp_they_are() -> None:
     others = (scene(Motion((0.0, 400.0 * number)), shape=SHAPE) ** 2 for number in range(1, 5))
-    frames = merge_burst(shot([*others, *SCENES, *SCENES[:2]])).frames
-    assert [frame.used for frame in frames] == [False] * 4 + [True] * 6
+    frames = merge_burst(shot([*others, *SCENES, SCENES[0]])).frames
+    assert [frame.used for frame in frames] == [False] * 4 + [True] * 5
 
 
 def test_noise_makes_no_colour() -> None:
     shots = shot([np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2) for rgb in SCENES])
     pictures = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
     merged, alone = (error(rgb, rgb.mean(axis=2, keepdims=True)) for rgb in pictures)
-    assert merged < alone + 1
+    assert merged < alone + 0.5
