@@ -54,8 +54,8 @@ _MODEL = cv2.MOTION_EUCLIDEAN, (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT,
 # of the mean luminance, added before roots are taken: noise in the dark would decide. Without roots
 # errors are twice as large (0.008 instead of 0.005 pixels, 0.037 instead of 0.016 with lamps)
 _BLACK = 0.1
-# quantile of the reference: what is brighter counts as that, so that lamps do not decide, unless the
-# rest shows no texture beyond noise
+# quantile of the reference: what is brighter counts as that, so that lamps do not decide, unless
+# the rest shows no texture beyond noise
 _LAMPS = 0.99
 # a pixel is not clipped below this share of the limit, and exposure is measured where this share of
 # the neighbourhood is not
