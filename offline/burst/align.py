@@ -337,7 +337,7 @@ def _fit(copy: _Copy, motion: Motion) -> Alignment:
         wide = [plane - _around(plane, _STEP) for plane in (own, other - own)]
         texture, differs = (float(np.square(plane[aligned.inside]).mean()) for plane in wide)
         texture, differs = max(texture - copy.variance / 2, TINY), max(differs - copy.variance, 0)
-        if texture > copy.variance:
+        if texture > copy.variance + TINY:
             break
     return Alignment(motion, aligned.gain, error, max(1 - differs / texture, 0))
 
