@@ -256,8 +256,8 @@ def judge(
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
     elif agreeing < _LEAST_AGREEMENT:
-        part = "what is not clipped" if shows else "it, clipped for the most part in one of both,"
-        reason = f"only {100 * agreeing:.0f} % of {part} agrees with the reference"
+        where = "what is not clipped" if shows else "it, clipped for the most part in one of both,"
+        reason = f"only {100 * agreeing:.0f} % of {where} agrees with the reference"
     verdict = Judged(reason, aligned.motion, aligned.gain, aligned.error, share, sharpness)
     return verdict, None if reason else Kept(frame, aligned.motion, agrees)
 
