@@ -342,6 +342,6 @@ def beyond_noise(samples: Samples, noise: FloatArray) -> FloatArray:
     weights = weights + np.float32(TINY)
     means = products / weights
     means -= means.mean(axis=0)
-    expected = (left / np.square(weights)).sum(axis=0) * np.float32(1 - 1 / len(means))
-    found, expected = (smoothed(plane, _NEAR) for plane in (np.square(means).sum(axis=0), expected))
+    by_noise = (left / np.square(weights)).sum(axis=0) * np.float32(1 - 1 / len(means))
+    found, expected = (smoothed(plane, _NEAR) for plane in (np.square(means).sum(axis=0), by_noise))
     return np.maximum(1 - expected / np.maximum(found, TINY), 0)
