@@ -285,8 +285,8 @@ def emptiness(frame: View) -> str:
     if (share := float((frame.luminance >= CLIPPED * frame.limit).mean())) > _GONE:
         return f"is overexposed: {100 * share:.0f} % of it is clipped"
     sigma = frame.noise.sigma(0)
-    stars = float((frame.luminance > _BRIGHTER * sigma).mean())
-    if _level(frame) <= _DARK * sigma and stars <= _STARS:
+    is_dark = _level(frame) <= _DARK * sigma
+    if is_dark and (frame.luminance > _BRIGHTER * sigma).mean() <= _STARS:
         return "is black: there is no light beyond noise"
     return ""
 
