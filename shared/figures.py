@@ -10,6 +10,7 @@ import inspect
 import json
 import math
 import operator
+from collections import Counter
 from collections.abc import Callable
 from numbers import Real
 from typing import Any, TypeVar
@@ -38,7 +39,11 @@ def parsed_json(text: str | bytes) -> Any:
     """
     try:
         return json.loads(
-            text, parse_int=_whole_number, parse_float=_finite_number, parse_constant=_finite_number
+            text,
+            parse_int=_whole_number,
+            parse_float=_finite_number,
+            parse_constant=_finite_number,
+            object_pairs_hook=_fields,
         )
     except InputError:
         raise
@@ -136,6 +141,14 @@ def shown(value: Any) -> str:
     except ValueError:  # a whole number of more digits than Python turns into text
         text = f"a whole number of {value.bit_length()} bits"
     return text if len(text) <= _SHOWN_LENGTH else f"{text[:_SHOWN_LENGTH]}..."
+
+
+def _fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        name, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise InputError(f"holds {shown(name)} twice; delete one of them")
+    return fields
 
 
 def _whole_number(text: str) -> int:

@@ -86,7 +86,10 @@ def durable_file(
         target, content = file_object(path, "write"), io.BytesIO()
         yield content
         with _named(Path(file_name(path))):
-            target.write(content.getbuffer())
+            try:
+                target.write(content.getbuffer())
+            except ValueError as error:  # it is closed
+                raise OSError(errno.EBADF, str(error)) from None
         return
     path = Path(path)
     partial = partial_path(path)

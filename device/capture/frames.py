@@ -402,8 +402,9 @@ class Sensor:
         InputError
             When the frame does not fit the sensor.
         """
-        # Exif has local time without zone
-        metadata = replace(self.metadata, taken=frame.taken.astimezone().replace(tzinfo=None))
+        local = frame.taken.astimezone()
+        taken, zone = local.replace(tzinfo=None), local.isoformat()[-6:]
+        metadata = replace(self.metadata, taken=taken, zone=zone)
         return Mosaic(self.layout.unpack(frame.data), self.pattern, self.calibration, metadata)
 
 

@@ -24,11 +24,9 @@ from ...shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, Inde
 from ...shared.mosaic import Mosaic
 from ..frame import Sites
 from ..numerics.gaussian import gaussian, smoothed
-from .align import DEVIATIONS, TINY, View
+from .align import CLIPPED, DEVIATIONS, TINY, View
 from .motion import Motion, displaced, in_frame, in_reference
 
-CLIPPED = 0.98
-"""Fraction of the sensor's limit from which on a sample counts as clipped. Chosen."""
 NEIGHBOURHOOD = 1.5
 """Pixels: standard deviation of the Gaussian within which contrast is measured. Chosen."""
 FILL_ERROR = 0.3

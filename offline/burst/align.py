@@ -26,6 +26,8 @@ DEVIATIONS = 3.0
 """Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them."""
 TINY = 1e-12
 """Keeps divisions finite."""
+CLIPPED = 0.98
+"""Fraction of the sensor's limit from which on a sample counts as clipped. Chosen."""
 
 # Chosen on drawn scenes. `python -m tests.benchmarks.alignment` measures on photographs.
 # pixels: standard deviation of the Gaussian that takes away what sampling and filled pixels add to
@@ -57,9 +59,7 @@ _BLACK = 0.1
 # quantile of the reference: what is brighter counts as that, so that lamps do not decide, unless
 # the rest shows no texture beyond noise
 _LAMPS = 0.99
-# a pixel is not clipped below this share of the limit, and exposure is measured where this share of
-# the neighbourhood is not
-_CLEAR = 0.98
+_CLEAR = 0.98  # share of the neighbourhood that is not clipped where exposure is measured
 _ROUNDING = 1e-6  # of the power of luminance: what rounding makes of differences
 _STEP = 32  # pixels between nodes of local shifts
 _LEAST_SIDE = 16  # pixels, of planes whose flow is measured: with fewer, OpenCV ends the program
@@ -276,7 +276,7 @@ def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     own, other = (
         smoothed(np.where(inside, plane, 0), _TEXTURE_WIDTH) for plane in (copy.reference, moved)
     )
-    unclipped = inside & (np.fmax(copy.reference, moved) < _CLEAR * copy.limit)
+    unclipped = inside & (np.fmax(copy.reference, moved) < CLIPPED * copy.limit)
     unclipped = smoothed(unclipped.astype(np.float32), _TEXTURE_WIDTH) > _CLEAR
     lit = unclipped & (own > 0) & (other > 0)
     gain = float(np.median(other[lit] / own[lit])) if lit.any() else 1.0

@@ -21,8 +21,8 @@ from ..stages.defects import mend_defects
 from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise
-from .agree import CLIPPED, Reference, agreement, lit_evenly, shaded_alike, unclipped
-from .align import TINY, View, align, with_exposure
+from .agree import Reference, agreement, lit_evenly, shaded_alike, unclipped
+from .align import CLIPPED, TINY, View, align, with_exposure
 from .motion import Motion, displaced
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py

@@ -44,12 +44,15 @@ _ABOUT_ARRAYS = re.compile(r'\{"shape": |shape=\(|ImageJ=|<\?xml|<OME')
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
-_OTHERS = (
-    "LensModel Orientation ISOSpeedRatings ISOSpeed DateTime SubsecTime OffsetTime XMP "
-    "DateTimeOriginal SubsecTimeOriginal OffsetTimeOriginal UniqueCameraModel"
-)
+_TIMES = "Original", "Digitized", ""  # ends of the names of their fields
+_SENSITIVITIES = "ISOSpeed", "RecommendedExposureIndex", "StandardOutputSensitivity"
+_OTHERS = "LensModel Orientation ISOSpeedRatings XMP UniqueCameraModel"
 # 0 to 6: GPS
 WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *tags_of(_OTHERS), *range(7)})
+WANTED |= tags_of(" ".join(_SENSITIVITIES))
+WANTED |= {
+    TAG[f"{part}{kind}"] for kind in _TIMES for part in ("DateTime", "SubsecTime", "OffsetTime")
+}
 """The tags that `metadata_from` looks at."""
 
 
@@ -123,14 +126,20 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
     main, exif = stored.main, stored.main | stored.exif
     iso = _number(exif, TAG["ISOSpeedRatings"])
     if iso == LARGEST_SHORT:
-        iso = _number(exif, TAG["ISOSpeed"]) or iso
-    taken = _time(exif, TAG["DateTimeOriginal"], TAG["SubsecTimeOriginal"])
+        iso = next(filter(None, (_number(exif, TAG[name]) for name in _SENSITIVITIES)), iso)
+    times = [(_time(exif, kind), text(exif, TAG[f"OffsetTime{kind}"])) for kind in _TIMES]
+    taken = next((time for time, _ in times if time), None)
+    # the zone of an edit on another day is not that of the exposure
+    days = [time and time.date() for time, _ in times]
+    zones = [
+        zone for day, (_, zone) in zip(days, times, strict=True) if day == (taken and taken.date())
+    ]
     values: dict[str, Any] = {
         **{name: text(main, tag) for name, tag in TEXTS.items()},
         **{name: _number(exif, tag) for name, tag in NUMBERS.items()},
         "lens": text(exif, TAG["LensModel"]),
-        "taken": taken or _time(exif, TAG["DateTime"], TAG["SubsecTime"]),
-        "zone": text(exif, TAG["OffsetTimeOriginal"]) or text(exif, TAG["OffsetTime"]),
+        "taken": taken,
+        "zone": next(filter(None, zones), ""),
         "place": _place(stored.gps),
         "altitude": _altitude(stored.gps),
         "iso": None if iso is None else round(iso),
@@ -190,15 +199,15 @@ def _number(fields: StoredFields, tag: int) -> float | None:
     return number if math.isfinite(number) and number > 0 else None
 
 
-def _time(fields: StoredFields, tag: int, decimals: int) -> datetime | None:
-    """Return date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is
-    not one.
+def _time(fields: StoredFields, kind: str) -> datetime | None:
+    """Return date and time of a kind of `_TIMES`, from "YYYY:MM:DD HH:MM:SS" and the decimals of
+    the second; None if it is not one.
     """
     try:
-        taken = datetime.strptime(text(fields, tag)[:19], _TIME)  # noqa: DTZ007  Exif has local time without zone
+        taken = datetime.strptime(text(fields, TAG[f"DateTime{kind}"])[:19], _TIME)  # noqa: DTZ007  Exif has local time without zone
     except ValueError:
         return None
-    digits = re.fullmatch("[0-9]+", text(fields, decimals))
+    digits = re.fullmatch("[0-9]+", text(fields, TAG[f"SubsecTime{kind}"]))
     return taken.replace(microsecond=int(f"{digits[0]:0<6}"[:6])) if digits else taken
 
 

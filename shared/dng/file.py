@@ -104,15 +104,10 @@ def verify_dng(path: File, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
         For any other file and a damaged one.
     """
     with opened(path) as dng:
-        recorded = is_record(dng.stored(TAG["DNGPrivateData"]))
-        if not (recorded or any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER)):
-            raise ForeignFileError("not a DNG of Panchroma: it has no digest that could be checked")
-        if not recorded and dng.raw().samplesperpixel == PICTURE_PLANES:
+        if _is_picture(dng, "not a DNG of Panchroma: it has no digest that could be checked"):
             samples, preview = dng.samples(max_pixels, PICTURE_PLANES), None
             _check_digest(dng, samples)
             _check_identity(dng, picture_id(samples.shape, dng.stored(TAG["NewRawImageDigest"])))
-        elif not recorded:
-            raise damaged("the record of pattern and calibration (DNGPrivateData) is missing")
         else:
             mosaic, record = _mosaic(dng, max_pixels)
             samples, preview = mosaic.codes, record.preview
@@ -135,12 +130,29 @@ def read_preview(path: File) -> bytes:
         return dng.preview()
 
 
+def _is_picture(dng: DngReader, foreign: str) -> bool:
+    """Return True for a rendered picture, False for a mosaic.
+
+    Raises ForeignFileError, with the message `foreign`, for the DNG of another program, and
+    InputError for a file whose first directory has no DNGVersion, and for a mosaic without record.
+    """
+    if is_record(dng.stored(TAG["DNGPrivateData"])):
+        return False
+    if not dng.stored(TAG["DNGVersion"]):
+        raise damaged("its first directory, which a DNG begins with, is not there (DNGVersion)")
+    if not any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER):
+        raise ForeignFileError(foreign)
+    if dng.raw().samplesperpixel != PICTURE_PLANES:
+        raise damaged("the record of pattern and calibration (DNGPrivateData) is missing")
+    return True
+
+
 def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
-    stored = dng.stored(TAG["DNGPrivateData"])
-    if not is_record(stored):
-        remedy = "`panchroma simulate` makes one from a camera's RAW or a picture"
-        raise ForeignFileError(f"not a mosaic of Panchroma; {remedy}")
-    record = decode_record(stored)
+    remedy = "`panchroma simulate` makes one from a camera's RAW or a picture"
+    foreign = f"not a mosaic of Panchroma; {remedy}"
+    if _is_picture(dng, foreign):
+        raise ForeignFileError(foreign)
+    record = decode_record(dng.stored(TAG["DNGPrivateData"]))
     letters, cfa = record.pattern.letters_from(), dng.cfa()
     if cfa not in (None, letters):
         recorded = f"the record in DNGPrivateData says {' '.join(letters)}"

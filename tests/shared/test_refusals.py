@@ -225,6 +225,7 @@ def test_documents_are_refused_with_the_reason() -> None:
         "-" + "9" * 5000: "^holds a number of 5000 digits",
         "1e999": "^holds '1e999'",
         "[NaN]": "holds 'NaN'",
+        '{"a": 1, "b": 2, "a": 3}': "holds 'a' twice",
     }
     for text, words in wrong.items():
         with pytest.raises(InputError, match=words):

@@ -52,7 +52,7 @@ def check_memory(
     enough = format_bytes(need).replace(" ", "").removesuffix("B")
     raise InputError(
         f"{burst}{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, "
-        f"{format_bytes(limit)} are allowed; set `max_memory={enough}` if the machine has as much"
+        f'{format_bytes(limit)} are allowed; set `max_memory="{enough}"` if the machine has as much'
     )
 
 

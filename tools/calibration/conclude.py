@@ -13,15 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from ...shared import Camera, DoubleArray, InputError
+from ...shared import Camera, DoubleArray, FloatArray, InputError, Shading
 from ...shared.colorimetry import as_rows
 from ...shared.lights import CalibratedLight, without_gamma
 from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
 from .gamma import SUFFERS, GammaFit, reconciled
 from .measure import Measurements, ShotMeasurement
-from .photon_transfer import SIGMAS, contradiction, noise_of_flats
-from .places import figures
+from .photon_transfer import (
+    SIGMAS,
+    NoiseResult,
+    PhotonTransfer,
+    contradiction,
+    noise_of_flats,
+)
+from .places import PlaceSamples, figures
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
@@ -46,6 +52,7 @@ _GOOD_READ, _GOOD_NOISE = 0.05, 0.1  # half width over read noise, and over vari
 
 # Of a camera file that is updated.
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # entries that a wrong black level makes wrong
+_OF_SHADING, _TINTED = ("gamma", "colour"), 0.02  # and a share of the light that shows in these
 _MOVED = 2.0  # standard errors of the black level, and 95 % intervals of gamma
 
 
@@ -167,19 +174,34 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
 
 
 def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
-    """Return a warning of entries that are kept, and were measured with a black level that has
-    turned out to be wrong.
+    """Return warnings of entries that are kept, and were measured with a black level, or with
+    shading, that has turned out to be wrong.
     """
-    kept = [entry for entry in measured.known if entry in _OF_BLACK and entry not in sources]
-    if not (kept and measured.old and measured.dark):
+    if measured.old is None:
         return []
-    moved = np.abs(measured.dark.black - np.array(measured.old.calibration.black_level))
-    if not (moved > _MOVED * measured.assumed().black).any():
-        return []
+    before, found = measured.old.calibration, list[tuple[str, list[str]]]()
+    kept = [entry for entry in measured.known if entry not in sources]
+    if measured.dark:
+        moved = np.abs(measured.dark.black - np.array(before.black_level))
+        if (moved > _MOVED * measured.assumed().black).any():
+            off = f"the black level is {moved.max():.1f} codes off the one"
+            found.append((off, [entry for entry in kept if entry in _OF_BLACK]))
+    if measured.shading:
+        changed = float(np.abs(_tints(measured.shading.shading) / _tints(before.shading) - 1).max())
+        if changed > _TINTED:
+            off = f"colours fall off by up to {100 * changed:.1f} % otherwise than by the shading"
+            found.append((off, [entry for entry in kept if entry in _OF_SHADING]))
     return [
-        f"the black level is {moved.max():.1f} codes off the one with which {', '.join(kept)} of "
-        "the camera file were measured; give all frames together to measure these again"
+        f"{off} with which {', '.join(entries)} of the camera file were measured; give all frames "
+        "together to measure these again"
+        for off, entries in found
+        if entries
     ]
+
+
+def _tints(shading: Shading | None) -> FloatArray:
+    """Return gains of the channels over that of panchromatic samples, see `Shading.sketch`."""
+    return shading.sketch[:-1] / shading.sketch[-1] if shading else np.ones(1, np.float32)
 
 
 # --- gamma ---------------------------------------------------------------------------------------
@@ -525,7 +547,7 @@ def conclude_noise(measured: Measurements) -> Finding:
     """Return the noise of each plane, and warnings if it is uncertain."""
     flats, dark, calibration = measured.flats, measured.dark, measured.calibration
     if not flats:
-        return Finding()
+        return Finding(warnings=_stored_noise(measured))
     noise = noise_of_flats(flats, calibration, dark, measured.assumed().black)
     if fault := contradiction(noise, calibration, dark, [shot.places for shot in measured.shots]):
         line = f"noise was left out: flat frames {', '.join(flats.names)}: {fault}"
@@ -553,6 +575,24 @@ def conclude_noise(measured: Measurements) -> Finding:
         known = f"only known to ±{100 * error:.0f} % (95 %)" if error < 1 else "unknown"
         warnings.append(f"read noise is {known}; take dark frames (`dark`), or more of them")
     return Finding(facts, {"noise": noise.model(full_scale)}, warnings, result=noise)
+
+
+def _stored_noise(measured: Measurements) -> list[str]:
+    """Return a warning if dark frames or charts contradict the noise of the camera file."""
+    stated, calibration = measured.known.get("noise"), measured.calibration
+    if stated is None or (model := calibration.noise) is None:
+        return []
+    exact = [0.0] * len(model.shot)
+    errors = (stated.get(f"{name}_error", exact) for name in ("shot", "read"))
+    figures_of = np.array([model.shot, model.read, *errors]) / calibration.full_scale
+    lines = tuple(PhotonTransfer(*plane) for plane in figures_of.T.tolist())
+    charts = [shot.places for shot in measured.shots]
+    none = np.zeros((0, len(lines)))
+    nowhere = PlaceSamples(none, none, none, np.zeros(0, bool), np.zeros((0, 2)))
+    fault = contradiction(NoiseResult(lines, nowhere, ""), calibration, measured.dark, charts)
+    remedy = "take flat frames (`flat`) with the gain of these frames, or these with that gain"
+    where = f"noise in the camera file, from {stated.get('from', 'flat frames')}"
+    return [f"{where}: {fault}; {remedy}"] if fault else []
 
 
 def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:

@@ -8,14 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shared import DoubleArray, IndexArray, InputError, Mosaic
-from .places import CLIP, LEAST_SAMPLES, clipped_moments, figures, levels_of, planes_of, windows
+from .places import (
+    CLIP,
+    LEAST_SAMPLES,
+    clipped_moments,
+    code_step,
+    figures,
+    levels_of,
+    planes_of,
+    windows,
+)
 
-ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
-# code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288
+# in steps between codes, squared: the variance that rounding adds (Sheppard's correction)
+ROUNDING = 1 / 12
+# steps: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288
 # asks for as much)
 HIDDEN = 0.5
 DEFECT = 5.5  # standard deviations in the averaged dark frame: 4e-8 of good pixels are beyond
-_LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
+_LEAST_DEFECT = 1.5  # steps: rounding alone moves good pixels by one
 _NOT_DARK = 0.1  # of full scale above black
 # times the variance of another dark frame: one has another gain or exposure, or is no measurement
 # at all
@@ -25,8 +35,9 @@ _DRIFT = 3.0
 # Of the read noise: drift expected before any is seen, and its weight in frames.
 _USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
 # Of the range of codes: black levels of the planes that differ by less are those of electronics.
-_LEAK = 1 / 1024
-_LEAST_LEAK = 3.0  # codes
+_LEAK = 1 / 2048
+_LEAST_LEAK = 1.5  # codes
+_CUT = 1e-3  # of the samples: so many that read 0 were cut off there
 # Correlation of levels and variances of the planes, from which on both rise together.
 _IN_LINE = 0.9
 
@@ -52,6 +63,8 @@ class DarkResult:
     rows : float
         Variance that the panchromatic samples of a row have in common, codes^2; of one frame, with
         its fixed pattern.
+    step : int
+        Between codes.
     """
 
     frames: int
@@ -61,11 +74,12 @@ class DarkResult:
     read_error: DoubleArray
     defects: tuple[tuple[int, int], ...]
     rows: float = 0.0
+    step: int = 1
 
     @property
     def shows_read(self) -> bool:
         """True if the codes are fine enough to show the read noise."""
-        return bool((self.read >= HIDDEN).all())
+        return bool((self.read >= HIDDEN * self.step).all())
 
     @property
     def words(self) -> str:
@@ -93,8 +107,9 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
     first = frames[0]
     planes = planes_of(first, defects=True)  # which are found anew
     number = len(first.pattern.planes)
-    stack = np.stack([frame.codes for frame in frames]).astype(np.float64)
-    mean = stack.mean(axis=0)
+    codes = np.stack([frame.codes for frame in frames])
+    step, stack = code_step(codes), codes.astype(np.float64)
+    mean, rounding, hidden = stack.mean(axis=0), ROUNDING * step**2, HIDDEN * step
     _check_alike(stack[:, planes == number - 1], names)
     black, error, read, read_error = (np.zeros(number) for _ in range(4))
     common = variance = 0.0
@@ -103,7 +118,7 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
         here = planes == plane
         values = mean[here]
         centre, spread = clipped_moments(values)
-        good = np.abs(values - centre) <= max(DEFECT * spread, _LEAST_DEFECT)
+        good = np.abs(values - centre) <= max(DEFECT * spread, _LEAST_DEFECT * step)
         defect[here] = ~good
         black[plane] = values[good].mean()
         error[plane] = values[good].std() / np.sqrt(max(good.sum(), 1))
@@ -114,7 +129,13 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
             # The common drift of a frame is no read noise.
             variance = float((samples - levels).var(axis=0, ddof=1).sum())
             variance /= max(good.sum() - 1, 1)
-        read[plane] = np.sqrt(max(variance - ROUNDING, 0.0))
+        read[plane] = np.sqrt(max(variance - rounding, 0.0))
+        if read[plane] >= hidden and (cut := float((samples == 0).mean())) > _CUT:
+            raise InputError(
+                f"dark frames: {100 * cut:.2g} % of the samples of {first.pattern.planes[plane]} "
+                "read 0: the sensor cuts off noise below black, so they show neither black level "
+                "nor read noise; raise its black level (offset), or leave them out"
+            )
         # What whole frames drift by is an error of the black level that samples of one frame do not
         # show, and few frames hardly.
         usual = _USUAL_DRIFT_FRAMES * _USUAL_DRIFT**2 * variance
@@ -122,15 +143,16 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
         drift = squares / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
         error[plane] = np.hypot(error[plane], np.sqrt(drift / len(frames)))
         # Then the mean of the codes is not that of the samples, however many there are.
-        if read[plane] < HIDDEN:
-            error[plane] = np.hypot(error[plane], np.sqrt(ROUNDING))
+        if read[plane] < hidden:
+            error[plane] = np.hypot(error[plane], np.sqrt(rounding))
         common = _in_common(samples, row := np.nonzero(here)[0][good])
         alike = 1 + (np.bincount(row).max() - 1) * common**2  # samples that count as one
         independent = good.sum() * max(len(frames) - 1, 1) / alike
-        read_error[plane] = variance / (max(read[plane], HIDDEN) * np.sqrt(2 * max(independent, 1)))
-    _check_light(first, mean, black, np.hypot(read, ROUNDING**0.5), len(frames))
+        read_error[plane] = variance / (max(read[plane], hidden) * np.sqrt(2 * max(independent, 1)))
+    _check_light(first, mean, black, np.hypot(read, rounding**0.5), len(frames))
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
-    return DarkResult(len(frames), black, error, read, read_error, defects, common * variance)
+    measured = black, error, read, read_error, defects, common * variance, step
+    return DarkResult(len(frames), *measured)
 
 
 def _in_common(samples: DoubleArray, rows: IndexArray) -> float:

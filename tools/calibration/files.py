@@ -68,9 +68,15 @@ def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
     """Raise OutputError if the camera file cannot be written to `output`. Call it before the
     measurements.
     """
+    try:
+        is_file = not output.exists() or output.is_file()
+    except OSError as error:  # a name that is too long
+        raise OutputError(f"{output}: cannot be written ({error.strerror})") from None
     if output.is_dir():
         example = f"`output` names the camera file, for example {output / 'camera.json'}"
         raise OutputError(f"{output}: is a folder; {example}")
+    if not is_file:
+        raise OutputError(f"{output}: is a pipe or a device, not a file; choose another name")
     if not output.parent.is_dir():
         raise OutputError(f"{output}: the folder {output.parent} does not exist; create it first")
     if output.exists() and identity(output) in map(identity, chain(*files.values())):

@@ -29,7 +29,15 @@ from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
 from .measured_shading import ShadingResult, measure_shading
 from .photon_transfer import FlatResult, check_flat, measure_flats, noise_of_flats
-from .places import Named, PlaceSamples, figures, patch_samples, without_shading
+from .places import (
+    NO_PLANE,
+    Named,
+    PlaceSamples,
+    figures,
+    patch_samples,
+    planes_of,
+    without_shading,
+)
 
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).
@@ -37,8 +45,8 @@ _FAR = 1 / 256
 # Half width over gamma that a large chart reaches by itself: no areas around it are measured.
 _REACHED = 0.02
 # Samples end below the white level where this share of them has the highest code, many times as
-# many as so many lower codes; a drawn scene without noise has few codes.
-_ENDED, _MORE, _BELOW, _CODES = 1e-3, 10, 8, 64
+# many as so many lower codes, and more than a few; a drawn scene without noise has few codes.
+_ENDED, _MORE, _BELOW, _CODES, _FEWEST = 1e-3, 10, 8, 64, 20
 _CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
 
@@ -254,7 +262,8 @@ class Session:
                 self._known["black_level"] = old.calibration.black_level
         self._paths: dict[bytes, str] = {}  # by digest of the samples
         self._ends = set[int]()  # codes at which samples end below the white level
-        self._base_path, self._has_shot = "", False
+        self._has_shot = False
+        self._facts = dict[str, tuple[str, str]]()  # path of the first frame that states each
         # By the id of the camera file that a frame states: the first such frame, and its black.
         self._cameras: dict[str, tuple[str, tuple[float, ...]]] = {}
         self.measured = Measurements(chart_colours, old=old)
@@ -283,6 +292,7 @@ class Session:
             self._skip(paths, error)
             # What refused frames state is not the camera's.
             self.measured.base = dark = None
+            self._facts.clear()
         if dark is None:
             return
         self.measured.dark = dark
@@ -361,9 +371,9 @@ class Session:
         # What one frame's colours suggest of the light is no part of a camera.
         stated, base = mosaic.calibration.without_estimates(), self.measured.base
         sensor = self._sensor or stated.sensor or (base.calibration.sensor if base else "")
+        facts = self._checked_facts(path, mosaic, kind)
         stated = replace(stated, sensor=sensor)
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
-        self._check_same(mosaic, kind)
         if stated.camera and stated.camera not in self._cameras:
             for first, black in [*self._cameras.values()][:1]:
                 line = f"{path} states the calibration of another camera file than {first}"
@@ -391,30 +401,32 @@ class Session:
                 "with which they are captured, and take the shots again"
             )
         self.measured.stated_defects |= set(stated.defects)
-        if self.measured.base is None:
-            self._base_path = path
+        self._facts = facts | self._facts
         if self.measured.base is None or (kind == "shot" and not self._has_shot):
             # A shot of the chart states colours and noise, where others may not.
             self.measured.base = mosaic
         self._has_shot |= kind == "shot"
         return mosaic
 
-    def _check_same(self, mosaic: Mosaic, kind: str) -> None:
-        """Raise InputError unless a frame has size, pattern and levels of the first one: as they
-        are stated.
+    def _checked_facts(self, path: str, mosaic: Mosaic, kind: str) -> dict[str, tuple[str, str]]:
+        """Return what a frame states of size, pattern, levels and settings, each with its path.
+
+        Raises InputError unless that is what the frames before have stated.
         """
-        if self.measured.base is None:
-            return
-        ours, first = _facts(mosaic), _facts(self.measured.base)
-        # Dark frames measure it, whatever a frame states.
+        facts = _facts(mosaic)
+        # Dark frames measure black, whatever a frame states; it may change with the exposure time.
         if kind == "dark" or "black_level" in self._known:
-            del ours["black level"]
-        for name, fact in ours.items():
-            if fact != first[name] and fact and first[name]:  # sensor and model may not be stated
+            del facts["black level"]
+        if kind != "dark":
+            del facts["exposure time"]
+        for name, fact in facts.items():
+            first, before = self._facts.get(name, ("", ""))
+            if fact != before and fact and before:  # some may not be stated
                 raise InputError(
-                    f"its {name} is {fact}, that of {self._base_path} is {first[name]}: all "
-                    "frames have to be from one camera, with the same settings"
+                    f"its {name} is {fact}, that of {first} is {before}: all frames have to be "
+                    "from one camera, with the same settings"
                 )
+        return {name: (path, fact) for name, fact in facts.items() if fact}
 
     def _process(
         self, paths: Sequence[str], kind: str, work: Callable[[str, Mosaic], R]
@@ -446,21 +458,25 @@ def _plateau(mosaic: Mosaic) -> tuple[int, float]:
     """Return the highest code, and the share of the samples that have it if they end there below
     the white level; 0 if they do not. Noise alone makes the highest codes rare.
     """
-    counts = np.bincount(mosaic.codes.ravel())
+    counts = np.bincount(mosaic.codes[planes_of(mosaic) != NO_PLANE])
     used, end = np.flatnonzero(counts), len(counts) - 1
     if end >= mosaic.calibration.white_level or len(used) < _CODES:
         return end, 0.0
     step = int(np.gcd.reduce(np.diff(used)))
     near, share = counts[max(end - _BELOW * step, 0) : end], float(counts[end] / counts.sum())
-    return end, share if share > _ENDED and counts[end] > _MORE * near.sum() else 0.0
+    ends = share > _ENDED and counts[end] > max(_MORE * near.sum(), _FEWEST)
+    return end, share if ends else 0.0
 
 
 def _facts(mosaic: Mosaic) -> dict[str, str]:
-    """Return what frames of one camera have in common, for people."""
-    calibration, pattern = mosaic.calibration, mosaic.pattern
+    """Return what frames of one calibration have in common, for people; "" = not stated."""
+    calibration, pattern, taken = mosaic.calibration, mosaic.pattern, mosaic.metadata
+    exposure = taken.exposure_time
     return {
         "sensor": calibration.sensor,
-        "model": " ".join(filter(None, (mosaic.metadata.make, mosaic.metadata.model))),
+        "model": " ".join(filter(None, (taken.make, taken.model))),
+        "ISO": "" if taken.iso is None else str(taken.iso),
+        "exposure time": "" if exposure is None else f"{exposure:.3g} s",
         "size": f"{mosaic.shape[1]} x {mosaic.shape[0]} pixels",
         "pattern": f"{pattern.channels} period {pattern.period} "
         f"({' '.join(pattern.letters_from())})",

@@ -10,6 +10,7 @@ Flat frames have few colour samples. How a colour differs from panchromatic vari
 frame than the light itself, so that its map has fewer control points.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -19,10 +20,11 @@ from scipy.optimize import least_squares
 
 from ...shared import DoubleArray, InputError, Mosaic, Shading
 from ...shared.shading import ZOOMED, basis
-from .places import CLIP, CLIPPED, Named, cut_windows, inliers, levels_of, planes_of
+from .places import CLIP, CLIPPED, FEW, Named, cut_windows, inliers, levels_of, planes_of
 
 # Periods along a side of a window, at least, and windows along an axis.
 _PERIODS, _FEWEST, _MOST = 5, 3, 48
+_KNOWN = 0.7  # of the windows: fewer do not tell a smooth gain everywhere
 # Control points of the panchromatic gain, and of a colour's relative to it.
 _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
 # Third differences of control points that are likely: large in the corners of fast lenses.
@@ -82,9 +84,9 @@ class ShadingResult:
 
 
 class _Windows(NamedTuple):
-    """Light in the windows of a frame; per plane and window.
+    """Light in the windows of a frame that have samples of all planes; per plane and window.
 
-    number: rows and columns of windows.
+    number: rows and columns of windows, these and others.
     row, column: (P, N), the middle of the plane's samples, pixels.
     gain: (P, N), by which its light was multiplied.
     light: (P, N), mean after that.
@@ -117,7 +119,10 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
     for _ in range(_SHADING_ROUNDS):
         windows = _measured(light, frames[0][1], shading)
-        if not windows.light.min() > 0:
+        if windows.light.shape[1] < _KNOWN * math.prod(windows.number):
+            most = "most of their windows are without samples of each filter"
+            raise InputError(f"flat frames: {most}; fewer defects can be listed")
+        if windows.light.min() <= 0:
             remedy = "expose more, up to three quarters of full scale"
             raise InputError(f"flat frames: they are dark, at least in places; {remedy}")
         shading, error = _refined(shading, windows)
@@ -215,6 +220,9 @@ def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Windows:
         for number, window in enumerate(cut_windows(shape, (down, right))):
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
+            if len(values) < FEW:  # the others are defects
+                measured[:, plane, number] = np.nan
+                continue
             off = values - np.median(values)
             kept = values[inliers(off, float(np.abs(off).std()) / CLIP)]
             mean = float(kept.mean())
@@ -223,7 +231,8 @@ def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Windows:
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = gain[window][rows, columns].mean()
             measured[:, plane, number] = *middle, undone, mean, error
-    return _Windows((down, right), *measured)
+    known = np.isfinite(measured).all(axis=(0, 1))
+    return _Windows((down, right), *measured[:, :, known])
 
 
 def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:

@@ -17,10 +17,12 @@ from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
 from .places import (
     CLIP,
     CLIPPED,
+    FEW,
     NO_PLANE,
     Named,
     PlaceSamples,
     clipped_moments,
+    code_step,
     inliers,
     levels_of,
     planes_of,
@@ -146,6 +148,8 @@ class FlatResult:
         Sentences on pairs that show light that flickers; it is no part of `points`.
     names : Sequence[str]
         Of the frames, for people.
+    step : int
+        Between codes.
     """
 
     pairs: int
@@ -154,6 +158,7 @@ class FlatResult:
     blind: float = 0.0
     flicker: Sequence[str] = ()
     names: Sequence[str] = ()
+    step: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +266,8 @@ def measure_flats(named: Sequence[Named], dark: DarkResult | None = None) -> Fla
     variance, number = variance + usual * bool(flicker), len(mean)
     places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
     every = planes_of(frames[0], defects=True)
-    return FlatResult(len(pairs), places, *_dead(*frames_of[-1], every), flicker, names)
+    dead, step = _dead(*frames_of[-1], every), code_step(frames[pairs[-1][0]].codes)
+    return FlatResult(len(pairs), places, *dead, flicker, names, step)
 
 
 def noise_of_flats(
@@ -285,7 +291,9 @@ def noise_of_flats(
         (C + 1,), standard error of the black level, codes; None = it is exact.
     """
     points, span = flats.points, calibration.white_level - np.array(calibration.black_level)
-    points = replace(points, variance=np.maximum(points.variance - ROUNDING / span**2, 0))
+    points = replace(
+        points, variance=np.maximum(points.variance - ROUNDING * (flats.step / span) ** 2, 0)
+    )
     known = dark if dark is not None and dark.shows_read else None
     lines = []
     for plane, full in enumerate(span.tolist()):
@@ -303,7 +311,7 @@ def noise_of_flats(
     source = f"{flats.pairs} pair{'s' if flats.pairs > 1 else ''} of flat frames"
     noise = NoiseResult(tuple(lines), points, source)
     fault = ""
-    if float((points.variance * span**2).max(axis=0, initial=0).min()) < HIDDEN**2:
+    if float((points.variance * span**2).max(axis=0, initial=0).min()) < (HIDDEN * flats.step) ** 2:
         fault = "show less noise than rounding to codes hides"
     elif not noise.uncertainty <= _WORST_NOISE:
         spread = f"±{100 * noise.uncertainty:.0f} %" if noise.uncertainty < 1 else "±100 % or more"
@@ -344,7 +352,9 @@ def contradiction(
         gain = float(calibration.shading.sketch[-1].max()) if calibration.shading else 1.0
         rows.append(("photon", photon, _chart_shot(*points), gain, "the chart"))
     if dark and dark.shows_read:
-        free = fit_photon_transfer(*_panchromatic(noise.points))
+        free = (
+            fit_photon_transfer(*_panchromatic(noise.points)) if len(noise.points.mean) else white
+        )
         read = float(dark.read[-1] / (calibration.white_level - calibration.black_level[-1]))
         rows.append(("read", (free.read, free.read_error), (read, 0.0), 1.0, "dark frames"))
     for kind, (ours, error), (theirs, other), more, whom in rows:
@@ -400,7 +410,7 @@ def _pair_points(
     mean: DoubleArray, difference: DoubleArray, planes: np.ndarray, number: int
 ) -> DoubleArray:
     """Return mean, half the variance of the difference of two frames, and number of samples, in N
-    windows that are not clipped.
+    windows that are not clipped, nor full of defects.
 
     number: of planes P; the result is (N, 3, P).
     """
@@ -409,13 +419,15 @@ def _pair_points(
         place, brightest = np.zeros((3, number)), 0.0
         for plane in range(number):
             light, apart = (each[window][planes[window] == plane] for each in (mean, difference))
+            if light.size < FEW:
+                break
             centre, spread = clipped_moments(apart)
             good = np.abs(apart - centre) <= CLIP * max(spread, 1e-12)
             good &= inliers(light - np.median(light), max(spread, _LEAST))
             light, apart = light[good], apart[good]
             place[:, plane] = light.mean(), apart.var(ddof=1) / 2, light.size
             brightest = max(brightest, float(np.quantile(light + np.abs(apart) / 2, 0.99)))
-        if brightest < CLIPPED:
+        if brightest < CLIPPED and place[2].all():
             places.append(place)
     return np.reshape(places, (-1, 3, number))
 

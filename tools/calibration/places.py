@@ -13,6 +13,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from ...shared import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, Mosaic
+from ...shared.arrays import CodeArray
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
 CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
@@ -20,7 +21,7 @@ LEAST_SAMPLES = 40  # samples of the rarest plane in a window, about
 # per side, at most: flat frames are never quite even, so means and variances are measured in
 # windows
 _PLACES_ACROSS = 12
-_FEW = 9  # samples: fewer do not tell their own deviation
+FEW = 9  # samples: fewer do not tell their own deviation
 NO_PLANE = 255  # of a defective sample, see `planes_of`
 
 
@@ -91,6 +92,12 @@ def robust_deviation(residuals: DoubleArray) -> float:
     hardly change it.
     """
     return 1.4826 * float(np.median(np.abs(residuals)))  # 1.4826: for a Gaussian
+
+
+def code_step(codes: CodeArray) -> int:
+    """Return the step between codes: more than 1 where a sensor's were shifted to more bits."""
+    used = np.flatnonzero(np.bincount(codes.ravel()))
+    return int(np.gcd.reduce(np.diff(used), initial=0)) or 1
 
 
 def planes_of(mosaic: Mosaic, *, defects: bool = False) -> ByteArray:
@@ -173,7 +180,7 @@ def _moments(
         if here.size > 2:  # of two nobody knows the one that stands out
             middle = float(np.median(values[here] / shading[here]))
             # Few samples tell their spread less well than the panchromatic ones, by photon noise.
-            least = spread * max(middle / max(fitted[0], code), 1) ** 0.5 * (here.size < _FEW)
+            least = spread * max(middle / max(fitted[0], code), 1) ** 0.5 * (here.size < FEW)
             here = here[inliers(values[here] - middle * shading[here], max(code, least))]
         kept[plane == index] = False
         kept[here] = True

@@ -79,7 +79,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         try:
             for shot in capture_burst(queue, burst, *to) if burst else capture(queue, *to):
                 if isinstance(shot, Refused):
-                    if not (burst and stopping()):  # then the user has ended it
+                    if burst and stopping():  # the user has ended it
+                        console.note(shot.reason)
+                    else:
                         refused(shot.reason)
                     continue
                 saved += 1
@@ -103,8 +105,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         # Frames that still wait at the end are lost too, unless --frames shots were all that was
         # wanted.
         lost = source.lost() + queue.dropped + (len(queue) if stopping() else 0)
-    if burst and stopping():
-        lost = burst - saved
     console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
 

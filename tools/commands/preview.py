@@ -15,7 +15,7 @@ from ...shared.errors import InputError
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
-from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, run_jobs
+from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, refuse_existing, run_jobs
 from ..batch.journal import digest
 from ..batch.order import Keep, kept
 from ..batch.previews import Previews
@@ -92,5 +92,8 @@ def _export(arguments: argparse.Namespace, console: Console) -> None:
     from ...device.preview.graph import build_preview  # onnxruntime is slow to load
 
     graph = build_preview(shot.pattern, arguments.scale)
-    write_durably(path, graph, overwrite=arguments.overwrite)
+    if not arguments.dry_run:
+        write_durably(path, graph, overwrite=arguments.overwrite)
+    elif not arguments.overwrite:
+        refuse_existing([path])
     console.say(f"{path}: {len(graph)} bytes")

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,7 +22,7 @@ from ...shared import CaptureMetadata, CodeArray, DoubleArray, FloatArray, Input
 from ...shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
 from ...shared.dng import metadata_from
 from ...shared.dng.exif import WANTED, printable
-from ...shared.dng.tags import TAG, tags_of
+from ...shared.dng.tags import TAG, Photometric, tags_of
 from ...shared.lights import between, illuminant_xy, mixed, share_of
 from ...shared.pattern import BAYER_ORDERS
 from ...shared.reading import MAX_PIXELS
@@ -32,7 +32,9 @@ from .clipped import SHOULDER, saturation, with_white_highlights
 from .damage import data_bytes, guarded
 from .limited import Facts, run_limited
 from .scene import RGB, Scene, check_size
+from .tiff import opened_tiff, tag_numbers
 
+_DELTAS = "BlackLevelDeltaV", "BlackLevelDeltaH"
 _QUARTER = 0.25  # pixels of a scene: from a sample to the middle of its quad, down and across
 _OF_LIGHTS = "ColorMatrix", "CalibrationIlluminant", "CameraCalibration"
 _LIGHTS = [[TAG[f"{name}{number}"] for name in _OF_LIGHTS] for number in (1, 2)]
@@ -70,7 +72,7 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all
     # memory for two kilobytes.
     samples, facts = _unpacked(path, max_pixels, quads=True)
-    rgb, gone = _quads(samples, facts)
+    rgb, gone = _quads(samples, facts, _black_deltas(path, samples.shape))
     if registered:
         rgb, gone = register_quads(rgb, gone, facts)
     return camera_scene(path, rgb, gone, facts)
@@ -161,11 +163,30 @@ def _decoding(path: str) -> Iterator[None]:
         raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from error.__cause__
 
 
-def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
+def _black_deltas(path: Path, shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return by how much black of each row, (H, 1), and column, (1, W), of the mosaic of a DNG
+    differs from the level that LibRaw knows, which is their mean (BlackLevelDeltaV, -H); 0 where
+    the file does not say it.
+    """
+    deltas = [np.zeros((size, 1), np.float32) for size in shape]
+    if path.suffix.lower() == ".dng":
+        with opened_tiff(path, tags_of(" ".join(_DELTAS))) as (_, file, _), guarded():
+            pages = (file.pages.first, *(file.pages.first.pages or ()))
+            for page, axis in product(pages, (0, 1)):
+                stated = tag_numbers(page, _DELTAS[axis])
+                fits = stated.size == shape[axis] and np.isfinite(stated).all()
+                if fits and page.photometric == Photometric.CFA:
+                    deltas[axis][:, 0] = stated - stated.mean()
+    return deltas[0], deltas[1].T
+
+
+def _quads(
+    samples: CodeArray, facts: Facts, deltas: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
     """Return the samples of a RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how
     far each is clipped.
 
-    samples, facts: see `unpack_raw`.
+    samples, facts: see `unpack_raw`. deltas: see `_black_deltas`.
     """
     rows, columns = (size // 2 for size in samples.shape)
     if not rows or not columns:
@@ -181,7 +202,8 @@ def _quads(samples: CodeArray, facts: Facts) -> tuple[FloatArray, FloatArray]:
         black, channel = blacks[index], RGB.index(letters[index])
         codes = samples[row : 2 * rows : 2, column : 2 * columns : 2]
         limit = saturation(codes, white, black)
-        signal = (codes - np.float32(black)) / np.float32(white - black)
+        of_rows, of_columns = deltas[0][row::2][:rows], deltas[1][:, column::2][:, :columns]
+        signal = (codes - np.float32(black) - of_rows - of_columns) / np.float32(white - black)
         rgb[..., channel] += signal
         # One of two greens may be clipped: then so is their mean.
         weight = clipped_share(signal, (limit - black) / (white - black), SHOULDER)

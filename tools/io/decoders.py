@@ -86,6 +86,9 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # of each.
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _CHUNKS_KEPT = (b"cICP", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf", b"acTL")
+_TEXTS = b"tEXt", b"zTXt"
+_EXIF_TEXTS = b"Raw profile type exif\0", b"Raw profile type APP1\0"  # of exiv2 and ImageMagick
+_EXIF_START = b"Exif\0\0"  # of a JPEG's, which some keep
 _LONGEST_BESIDE = 4 << 20  # bytes
 # more chunks than this have that many bytes on average; encoders write 8 KiB
 _MOST_CHUNKS, _LEAST_CHUNK = 4096, 1024
@@ -109,7 +112,9 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
     encoding = _encoding(beside, peak, notes)
     if b"acTL" in beside:
         remark_on_unused(["the animation"], notes)
-    return Decoded(pixels, peak, encoding, read_metadata(BytesIO(beside.get(b"eXIf", b""))), notes)
+    exif = beside.get(b"eXIf") or _exif_of_text(beside)
+    metadata = read_metadata(BytesIO(exif.removeprefix(_EXIF_START)))
+    return Decoded(pixels, peak, encoding, metadata, notes)
 
 
 def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
@@ -117,7 +122,8 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
 
     One that is cut short is kept as it is.
 
-    Left out is what decoders expand unasked: texts, frames of an animation, unknown chunks.
+    Left out is what decoders expand unasked: texts but Exif's, frames of an animation, unknown
+    chunks.
 
     path: the file, which begins like a PNG.
     most: bytes that may be kept.
@@ -138,14 +144,28 @@ def _chunks(path: Path, most: int) -> tuple[bytes, dict[bytes, bytes]]:
                     limit = f"more than {most} bytes of samples"
                     raise InputError(f"{limit}: the file is damaged, or made to fill the memory")
                 kept += start, file.read(size)
-            elif name in _CHUNKS_KEPT and name not in beside:  # a longer one is damaged
-                beside[name] = file.read(min(size, _LONGEST_BESIDE))[:-4]
+            elif name in (*_CHUNKS_KEPT, *_TEXTS) and name not in beside:
+                held = file.read(min(size, _LONGEST_BESIDE))[:-4]  # a longer one is damaged
                 file.seek(max(size - _LONGEST_BESIDE, 0), 1)
+                if name in _CHUNKS_KEPT or held.startswith(_EXIF_TEXTS):
+                    beside[name] = held
             else:
                 file.seek(size, 1)
             if name == b"IEND":
                 break
     return b"".join(kept), beside
+
+
+def _exif_of_text(beside: dict[bytes, bytes]) -> bytes:
+    """Return the Exif data that stand in hexadecimal in a text, after their name and number."""
+    for name in _TEXTS:
+        _, _, held = beside.get(name, b"").partition(b"\0")
+        with suppress(zlib.error, ValueError):
+            if name == b"zTXt":  # behind the method, of which there is one
+                held = zlib.decompressobj().decompress(held[1:], _LONGEST_BESIDE)
+            if words := held.split(maxsplit=2)[2:]:
+                return bytes.fromhex(words[0].decode("ascii"))
+    return b""
 
 
 def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encoding | None:

@@ -50,7 +50,8 @@ def test_frames_become_shots_with_everything_that_is_known(tmp_path: Path) -> No
         assert np.array_equal(saved.codes, random_codes(SIZE, 10, seed))
         assert np.array_equal(saved.codes, call.args[0].codes)
         assert (saved.pattern, saved.calibration) == (SENSOR.pattern, CALIBRATION)
-        assert saved.metadata.taken == TAKEN.astimezone().replace(tzinfo=None)
+        taken = f"{saved.metadata.taken.isoformat()}{saved.metadata.zone}"
+        assert datetime.fromisoformat(taken) == TAKEN
     assert len(list(tmp_path.iterdir())) == 3
 
 

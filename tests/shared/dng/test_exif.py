@@ -141,6 +141,22 @@ def test_exif_in_the_first_directory_is_found_and_what_has_no_name_of_ours_is_le
     assert read({}, exif, {29: (ASCII, "2024:05:01")}) == CaptureMetadata(zone="-03:00")
 
 
+def test_time_zone_and_sensitivity_are_those_of_the_exposure() -> None:
+    """Whatever the last edit says."""
+    edit = fields(DateTime=(ASCII, "2024:01:05 09:00:00"), OffsetTime=(ASCII, "+09:00"))
+    digital = (ASCII, "1998:06:01 12:00:00")
+    for kind, zone in (("Original", ""), ("Digitized", "+02:00")):
+        exif = {
+            **fields(**{f"DateTime{kind}": digital, f"OffsetTime{kind}": (ASCII, zone)}),
+            **edit,
+        }
+        taken = datetime(1998, 6, 1, 12)  # noqa: DTZ001
+        assert read({}, exif) == CaptureMetadata(taken=taken, zone=zone)
+    for name in ("ISOSpeed", "RecommendedExposureIndex", "StandardOutputSensitivity"):
+        beyond = {name: (FieldType.LONG, [102400])}
+        assert read({}, fields(ISOSpeedRatings=(SHORT, [65535]), **beyond)).iso == 102400
+
+
 @pytest.mark.parametrize("cut", range(0, 300, 7))
 def test_a_torn_structure_is_no_error(cut: int) -> None:
     data = exif_block(METADATA)

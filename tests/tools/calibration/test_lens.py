@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibrat
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.calibration.measured_shading import measure_shading
+from panchroma.tools.calibration.photon_transfer import measure_flats
 from panchroma.tools.simulation.lens import lens_shading
 from panchroma.tools.simulation.sensor import simulate_sensor
+from tests.tools.calibration.known_camera import stating
 
 SHAPE = 300, 450
 PATTERN, KODAK = CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
@@ -87,6 +90,18 @@ def test_a_centre_a_little_off_the_middle_is_a_lens() -> None:
         return np.asarray(light * (1 - np.array([0.15, 0.0, -0.15]) * square))
 
     assert measure_shading(flats(lens=(0.0, 0.0), surface=coloured)).shading is not None
+
+
+def test_windows_full_of_listed_defects_do_not_count() -> None:
+    def listing(down: int, right: int) -> list[tuple[str, Mosaic]]:
+        places = tuple(product(range(down), range(right)))
+        return [(name, stating(mosaic, defects=places)) for name, mosaic in flats()]
+
+    shading = measure_shading(listing(45, 45)).shading
+    assert shading.colour == pytest.approx(measure_shading(flats()).shading.colour, rel=0.05)
+    assert np.isfinite(measure_flats(listing(150, 225)).points.mean).all()
+    with pytest.raises(InputError, match="most of their windows are without samples of each"):
+        measure_shading(listing(*SHAPE[:1], 400))
 
 
 def test_frames_that_fall_off_differently_are_refused() -> None:

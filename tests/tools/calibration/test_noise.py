@@ -67,6 +67,10 @@ def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> 
     ):
         with pytest.raises(InputError, match=words):
             measure_dark([first, edited(second, edit)])
+    with pytest.raises(
+        InputError, match=r"^dark frames: .* of [RGW] read 0: the sensor cuts off noise"
+    ):
+        measure_dark([edited(each, lambda codes: codes - black) for each in (first, second)])
 
 
 @pytest.mark.parametrize("count", [1, 2, 6])
@@ -136,6 +140,23 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     assert "use more gain or more bits" in " ".join(concluded(frames[0], dark).warnings)
 
 
+def test_codes_that_were_shifted_to_more_bits_show_the_same_noise() -> None:
+    levels = tuple(16 * black for black in BLIND.black_level)
+    wide = replace(BLIND, black_level=levels, white_level=16 * 4095)
+
+    def shifted(frames: list[Mosaic]) -> list[Mosaic]:
+        return [Mosaic(16 * each.codes, each.pattern, wide) for each in frames]
+
+    lit, found = flats(0.02, 0.3, 0.8), []
+    for frames, says in ((lit, BLIND), (shifted(lit), wide)):
+        lines = noise_of_flats(of_flats(frames), says, None).lines
+        found.append([(line.shot, line.read) for line in lines])
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6)
+    dark, wider = measure_dark(darks(2)), measure_dark(shifted(darks(2)))
+    np.testing.assert_allclose(wider.read, 16 * dark.read)
+    assert wider.defects == dark.defects
+
+
 def test_texture_does_not_pass_for_noise() -> None:
     mean, count = np.linspace(0.01, 0.9, 40), np.full(40, 400.0)
     variance = 1e-4 * mean + 1e-6
@@ -154,6 +175,7 @@ LEAK = "light fell in: their levels are R .* W .* codes, with a noise of R .* co
     ("light", "count", "words"),
     [
         (0.005, 1, LEAK),
+        (0.0015, 4, LEAK),
         ((0.02, 0.005, 0.0), 4, LEAK),
         (CORNER, 4, r"light fell in around row \d+, column \d+: W is .* codes further above"),
     ],

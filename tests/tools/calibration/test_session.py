@@ -79,8 +79,9 @@ def of_ten_bits(mosaic: Mosaic) -> Mosaic:
     return Mosaic((mosaic.codes >> 2).astype(np.uint16), mosaic.pattern, says)
 
 
-def of_model(model: str) -> Callable[[Mosaic], Mosaic]:
-    return lambda mosaic: replace(mosaic, metadata=CaptureMetadata(make="Acme", model=model))
+def of_model(model: str, **facts: Any) -> Callable[[Mosaic], Mosaic]:
+    metadata = CaptureMetadata(make="Acme", model=model, **facts)
+    return lambda mosaic: replace(mosaic, metadata=metadata)
 
 
 Taken = Callable[[], Mosaic]
@@ -92,16 +93,30 @@ OTHERS: dict[str, Callable[[Mosaic], Mosaic]] = {
     "number of bits is 10, that of chart0.dng is 12": of_ten_bits,
     "sensor is other, that of chart0.dng is bench": lambda mosaic: stating(mosaic, sensor="other"),
     "model is Acme 2, that of chart0.dng is Acme 1": of_model("2"),
+    "ISO is 200, that of chart0.dng is 100": of_model("1", iso=200),
 }
 
 
 @pytest.mark.parametrize("words", OTHERS)
 def test_a_frame_that_is_not_like_the_others_is_refused(words: str) -> None:
     others = {"other.dng": OTHERS[words](taken("chart", 1))}
-    seen = measured(shots={**several("chart", 1, of_model("1")), **others})
+    seen = measured(shots={**several("chart", 1, of_model("1", iso=100)), **others})
     (line,) = seen.skipped
     assert re.match(f"other.dng: its {words}", line)
     assert np.array_equal(seen.gamma.gamma, clean_gamma().gamma)
+
+
+def test_what_the_first_frame_does_not_state_is_compared_too() -> None:
+    flats, charts = several("flat", 4, of_model("1")), several("chart", 1, of_model("2"))
+    seen = measured(dark=several("dark", 2), flat=flats, shots=charts)
+    assert seen.skipped[0].startswith("chart0.dng: its model is Acme 2, that of flat0.dng is Acme")
+    darks = {
+        f"dark{seed}.dng": of_model("1", exposure_time=exposure)(taken("dark", seed))
+        for seed, exposure in enumerate((None, 2.0, 0.01))
+    }
+    shots = several("chart", 1, of_model("1", exposure_time=0.01))
+    (line,) = measured(dark=darks, shots=shots).skipped
+    assert line.startswith("dark2.dng: its exposure time is 0.01 s, that of dark1.dng is 2 s")
 
 
 def test_frames_of_another_camera_file_are_told() -> None:
@@ -321,8 +336,12 @@ def test_a_sensor_that_saturates_below_its_white_level_is_told_once() -> None:
         end = int(np.quantile(mosaic.codes, 0.99))
         return replace(mosaic, samples=np.minimum(mosaic.codes, end))
 
-    seen = measured(dark=several("dark", 2), flat=several("flat", 4), shots=several("chart", 1))
-    assert seen.remarks == []
+    def stuck(mosaic: Mosaic) -> Mosaic:
+        return edited(mosaic, lambda codes: np.where(np.arange(WIDTH) == 300, 3900, codes))
+
+    kinds = ("dark", 2), ("flat", 4), ("chart", 1)
+    dark, flat, shots = (several(kind, number, stuck) for kind, number in kinds)
+    assert measured(dark=dark, flat=flat, shots=shots).remarks == []
     seen = measured(dark=several("dark", 2, ends), shots=several("chart", 1, ends))
     (line,) = seen.remarks
     assert line.startswith("chart0.dng: 1.")
@@ -375,6 +394,30 @@ def test_parts_that_were_measured_with_a_black_level_far_off_are_named() -> None
         old = Camera(replace(BLIND, black_level=black), PATTERN, known)
         warnings = " ".join(concluded(old, dark=several("dark", 2)).warnings)
         assert warnings.count("6.0 codes off the one with which gamma, colour") == count
+
+
+def test_shading_with_which_gamma_was_not_measured_is_told() -> None:
+    for colour, count in ((0.001, 0), (0.05, 1)):
+        says = replace(BLIND, shading=darker_corners(SHAPE, colour=colour))
+        old = Camera(says, PATTERN, {"gamma": {}, "shading": {}})
+        warnings = " ".join(concluded(old, flat=several("flat", 4)).warnings)
+        said = "otherwise than by the shading with which gamma of the camera file were measured"
+        assert warnings.count(said) == count
+
+
+@pytest.mark.parametrize("gain", [1.0, 4.0])
+def test_noise_of_a_camera_file_that_frames_contradict_is_told(gain: float) -> None:
+    shot, read = (tuple(gain * x for x in values) for values in (NOISE.shot, NOISE.read))
+    says = replace(TRUTH, noise=NoiseModel(shot, read))
+    old = Camera(says, PATTERN, {"noise": {"from": "9 pairs", "read_error": [1e-6] * 4}})
+    of_dark, of_chart = (
+        concluded(old, dark=several("dark", 3)),
+        concluded(old, shots=several("chart", 1)),
+    )
+    for outcome, words in ((of_dark, "read .* dark frames"), (of_chart, "photon .* the chart")):
+        said = f"noise in the camera file, from 9 pairs: their {words}"
+        found = re.search(said, " ".join(outcome.warnings))
+        assert bool(found) == (gain > 1)
 
 
 def test_that_a_lens_has_no_shading_is_a_measurement() -> None:

@@ -125,11 +125,14 @@ def test_the_black_level_of_a_sensor_can_be_stated(out: Path) -> None:
     assert "no --camera: black level 16 and white level 4095 are taken" in done.err
 
 
+ENDED = "the frames ended after [01] of 3 of the burst; none of them is saved\n"
+
+
 @pytest.mark.parametrize(
     ("number", "code", "burst", "said"),
     [
         (signal.SIGTERM, 0, "", "1 saved, 0 dropped\n"),
-        (signal.SIGINT, 130, " --burst 3", "0 saved, 3 dropped\n"),
+        (signal.SIGINT, 130, " --burst 3", f"{ENDED}0 saved, [01] dropped\n"),
     ],
 )
 def test_a_signal_ends_a_silent_camera(
@@ -141,7 +144,7 @@ def test_a_signal_ends_a_silent_camera(
     assert "no --camera" in process.stderr.readline()
     assert "the frame " in process.stderr.readline()  # the first has come
     assert burst or "dropped 0" in process.stdout.readline()
-    assert ended(process, number, code=code).err == said
+    assert re.fullmatch(said, ended(process, number, code=code).err)
     assert len(names(out)) == (0 if burst else 1)
 
 

@@ -143,6 +143,10 @@ def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
     assert {record["source"] for record in outcome.records if record.get("foreign")} == others
     for name in others:
         assert f"{name}: not a DNG of Panchroma: it has no digest" in outcome.err
+    (tmp_path / "theirs" / "hurt.dng").write_bytes(shot.read_bytes()[:-512] + bytes(512))
+    for command in ("inspect --verify", "render -n -o out"):
+        outcome = run(command, tmp_path / "theirs", code=1)
+        assert "hurt.dng: damaged: its first directory, which a DNG begins with" in outcome.err
     outcome = run("inspect", "--verify", *others, code=1)  # they were named
     assert (outcome.out, len(outcome.errors)) == ("0 whole, 2 damaged or unreadable\n", 2)
     for lost, told in ((b"Panchroma\0", "1 whole, 0"), (b"Panchroma mosaic\0", "0 whole, 1")):

@@ -85,6 +85,8 @@ def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> 
 def test_the_graph_is_that_of_the_shot_s_pattern(tmp_path: Path, scale: int) -> None:
     source = shot(tmp_path / "shot.dng", CfaPattern.bayer(6, "GBRG", (2, 3)))
     path = tmp_path / "g.onnx"
+    run("preview", source, "--export", path, "-n", code=0)
+    assert not path.exists()
     outcome = run("preview", source, "--export", path, f"--scale {scale}", code=0)
     assert path.read_bytes() == build_preview(CfaPattern.bayer(6, "GBRG"), scale)
     assert outcome.out == f"{path}: {path.stat().st_size} bytes\n"

@@ -139,6 +139,8 @@ USAGE = {
         "shot.dng text.json --corners 1,2 3,4 5,6 7,8 -o new.json": "one shot",
         "shot.dng --corners 1 2 3 4 -o new.json": "is not 2 numbers with commas between them",
         "shot.dng -o shot.dng --overwrite": "is an input",
+        "shot.dng -o /dev/null --overwrite": "/dev/null: is a pipe or a device, not a file",
+        f"shot.dng -o {'n' * 300}.json": "n.json: cannot be written (File name too long)",
         "--chart-light D65=shot.dng -o new.json": "--chart-light names two lights",
         "--chart-light D65 -o new.json": "argument --chart-light: 'D65' is not a light",
     },

@@ -63,6 +63,16 @@ def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str) -> None:
     np.testing.assert_allclose(scene.rgb, np.stack(planes, axis=-1), atol=1e-6)
 
 
+def test_black_of_rows_and_columns_is_subtracted(tmp_path: Path) -> None:
+    """With the black level that LibRaw knows, which is their mean."""
+    down, across = np.arange(60) - 29.5, np.arange(84) / 2 - 20.75
+    levels: Fields = {50714: (SHORT, [164]), 50717: (SHORT, [4095])}
+    deltas = {50716: (SRATIONAL, rationals(down)), 50715: (SRATIONAL, rationals(across))}
+    lit = np.rint(1164 + down[:, None] + across).astype(np.uint16)
+    scene = loaded(tmp_path, lit, fields=levels | deltas)
+    np.testing.assert_allclose(scene.rgb, 1000 / 3931, atol=0.6 / 3931)
+
+
 @pytest.mark.parametrize("order", BAYER_ORDERS)
 def test_red_and_blue_are_interpolated_to_the_middle_of_a_quad(tmp_path: Path, order: str) -> None:
     y, x = np.indices((80, 96)).astype(np.float64)

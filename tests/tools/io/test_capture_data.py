@@ -2,6 +2,7 @@
 result show too.
 """
 
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from PIL import Image
 from panchroma.tools.simulation.load import load_scene
 from tests.exiftool import exiftool, fields
 from tests.tools.command import run
-from tests.tools.io.files import noise, write_dng
+from tests.tools.io.files import noise, png, write_dng
 
 KEPT = {
     "Artist": "Jürgen Müller",
@@ -64,6 +65,15 @@ def test_capture_data_arrive_everywhere(tmp_path: Path, suffix: str, kinds: str)
     exiftool("-q", "-n", "-overwrite_original", *written, source)
     expected = shown(source)
     assert len(expected) == len(KEPT)
+    if suffix == ".png":  # as darktable (exiv2), and what has its block from a JPEG, write it
+        with Image.open(source) as image:
+            exif = image.info["exif"]  # as in a JPEG
+        text = f"\nexif\n{len(exif):8}\n{exif.hex()}\n".encode()
+        profile = b"Raw profile type exif\0\0" + zlib.compress(text)
+        for number, chunk in enumerate(({"zTXt": profile}, {"eXIf": exif})):
+            other = png(tmp_path / f"other{number}.png", np.ones((8, 8, 3), np.uint8), **chunk)
+            metadata = load_scene(other).metadata
+            assert (metadata.iso, metadata.artist, metadata.orientation) == (400, KEPT["Artist"], 6)
     run("simulate", source, "-o", tmp_path, code=0)
     shot = tmp_path / "source.dng"
     assert shown(shot) == expected

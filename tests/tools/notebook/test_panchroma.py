@@ -266,7 +266,7 @@ def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_p
 
 
 def test_more_memory_than_may_be_used_is_refused(shot: panchroma.Shot) -> None:
-    message = r"96 x 72 pixels as npy need .*, 1 MB are allowed; set `max_memory="
+    message = r'96 x 72 pixels as npy need .*, 1 MB are allowed; set `max_memory="\d+M"`'
     for most in (1 << 20, "1M"):
         with pytest.raises(panchroma.PanchromaError, match=message):
             panchroma.render(shot, max_memory=most)
