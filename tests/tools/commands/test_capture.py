@@ -6,6 +6,7 @@ What is in a shot, how it is named and what a first frame proves: tests/device/c
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
