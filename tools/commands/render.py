@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     planned = plan(files.sources, names, order.folder, dry_run=order.dry_run)
     shots = possible_jobs(planned, console, overwrite=order.overwrite or order.resume)
     states = render_all(order, shots, console, jobs=arguments.jobs, memory=arguments.max_memory)
-    if len(shots) > 1:
+    states["failed"] += len(planned) - len(shots)
+    if len(planned) > 1:
         console.note(counted(states))
-    return exit_code(states) if searched and len(shots) == len(planned) else FAILED
+    return exit_code(states) if searched else FAILED

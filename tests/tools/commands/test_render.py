@@ -2,6 +2,7 @@
 costs one line.
 """
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -184,6 +185,12 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
     assert record == {**files, "width": 48, "height": 36, **colours}
     assert f"{STEM}.tif: 48 x 36" in outcome.err
     assert ": reconstructing luminance: " in outcome.err
+
+
+def test_what_is_refused_before_the_work_counts_as_failed(out: Path, shot: Path) -> None:
+    again = shutil.copy(shot, shot.with_suffix(".DNG"))
+    outcome = run("render -n -f npy", shot, again, "-o", out, code=1)
+    assert outcome.err.endswith("\n1 to be made, 1 failed\n")
 
 
 def test_the_network_can_be_left_out(out: Path, shot: Path) -> None:
