@@ -119,13 +119,6 @@ def test_other_blocks_have_no_network() -> None:
     assert not any(map(network_name, others))
 
 
-def test_a_pattern_without_a_network_is_rendered_without() -> None:
-    mosaic = simulate_additive(
-        scene(80, 90), CfaPattern.bayer(7), GREY, 0.01, np.random.default_rng(0)
-    )
-    assert np.array_equal(render(mosaic).rgb, render(mosaic, WITHOUT).rgb)
-
-
 @pytest.mark.parametrize("axes", [(1,), (0,), (0, 1)])
 @pytest.mark.parametrize("pattern", TILES, ids=network_name)
 def test_the_other_orders_are_mirror_images(pattern: CfaPattern, axes: tuple[int, ...]) -> None:
