@@ -9,9 +9,10 @@ import pytest
 
 from panchroma.offline.frame import Frame
 from panchroma.offline.stages.correction import fill_error
-from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
-from tests.reference.sensor import observe
+from panchroma.tools.simulation.sensor import simulate_additive
+from tests.reference.sensor import luminance_of, observe
 
 CASES = {
     "paper": (CfaPattern.bayer(6), (24, 24)),
@@ -44,26 +45,35 @@ def materials(shape: tuple[int, int], channels: int, seed: int = 0) -> DoubleArr
     """
     random = np.random.default_rng(seed)
     row, column = np.indices(shape)
-    surfaces = (row + 0.3 * column > shape[0] / 2).astype(int) + 2 * (
-        column - 0.4 * row > shape[1] / 3
-    )
+    is_below, is_right = row + 0.3 * column > shape[0] / 2, column - 0.4 * row > shape[1] / 3
+    surfaces = is_below + 2 * is_right
     colours = random.uniform(0.2, 1.0, (4, channels))
-    shading = (
-        0.6 + 0.3 * np.sin(row / 5.0) * np.cos(column / 7.0) + random.uniform(-0.1, 0.1, shape)
-    )
+    texture = random.uniform(-0.1, 0.1, shape)
+    shading = 0.6 + 0.3 * np.sin(row / 5.0) * np.cos(column / 7.0) + texture
     return colours[surfaces] * shading[..., None]
+
+
+def true_light(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> FloatArray:
+    """Luminance of `materials`: what panchromatic pixels read of them."""
+    scene = materials(shape, len(pattern.channels), seed)
+    return luminance_of(scene, gamma_of(pattern)).astype(np.float32)
+
+
+def photographed(
+    scene: FloatArray, pattern: CfaPattern | None = None, sigma: float = 0.0, seed: int = 0
+) -> Mosaic:
+    """The shot of a scene, by default through the filters of the paper."""
+    camera, random = SensorCalibration(), np.random.default_rng(seed)
+    return simulate_additive(scene, pattern or CfaPattern.bayer(), camera, sigma, random)
 
 
 def shot(
     pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02, seed: int = 0
 ) -> Mosaic:
     """A noisy mosaic of `materials`, whose calibration knows the noise."""
-    noise = (
-        None if sigma is None else np.random.default_rng(seed + 1).normal(scale=sigma, size=shape)
-    )
-    return observe(
-        materials(shape, len(pattern.channels), seed), pattern, gamma_of(pattern), sigma, noise
-    )
+    scene, random = materials(shape, len(pattern.channels), seed), np.random.default_rng(seed + 1)
+    noise = None if sigma is None else random.normal(scale=sigma, size=shape)
+    return observe(scene, pattern, gamma_of(pattern), sigma, noise)
 
 
 def cleaned(mosaic: Mosaic, clipping: float = np.inf) -> Frame:

@@ -10,10 +10,9 @@ from panchroma.offline.stages.affinity import AffinitySettings, solve_affinities
 from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.shared.errors import ConvergenceError
-from tests.offline.scenes import CASES, every_case, gamma_of, materials
+from tests.offline.scenes import CASES, every_case, true_light
 from tests.reference import affinity as reference
 from tests.reference.compare import assert_close
-from tests.reference.sensor import luminance_of
 
 # Conjugate gradients in float32 reach a relative residual of 1e-6 and no further; systems of this
 # size magnify it about ten times.
@@ -29,12 +28,6 @@ SUM = 5e-7
 CUT, CUT_RMS = 0.01, 5e-4
 
 
-def light_of(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> FloatArray:
-    return luminance_of(materials(shape, len(pattern.channels), seed), gamma_of(pattern)).astype(
-        np.float32
-    )
-
-
 def expected(
     luminance: FloatArray, pattern: CfaPattern, scales: tuple[float, ...] = PAPER.scales
 ) -> DoubleArray:
@@ -43,7 +36,7 @@ def expected(
 
 @every_case
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    light = light_of(pattern, shape)
+    light = true_light(pattern, shape)
     found = solve_affinities(light, pattern, TIGHT)
     assert found.dtype == np.float32
     assert_close(found, expected(light, pattern), SOLVED)
@@ -60,7 +53,7 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> No
 def test_equals_the_reference_at_other_scales(scales: tuple[float, ...]) -> None:
     """At a tenth of a pixel the derivative reaches no neighbour: no edges at all."""
     pattern, shape = CASES["odd"]
-    light = light_of(pattern, shape)
+    light = true_light(pattern, shape)
     assert_close(
         solve_affinities(light, pattern, AffinitySettings(scales, 1e-6)),
         expected(light, pattern, scales),
@@ -117,7 +110,7 @@ def test_shares_what_edges_cut_off_from_every_block() -> None:
 def test_solves_where_a_class_has_no_block() -> None:
     """One patch high, blocks one pixel high: those below the frame pin nothing."""
     pattern = CfaPattern.with_block(("RGB",), 6)
-    light = light_of(pattern, (6, 40))
+    light = true_light(pattern, (6, 40))
     assert_close(solve_affinities(light, pattern, TIGHT), expected(light, pattern), SOLVED)
 
 
@@ -126,9 +119,8 @@ def shaded_steps(shape: tuple[int, int], seed: int = 0) -> FloatArray:
     random = np.random.default_rng(seed)
     row, column = np.indices(shape)
     steps = 0.4 * (np.sin(row / 9.0 + seed) * np.cos(column / 13.0) > 0.2)
-    return (0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)).astype(
-        np.float32
-    )
+    light = 0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)
+    return light.astype(np.float32)
 
 
 @pytest.mark.parametrize("period", [3, 4, 5, 6, 7, 8])

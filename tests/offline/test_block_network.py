@@ -11,17 +11,7 @@ from scipy.ndimage import gaussian_filter
 from panchroma.offline import BEST, PAPER, clean_frame, estimate_colour, render
 from panchroma.offline.frame import BlockSums, Frame, Sites
 from panchroma.offline.stages import block_network
-from panchroma.offline.stages.block_network import (
-    CHOICES,
-    LINES,
-    PLANES,
-    PROPOSALS,
-    alike_blocks,
-    block_planes,
-    learned_chromaticities,
-    mixed,
-    serves,
-)
+from panchroma.offline.stages.block_network import LINES, PLANES, PROPOSALS, alike_blocks, mixed
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.colour_network import BASIS
 from panchroma.offline.stages.denoising import denoise_luminance
@@ -29,7 +19,7 @@ from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
-from tests.offline.scenes import sampled
+from tests.offline.scenes import photographed, sampled
 from tests.scenes import leaves
 
 PATTERNS = ("K=3", "K=4", "K=6", "K=8", "RGWW/BWWW/WWWW/WWWW", "kodak")
@@ -71,7 +61,7 @@ def error(blocks: FloatArray, frame: Frame, rgb: FloatArray) -> float:
 
 
 def learned(frame: Frame) -> tuple[FloatArray, FloatArray]:
-    return learned_chromaticities(frame, BEST.chromaticity, BEST.pooling)
+    return block_network.learned_chromaticities(frame, BEST.chromaticity, BEST.pooling)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.03])
@@ -102,7 +92,7 @@ def test_exposure_changes_no_plane() -> None:
     calibration = replace(frame.mosaic.calibration, noise=noise)
     brighter = replace(frame.mosaic, samples=4 * frame.signal, calibration=calibration)
     (expected, dim), (planes, light) = (
-        block_planes(shot, alike_blocks(shot, BEST.chromaticity, BEST.pooling))
+        block_network.block_planes(shot, alike_blocks(shot, BEST.chromaticity, BEST.pooling))
         for shot in (frame, sampled(brighter, 4 * frame.luminance))
     )
     assert planes.shape == (PLANES, *frame.sites.shape)
@@ -116,12 +106,10 @@ def test_proposals_are_weighed_and_moved_in_the_plane_of_constant_luminance() ->
     proposals = random.dirichlet(np.ones(3), (PROPOSALS, 3, 3))  # (proposal, row, column, channel)
     slopes = random.normal(size=(len(LINES), 3, 3, 3))
     planes = np.zeros((PLANES, 3, 3), np.float32)
-    triples = (
-        3 * np.concatenate([slopes, proposals])
-        - np.repeat([0, 1], (len(LINES), PROPOSALS))[:, None, None, None]
-    )
+    is_proposal = np.repeat([0, 1], (len(LINES), PROPOSALS))[:, None, None, None]
+    triples = 3 * np.concatenate([slopes, proposals]) - is_proposal
     planes[-3 * len(triples) :] = triples.transpose(0, 3, 1, 2).reshape(-1, 3, 3)
-    answer = random.normal(size=(4 + CHOICES, 3, 3)).astype(np.float32)
+    answer = random.normal(size=(4 + block_network.CHOICES, 3, 3)).astype(np.float32)
     weights = np.exp(answer[4:, 1, 1]) / np.exp(answer[4:, 1, 1]).sum()
     choices = np.concatenate([proposals[0].reshape(9, 3), proposals[1:, 1, 1]])
     chromaticity = weights @ choices + answer[:2, 1, 1] @ BASIS * 0.1 / 3
@@ -176,9 +164,7 @@ def test_no_border_of_a_chunk_shows(
     shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Chunks that see all that the network can, and small ones that see less: the noise is 0.02."""
-    mosaic = simulate_additive(
-        leaves(*shape), CfaPattern.bayer(3), SensorCalibration(), 0.02, np.random.default_rng(0)
-    )
+    mosaic = photographed(leaves(*shape), CfaPattern.bayer(3), 0.02)
     frame, halo = filled(mosaic), block_network._HALO
     monkeypatch.setattr(block_network, "_HALO", 64)
     whole = learned(frame)[0]
@@ -194,29 +180,25 @@ def test_samples_of_other_frames_count() -> None:
     frame = taken(scene(), sigma=0.04, gamma=(1.0, 1.0, 1.0))
     others = BlockSums(*np.zeros((2, *frame.sites.shape, 3)))
     for seed in range(2, 9):
-        shot = simulate_additive(
-            scene(), frame.pattern, SensorCalibration(), 0.04, np.random.default_rng(seed)
-        )
+        shot = photographed(scene(), frame.pattern, 0.04, seed)
         others += block_sums(sampled(shot, frame.luminance))
-    alone, together = (
-        error(learned(replace(frame, others=sums))[0], frame, scene()) for sums in (None, others)
-    )
+    found = (learned(replace(frame, others=sums))[0] for sums in (None, others))
+    alone, together = (error(blocks, frame, scene()) for blocks in found)
     assert together < 0.8 * alone
 
 
 def test_other_patterns_go_without_it() -> None:
-    assert all(serves(CfaPattern.of_letters(pattern)) for pattern in PATTERNS)
-    assert not serves(CfaPattern.of_letters("RCCB"))
-    assert not serves(CfaPattern.with_block(("RGB", "XWY"), 6))
+    assert all(block_network.serves(CfaPattern.of_letters(pattern)) for pattern in PATTERNS)
+    assert not block_network.serves(CfaPattern.of_letters("RCCB"))
+    assert not block_network.serves(CfaPattern.with_block(("RGB", "XWY"), 6))
 
 
 def test_the_answer_holds_beside_clipped_light() -> None:
     """Dark type on over-exposed paper, rendered: the paper is even, and neutral."""
     paper = np.full((120, 120, 3), 1.6, np.float32)
     paper[40:44, 20:100] = paper[60:100, 50:53] = 0.05
-    mosaic = simulate_sensor(
-        paper, CfaPattern.bayer(6), SensorCalibration(), 1.0, np.random.default_rng(0)
-    )
+    camera, random = SensorCalibration(), np.random.default_rng(0)
+    mosaic = simulate_sensor(paper, CfaPattern.bayer(6), camera, 1.0, random)
     chromaticity = render(mosaic).chromaticity[10:110, 10:110]
     bright = paper[10:110, 10:110, 0] > 1
     assert np.quantile(np.abs(chromaticity[bright] - 1 / 3), 0.99) < 0.03

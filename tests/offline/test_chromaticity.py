@@ -14,11 +14,11 @@ from panchroma.offline.stages.chromaticity import (
 )
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, sampled, shot
+from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, sampled, shot, true_light
 from tests.reference import chromaticity as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_colour
-from tests.reference.sensor import luminance_of, observe
+from tests.reference.sensor import observe
 
 # Solved in double, returned in float32: half a unit in the last place at values up to four.
 FLOAT32 = 3e-7
@@ -40,11 +40,9 @@ def expected(mosaic: Mosaic, luminance: FloatArray, settings: ChromaticitySettin
     return reference.extend(coarse, mosaic.pattern, mosaic.shape)
 
 
-def light_of(mosaic: Mosaic, seed: int = 0) -> FloatArray:
+def light_of(mosaic: Mosaic) -> FloatArray:
     """The true luminance of `shot`, and some error, as hole filling makes it."""
-    true = luminance_of(
-        materials(mosaic.shape, len(mosaic.pattern.channels), seed), mosaic.calibration.gamma
-    )
+    true = true_light(mosaic.pattern, mosaic.shape)
     return (true * np.random.default_rng(9).uniform(0.9, 1.1, true.shape)).astype(np.float32)
 
 
@@ -84,7 +82,7 @@ def test_blackness_is_grey(
 def test_noise_is_that_of_the_colour_planes_at_the_mean_colour_sample() -> None:
     pattern, shape = CASES["odd"]
     noise = NoiseModel((0.2, 0.1, 0.3, 9.0), (0.1, 0.2, 0.05, 9.0))
-    dark = observe(materials(shape, 3), pattern, gamma_of(pattern))
+    dark = shot(pattern, shape, None)
     mosaic = Mosaic(dark.signal, pattern, replace(dark.calibration, noise=noise))
     # The mean of the channels' means and the mean of all samples differ by what the greens, of
     # which there are two, differ.
@@ -98,9 +96,8 @@ def test_wild_estimates_stay_finite_and_on_the_constraint(seed: int) -> None:
     """
     random = np.random.default_rng(seed)
     pattern = CfaPattern.bayer(3)
-    mosaic = Mosaic(
-        random.normal(scale=0.1, size=(40, 41)).astype(np.float32), pattern, SensorCalibration()
-    )
+    samples = random.normal(scale=0.1, size=(40, 41)).astype(np.float32)
+    mosaic = Mosaic(samples, pattern, SensorCalibration())
     light = random.normal(scale=0.01, size=mosaic.shape).astype(np.float32)
     found = estimate_chromaticities(sampled(mosaic, light), PAPER)
     assert np.isfinite(found).all()

@@ -9,10 +9,9 @@ from panchroma.offline import BEST, PAPER, render
 from panchroma.offline.frame import Frame, Sites
 from panchroma.offline.stages.chromaticity import ChromaticitySettings
 from panchroma.offline.stages.defects import DefectsSettings, mend_defects
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import BoolArray, FloatArray
-from panchroma.tools.simulation.sensor import simulate_additive
-from tests.offline.scenes import every_case, shot
+from tests.offline.scenes import every_case, photographed, shot
 
 SETTINGS = BEST.defects
 LISTED = replace(SETTINGS, contrast=0.0)
@@ -21,12 +20,6 @@ FULL = 3.0
 
 def mend(mosaic: Mosaic, settings: DefectsSettings = SETTINGS) -> Mosaic:
     return mend_defects(Frame(mosaic, np.inf), settings).mosaic
-
-
-def photographed(scene: FloatArray, sigma: float = 0.0) -> Mosaic:
-    return simulate_additive(
-        scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0)
-    )
 
 
 def with_hot(mosaic: Mosaic, fraction: float) -> tuple[Mosaic, BoolArray]:
@@ -66,7 +59,7 @@ def dots() -> FloatArray:
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
 def test_hot_pixels_of_a_smooth_scene_are_all_found_and_nothing_else(sigma: float) -> None:
-    sound = photographed(smooth(), sigma)
+    sound = photographed(smooth(), sigma=sigma)
     assert mend(sound) is sound
     hurt, hot = with_hot(sound, 0.002)
     changed = mend(hurt).signal != hurt.signal
@@ -79,7 +72,7 @@ def test_hot_pixels_of_a_smooth_scene_are_all_found_and_nothing_else(sigma: floa
 @pytest.mark.parametrize("step", [(0, 2), (2, 2), (2, 0), (1, 2), (2, -2)])
 def test_a_second_hot_pixel_nearby_hides_none(step: tuple[int, int], sigma: float) -> None:
     """Each is in the window of the other, and no part of its contrast."""
-    sound = photographed(smooth(), sigma)
+    sound = photographed(smooth(), sigma=sigma)
     places = [[21, 33], [21 + step[0], 33 + step[1]]]
     assert sound.pattern.panchromatic_mask(sound.shape)[tuple(zip(*places, strict=True))].all()
     samples = sound.signal.copy()
@@ -96,10 +89,8 @@ def test_a_bad_colour_sample_tints_nothing(value: float) -> None:
     row, column = np.indices((48, 60))
     scene = ((0.5 + row / 500 + column / 800)[..., None] * [0.9, 0.6, 0.3]).astype(np.float32)
     sound = photographed(scene)
-    best, paper = (
-        replace(preset, chromaticity=ChromaticitySettings(repetitions=0))
-        for preset in (BEST, PAPER)
-    )
+    alone = ChromaticitySettings(repetitions=0)
+    best, paper = (replace(preset, chromaticity=alone) for preset in (BEST, PAPER))
     before = render(sound, best).rgb
     for down, across, _ in sound.pattern.sites:
         samples = sound.signal.copy()
@@ -116,9 +107,8 @@ def test_listed_samples_are_never_looked_at(pattern: CfaPattern, shape: tuple[in
     """
     mosaic = shot(pattern, shape)
     places = np.random.default_rng(1).random(shape) < 0.2
-    wild = np.where(places, np.random.default_rng(2).uniform(-1, 5, shape), mosaic.signal).astype(
-        np.float32
-    )
+    others = np.random.default_rng(2).uniform(-1, 5, shape).astype(np.float32)
+    wild = np.where(places, others, mosaic.signal)
     first, second = (
         mend(listing(replace(mosaic, samples=samples), places), LISTED).signal
         for samples in (mosaic.signal, wild)
@@ -133,9 +123,8 @@ def test_listed_samples_are_never_looked_at(pattern: CfaPattern, shape: tuple[in
 
 def test_a_listed_sample_on_a_slope_becomes_the_slope() -> None:
     row, column = np.indices((48, 60))
-    sound = photographed(
-        np.repeat((0.2 + row / 300 + column / 200)[..., None], 3, axis=2).astype(np.float32)
-    )
+    slope = (0.2 + row / 300 + column / 200).astype(np.float32)
+    sound = photographed(slope[..., None].repeat(3, axis=2))
     places = np.zeros(sound.shape, bool)
     places[[10, 21, 21, 40], [11, 33, 34, 5]] = True
     assert np.abs(mend(listing(sound, places), LISTED).signal - sound.signal).max() < 1e-3
@@ -159,9 +148,8 @@ def test_a_listed_sample_below_black_is_mended_within_the_range_of_the_others() 
 
 def test_places_outside_the_frame_are_nobodys_and_paper_takes_every_sample_for_good() -> None:
     mosaic = photographed(smooth())
-    outside = replace(
-        mosaic, calibration=replace(mosaic.calibration, defects=((3, 4000), (4000, 3)))
-    )
+    known = replace(mosaic.calibration, defects=((3, 4000), (4000, 3)))
+    outside = replace(mosaic, calibration=known)
     assert mend(outside) is outside
     hurt = listing(*with_hot(mosaic, 0.01))
     assert mend(hurt, PAPER.defects) is hurt
@@ -183,8 +171,8 @@ def test_what_a_colour_site_beside_it_sees_as_well_stays(
     row, column = 23 + down, 30 + across  # above a colour site
     scene = np.full((48, 60, 3), around, np.float32)
     scene[row : row + 2, column] = thing
-    mosaic = photographed(scene, sigma)
+    mosaic = photographed(scene, sigma=sigma)
     assert mend(mosaic) is mosaic
     scene[row + 1, column] = around
-    alone = photographed(scene, sigma)
+    alone = photographed(scene, sigma=sigma)
     assert np.argwhere(mend(alone).signal != alone.signal).tolist() == [[row, column]]

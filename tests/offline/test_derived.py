@@ -108,9 +108,8 @@ def test_white_balance_is_estimated_with_the_missing_channel(letters: str) -> No
     tinted = SCENE.mean(axis=2, keepdims=True) * np.array([0.5, 1.0, 0.8], np.float32)
     neutral = estimate_neutral(seen(tinted, CfaPattern.of_letters(letters))[0])
     expected = (0.5, 1.0, 0.8) if len(neutral) == 3 else (0.5, 0.9)
-    assert np.array(neutral) / max(neutral) == pytest.approx(
-        np.array(expected) / max(expected), abs=0.06
-    )
+    found, true = (np.array(white) / max(white) for white in (neutral, expected))
+    assert found == pytest.approx(true, abs=0.06)
 
 
 def test_white_balance_of_a_frame_without_clear_pixels_beside_a_block_is_unknown() -> None:

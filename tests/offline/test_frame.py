@@ -79,9 +79,8 @@ def test_noise_is_scaled_with_samples_whose_shading_is_made_even(
     surplus = frame.samples @ share - frame.around.filled.mean(axis=2)
     for place in gain[..., 0] > 3.5, gain[..., 0] < 1.5:
         error = np.square(frame.samples - true)[place].mean(axis=0)
-        assert error == pytest.approx(
-            frame.variance(true, every, channels)[place].mean(axis=0), rel=0.3
-        )
+        expected = frame.variance(true, every, channels)[place].mean(axis=0)
+        assert error == pytest.approx(expected, rel=0.3)
         stated = frame.sum_noise(frame.around.filled)[place].mean()
         assert surplus[place].std() == pytest.approx(stated, rel=0.1)
 

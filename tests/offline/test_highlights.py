@@ -19,12 +19,7 @@ from tests.scenes import darker_corners
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0
-SPARSE = (
-    CfaPattern.bayer(4),
-    CfaPattern.bayer(6),
-    CfaPattern.bayer(8),
-    CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
-)
+SPARSE = (*map(CfaPattern.bayer, (4, 6, 8)), CfaPattern.of_letters("kodak"))
 
 
 def exposed(
@@ -32,9 +27,8 @@ def exposed(
 ) -> Mosaic:
     """Sensor codes of a scene, clipped at full scale."""
     calibration = SensorCalibration.of_bits(12, headroom=False, neutral=neutral)
-    return simulate_sensor(
-        scene.astype(np.float32), pattern, calibration, 1.0, np.random.default_rng(0)
-    )
+    light, random = scene.astype(np.float32), np.random.default_rng(0)
+    return simulate_sensor(light, pattern, calibration, 1.0, random)
 
 
 def lamp(peak: float, colour: tuple[float, ...], shape: tuple[int, int] = (72, 78)) -> FloatArray:
@@ -72,9 +66,8 @@ def pictures(mosaic: Mosaic, stops: float) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("colour", [0.0, 0.3])
 def test_burnt_light_is_white_and_lost_where_filters_are_shaded_differently(colour: float) -> None:
     shape = 120, 180
-    camera = SensorCalibration.of_bits(
-        12, headroom=False, neutral=NEUTRAL, shading=darker_corners(shape, colour=colour)
-    )
+    lens = darker_corners(shape, colour=colour)
+    camera = SensorCalibration.of_bits(12, headroom=False, neutral=NEUTRAL, shading=lens)
     scene = np.full((*shape, 3), 0.2, np.float32)
     corner, inside = np.s_[4:40, 4:40], np.s_[9:35, 9:35]
     scene[corner] = np.array(NEUTRAL) * 40
@@ -130,9 +123,8 @@ def test_what_is_not_clipped_is_not_touched() -> None:
     changed = restored.signal != mosaic.signal
     assert (mosaic.signal[changed & panchromatic] >= clipping).all()
     assert (restored.signal >= mosaic.signal).all()
-    assert (
-        mosaic.signal[changed & ~panchromatic] > 0.9 * (1 - BEST.highlights.shoulder) * clipping
-    ).all()
+    least = 0.9 * (1 - BEST.highlights.shoulder) * clipping
+    assert (mosaic.signal[changed & ~panchromatic] > least).all()
     assert restore_highlights(cleaned(mosaic, clipping), PAPER.highlights).mosaic is mosaic
 
 

@@ -24,13 +24,11 @@ from panchroma.shared.errors import InputError
 from panchroma.shared.networks import NETWORKS, Block, load_network, network_for
 from panchroma.shared.pattern import MIRRORS
 from panchroma.shared.runtime import onnxruntime, session
-from panchroma.tools.simulation.sensor import simulate_additive
-from tests.offline.scenes import sampled
+from tests.offline.scenes import photographed, sampled
 from tests.reference.compare import assert_close
 from tests.scenes import leaves
 
 WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
-GREY = SensorCalibration()
 ONES = np.ones(3, np.float32)
 TILES = [
     CfaPattern.bayer(4, origin=(3, 1)),
@@ -54,7 +52,7 @@ def scene(height: int, width: int) -> FloatArray:
 
 def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Band, Frame]:
     """A picture that is blurred in colour, and what the sites measured."""
-    mosaic = simulate_additive(rgb, pattern, GREY, sigma, np.random.default_rng(0))
+    mosaic = photographed(rgb, pattern, sigma)
     light = np.ascontiguousarray(rgb.sum(axis=2))
     grey = np.full(rgb.shape, 1 / 3, np.float32)
     colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
@@ -109,7 +107,7 @@ def test_a_tile_has_its_network_wherever_its_letters_begin() -> None:
             image = tuple(row[::across] for row in other.tile[::down])
             assert network_name(CfaPattern(image)) == network_name(pattern)
         if pattern.name == "Kodak":  # the others may begin at several places
-            mosaic = simulate_additive(scene(60, 70), pattern, GREY, 0, np.random.default_rng(0))
+            mosaic = photographed(scene(60, 70), pattern)
             again = render(replace(mosaic, pattern=other))
             assert np.array_equal(again.rgb, render(mosaic).rgb)
 
@@ -170,14 +168,14 @@ def test_one_colour_stays_that_colour(colour: tuple[float, ...]) -> None:
     """
     light = np.broadcast_to(np.linspace(0.05, 0.9, 180)[None, :, None], (150, 180, 1))
     rgb = (light * np.array(colour)).astype(np.float32)
-    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
+    mosaic = photographed(rgb)
     change = render(mosaic).rgb - render(mosaic, WITHOUT).rgb
     assert np.abs(change[20:-20, 20:-20]).max() < 1 / 65536
 
 
 def test_noise_on_a_flat_surface_is_not_taken_for_colour() -> None:
     rgb = np.full((200, 210, 3), 0.3, np.float32)
-    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.01, np.random.default_rng(0))
+    mosaic = photographed(rgb, sigma=0.01)
     assert error(mosaic, rgb, BEST) < 1.02 * error(mosaic, rgb, WITHOUT)
 
 
@@ -197,7 +195,7 @@ def test_gamma_only_scales_the_channels() -> None:
 
 def test_it_brings_colour_closer_to_the_scene() -> None:
     rgb = leaves(240, 360)
-    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
+    mosaic = photographed(rgb)
     assert error(mosaic, rgb, BEST) < 0.91 * error(mosaic, rgb, WITHOUT)
 
 
@@ -207,9 +205,8 @@ def test_where_nothing_changes_nothing_is_corrected(pattern: CfaPattern, light: 
     """Flat to the last bit: there is no activity, and no division by it."""
     rgb = np.full((90, 96, 3), light, np.float32)
     band, sites = measured(np.ones_like(rgb), pattern)
-    flat = replace(
-        band, luminance=np.full_like(band.luminance, light), residual=np.zeros_like(band.luminance)
-    )
+    dim = np.full_like(band.luminance, light)
+    flat = replace(band, luminance=dim, residual=np.zeros_like(dim))
     assert_close(learned(pattern, sites)(flat, (0, 90)).chromaticity, band.chromaticity, 1e-6)
 
 
@@ -239,7 +236,7 @@ def test_no_channel_gains_or_loses_more_than_all_light() -> None:
     """Among pixels below black, the contrast that bounds corrections is without bounds itself."""
     pattern, random = CfaPattern.bayer(6), np.random.default_rng(0)
     dark = random.uniform(-1, 0.5, (66, 78, 3)).astype(np.float32) * 30
-    mosaic = simulate_additive(dark, pattern, GREY, 0.0, random)
+    mosaic = photographed(dark, pattern)
     found, plain = render(mosaic, BEST), render(mosaic, WITHOUT)
     change, light = np.abs(found.rgb - plain.rgb).max(axis=2), np.maximum(plain.luminance, 0)
     seen = pattern.panchromatic_mask(light.shape)
@@ -251,9 +248,8 @@ def test_no_channel_gains_or_loses_more_than_all_light() -> None:
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "rggb-k6.onnx"
     path.write_bytes(b"nothing")
-    with pytest.raises(
-        InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"
-    ):
+    words = r"rggb-k6\.onnx: is not a network that onnxruntime can run"
+    with pytest.raises(InputError, match=words):
         load_network(path)
 
 

@@ -25,9 +25,8 @@ PAPER = LuminanceSettings()
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     signal = mosaic.signal.astype(np.float64)
-    start = reference.start(
-        signal, measured, around=settings.relative or len(mosaic.pattern.sites) > 4
-    )
+    around = settings.relative or len(mosaic.pattern.sites) > 4
+    start = reference.start(signal, measured, around=around)
     threshold = reference.first_threshold(signal, settings.threshold, relative=settings.relative)
     return reference.recover(start, measured, settings.iterations, settings.decay, threshold)
 

@@ -76,9 +76,8 @@ def test_clipped_parts_do_not_count() -> None:
 def test_what_the_calibration_knows_is_not_estimated() -> None:
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
     assert with_noise_model(mosaic, NoiseSettings(estimate=False)) is mosaic
-    assert with_noise_model(
-        mosaic, NoiseSettings(estimate=True)
-    ).calibration.noise == estimate_noise(mosaic)
+    estimated = with_noise_model(mosaic, NoiseSettings(estimate=True))
+    assert estimated.calibration.noise == estimate_noise(mosaic)
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
     assert with_noise_model(known, NoiseSettings(estimate=True)) is known
@@ -88,11 +87,10 @@ def test_an_estimate_is_no_sigma_of_chromaticity() -> None:
     """Texture raises it: with it Eqs. 8-9 are those of a shot without noise, with a calibrated
     model they are not.
     """
-    mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
-    known = replace(
-        mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(0.02, 4))
-    )
-    unknown = replace(mosaic, calibration=replace(mosaic.calibration, noise=None))
+    model = NoiseModel.gaussian(0.02, 4)
+    unknown = noisy(smooth((400, 600)), CfaPattern.bayer(6), model)
+    known = replace(unknown, calibration=replace(unknown.calibration, noise=model))
+    assert unknown.calibration.noise is None
     assert sigma_z(clean_frame(known)) == pytest.approx(0.02)
     assert clean_frame(unknown).noise is not None
     assert sigma_z(clean_frame(unknown)) < 1e-5

@@ -41,10 +41,8 @@ def taken(scene: DoubleArray, noise: NoiseModel, pattern: CfaPattern) -> Frame:
 def test_channels_add_up_and_errors_fall(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     planes = len(pattern.planes)
     even = np.linspace(1, 2, planes)
-    for noise in (
-        NoiseModel.gaussian(0.03, planes),
-        NoiseModel(tuple(1e-3 * even), tuple(0.01 * even[::-1])),
-    ):
+    uneven = NoiseModel(tuple(1e-3 * even), tuple(0.01 * even[::-1]))
+    for noise in (NoiseModel.gaussian(0.03, planes), uneven):
         frame = taken(materials(shape, len(pattern.channels)), noise, pattern)
         pooled = pooled_of(frame)
         assert pooled.dtype == np.float32
@@ -56,9 +54,8 @@ def test_noise_goes_and_edges_stay() -> None:
     neither takes from the other.
     """
     pattern = CfaPattern.bayer(6)
-    scene = np.where(np.arange(240)[:, None] < 120, [0.6, 0.3, 0.2], [0.2, 0.35, 0.55])[
-        None
-    ].repeat(240, axis=0)
+    row = np.where(np.arange(240)[:, None] < 120, [0.6, 0.3, 0.2], [0.2, 0.35, 0.55])
+    scene = np.broadcast_to(row, (240, 240, 3))
     noisy, clean = (taken(scene, NoiseModel.gaussian(sigma, 4), pattern) for sigma in (0.03, 0.0))
     coarse, true, pooled = blocks_of(noisy), blocks_of(clean), pooled_of(noisy)
     assert np.square(pooled - true).mean() < np.square(coarse - true).mean() / 25
@@ -70,9 +67,8 @@ def test_dark_colour_does_not_fade() -> None:
     better.
     """
     colour = np.array([0.06, 0.02, 0.02])
-    frame = taken(
-        np.broadcast_to(colour, (240, 240, 3)), NoiseModel.gaussian(0.03, 4), CfaPattern.bayer(6)
-    )
+    even, noise = np.broadcast_to(colour, (240, 240, 3)), NoiseModel.gaussian(0.03, 4)
+    frame = taken(even, noise, CfaPattern.bayer(6))
     grey, true = frame.mosaic.calibration.grey, colour / frame.luminance.mean()
     kept = (pooled_of(frame).mean(axis=(0, 1)) - grey) / (true - grey)
     assert_close(kept, np.ones(3), 0.06)

@@ -10,9 +10,9 @@ import pytest
 from scipy.ndimage import maximum_filter
 
 from panchroma.offline import BEST, Rendering, render
-from panchroma.shared import CfaPattern, SensorCalibration
+from panchroma.shared import CfaPattern
 from panchroma.shared.arrays import FloatArray
-from panchroma.tools.simulation.sensor import simulate_additive
+from tests.offline.scenes import photographed
 
 matplotlib = pytest.importorskip("matplotlib", reason="print: pip install -e '.[all,dev]'")
 
@@ -53,8 +53,7 @@ def page(inks: tuple[tuple[float, ...], ...], paper: tuple[float, ...]) -> Float
 
 
 def rendered(scene: FloatArray, letters: str, sigma: float) -> Rendering:
-    pattern, random = CfaPattern.of_letters(letters), np.random.default_rng(0)
-    return render(simulate_additive(scene, pattern, SensorCalibration(), sigma, random), BEST)
+    return render(photographed(scene, CfaPattern.of_letters(letters), sigma), BEST)
 
 
 def tints(rgb: FloatArray) -> FloatArray:

@@ -38,9 +38,8 @@ def mixed(frame: Frame, affinity: FloatArray, settings: PropagationSettings = PA
 
 def expected(frame: Frame, affinity: FloatArray, softness: float = 0.0) -> DoubleArray:
     """What softness adds to every affinity."""
-    blocks, alpha, light = (
-        plane.astype(np.float64) for plane in (frame.blocks, affinity, frame.luminance)
-    )
+    planes = frame.blocks, affinity, frame.luminance
+    blocks, alpha, light = (plane.astype(np.float64) for plane in planes)
     return reference.propagate(blocks, abs(alpha) + softness, light, frame.pattern)
 
 

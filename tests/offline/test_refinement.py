@@ -10,11 +10,10 @@ from panchroma.offline.frame import Frame
 from panchroma.offline.stages.refinement import Refinement, RefinementSettings
 from panchroma.shared import CfaPattern, NoiseModel
 from panchroma.shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, shot
+from tests.offline.scenes import CASES, cleaned, every_case, shot, true_light
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_light
-from tests.reference.sensor import luminance_of
 
 # Twice a sum of up to 81 float32 products of values up to four, divided by the sum of the weights.
 FLOAT32 = 3e-6
@@ -27,8 +26,7 @@ def case(
 ) -> tuple[FloatArray, Frame]:
     """Any chromaticities, and a frame with luminance."""
     initial = np.random.default_rng(6).uniform(0.1, 1.0, (*shape, len(pattern.channels)))
-    light = luminance_of(materials(shape, len(pattern.channels)), gamma_of(pattern))
-    frame = replace(cleaned(shot(pattern, shape, sigma)), luminance=light.astype(np.float32))
+    frame = replace(cleaned(shot(pattern, shape, sigma)), luminance=true_light(pattern, shape))
     return initial.astype(np.float32), frame
 
 

@@ -34,7 +34,7 @@ from panchroma.shared.errors import InputError, RangeError
 from panchroma.shared.progress import Progress
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.data import photograph
-from tests.offline.scenes import CASES, every_case, gamma_of, shot
+from tests.offline.scenes import CASES, every_case, gamma_of, photographed, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import observe
@@ -63,9 +63,8 @@ def test_equals_the_reference(
     mosaic = shot(pattern, shape, sigma)
     expected = reference.render(mosaic, PAPER)
     found = render(mosaic, TIGHT)
-    assert {array.dtype for array in (found.rgb, found.luminance, found.chromaticity)} == {
-        np.dtype(np.float32)
-    }
+    arrays = found.rgb, found.luminance, found.chromaticity
+    assert {array.dtype for array in arrays} == {np.dtype(np.float32)}
     assert np.array_equal(found.rgb, found.chromaticity * found.luminance[..., None])  # Eq. 17
     measured = pattern.panchromatic_mask(shape)
     assert np.array_equal(found.luminance[measured], mosaic.signal[measured])
@@ -103,19 +102,17 @@ class TestEveryPreset:
 
 @pytest.mark.parametrize("light", [1e-35, 1e-9, 2.0**-18, 6e3, 65535.0, 1e38])
 def test_samples_in_another_unit_are_refused_with_the_factor(light: float) -> None:
-    mosaic = replace(
-        shot(*CASES["odd"], sigma=None), samples=np.full(CASES["odd"][1], light, np.float32)
-    )
+    sound = shot(*CASES["odd"], sigma=None)
+    mosaic = replace(sound, samples=np.full_like(sound.samples, light))
     ways = (
         render,
         clean_frame,
         lambda wrong: list(render_bands(wrong)),
         lambda wrong: merge_burst([wrong, wrong]),
     )
+    words = r"not in scene units.*multiply the samples, and their noise, by "
     for way in ways:
-        with pytest.raises(
-            InputError, match=r"not in scene units.*multiply the samples, and their noise, by "
-        ) as caught:
+        with pytest.raises(InputError, match=words) as caught:
             way(mosaic)
     factor = float(str(caught.value).rpartition(" ")[2])
     rendering = render(replace(mosaic, samples=mosaic.samples * np.float32(factor)), PAPER)
@@ -151,7 +148,7 @@ def test_half_the_light_gives_half_the_picture(
     """
     with Image.open(photograph("kodak/kodim08.png")) as file:
         scene = ((np.asarray(file.crop((80, 60, 320, 240))) / 255) ** 2.2).astype(np.float32)
-    mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, np.random.default_rng(0))
+    mosaic = photographed(scene, pattern, sigma)
     noise = NoiseModel.gaussian(sigma * light, 4)
     darker = replace(
         mosaic,
@@ -165,10 +162,8 @@ def test_half_the_light_gives_half_the_picture(
         expected, found = render(mosaic, settings), render(darker, settings)
         assert found.luminance.mean() < 0.71 * expected.luminance.mean()
         for whole, less in ((expected.rgb, found.rgb), (expected.luminance, found.luminance)):
-            assert (
-                np.sqrt(np.square(less / np.float32(light) - whole).mean())
-                < rounding * whole.mean()
-            )
+            apart = less / np.float32(light) - whole
+            assert np.sqrt(np.square(apart).mean()) < rounding * whole.mean()
 
 
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8)])
@@ -176,9 +171,7 @@ def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
     """The network's superpixels there see nothing at all."""
     scene = np.random.default_rng(0).uniform(0.1, 1, (96, 104, 3)).astype(np.float32)
     scene[:80] = 0
-    found = render(
-        simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0)), BEST
-    )
+    found = render(photographed(scene, pattern), BEST)
     assert np.isfinite(found.chromaticity).all()
     assert np.abs(found.rgb[:64]).max() < 1e-6
 
@@ -193,10 +186,9 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
             yield band
 
     monkeypatch.setattr(pipeline, "run_stages", spoilt)
+    words = r"2 pixels of the picture are not finite .* row 5, column 7"
     for made in (lambda: render(mosaic), lambda: list(render_bands(mosaic))):
-        with pytest.raises(
-            RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"
-        ):
+        with pytest.raises(RangeError, match=words):
             made()
 
 
@@ -236,9 +228,8 @@ def test_codes_are_asked_for_where_saturation_changes_the_picture() -> None:
     burnt = replace(mosaic, samples=codes)
     assert (PAPER.asks_for_codes, BEST.asks_for_codes) == (False, True)
     assert np.array_equal(render(burnt, PAPER).rgb, render(burnt.in_scene_units(), PAPER).rgb)
-    assert not np.array_equal(
-        render(burnt, UNLEARNED).rgb, render(burnt.in_scene_units(), UNLEARNED).rgb
-    )
+    coded, scaled = (render(each, UNLEARNED).rgb for each in (burnt, burnt.in_scene_units()))
+    assert not np.array_equal(coded, scaled)
 
 
 def test_progress_is_reported_stage_by_stage() -> None:
@@ -246,13 +237,9 @@ def test_progress_is_reported_stage_by_stage() -> None:
     assert np.array_equal(render(mosaic, PAPER, listener).rgb, render(mosaic, PAPER).rgb)
     reports = listener.mock_calls
     stages = [call.args for call in reports if call[0] == "stage"]
-    luminance, blocks, pixels = (
-        "reconstructing luminance",
-        "estimating colour of blocks",
-        "colouring pixels",
-    )
-    assert [name for name, _ in stages] == [luminance, blocks, pixels]
-    steps = dict(stages)
+    names = [name for name, _ in stages]
+    assert names == ["reconstructing luminance", "estimating colour of blocks", "colouring pixels"]
+    (luminance, blocks, pixels), steps = names, dict(stages)
     done, stage = Counter[str](), ""
     for name, arguments, _ in reports:
         stage = arguments[0] if name == "stage" else stage

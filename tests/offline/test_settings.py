@@ -74,10 +74,9 @@ def test_what_is_no_number_is_refused_where_one_belongs(stage: str, knob: str) -
 @pytest.mark.parametrize("stage", [field.name for field in fields(PAPER)])
 def test_settings_of_another_stage_are_refused(stage: str) -> None:
     other = PAPER.noise if stage != "noise" else PAPER.defects
+    words = rf"settings: {stage} is .*, expected \w*(Settings|Sw)"
     for value in (None, True, other):
-        with pytest.raises(
-            InputError, match=rf"settings: {stage} is .*, expected \w*(Settings|Sw)"
-        ):
+        with pytest.raises(InputError, match=words):
             replace(PAPER, **{stage: value})  # type: ignore[arg-type]
 
 

@@ -9,13 +9,12 @@ from panchroma.offline import BEST, PAPER, UNLEARNED, render
 from panchroma.offline.bands import Band
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import FloatArray
-from panchroma.tools.simulation.sensor import simulate_additive
-from tests.offline.scenes import every_case, gamma_of, materials, sampled, shot
+from tests.offline.scenes import every_case, materials, photographed, sampled, shot, true_light
 from tests.reference.chromaticity import extend
 from tests.reference.compare import assert_close
-from tests.reference.sensor import luminance_of, observe
+from tests.reference.sensor import observe
 from tests.scenes import leaves
 
 BAYER = CfaPattern.bayer(6, origin=(1, 2))
@@ -34,16 +33,9 @@ def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArra
     return update_luminance(replace(frame, blocks=blocks.astype(np.float32)), BEST.posterior)
 
 
-def true_light(mosaic: Mosaic) -> FloatArray:
-    """Luminance of `shot`."""
-    return luminance_of(
-        materials(mosaic.shape, len(mosaic.pattern.channels)), mosaic.calibration.gamma
-    ).astype(np.float32)
-
-
 def wrong_light(mosaic: Mosaic) -> FloatArray:
-    """The same with errors at the colour sites, as hole filling makes them."""
-    true = true_light(mosaic)
+    """Luminance of `shot`, with errors at the colour sites, as hole filling makes them."""
+    true = true_light(mosaic.pattern, mosaic.shape)
     wrong = true * np.random.default_rng(9).uniform(0.9, 1.1, true.shape).astype(np.float32)
     return np.where(mosaic.pattern.panchromatic_mask(mosaic.shape), true, wrong)
 
@@ -51,7 +43,7 @@ def wrong_light(mosaic: Mosaic) -> FloatArray:
 def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> None:
     mosaic = shot(BAYER, (90, 96), None)
     light = wrong_light(mosaic)
-    true = true_light(mosaic)
+    true = true_light(BAYER, mosaic.shape)
     scene = materials(mosaic.shape, 3)
     grid = BAYER.grid(mosaic.shape)
     places = np.ix_(grid.rows.clip(0, 89), grid.columns.clip(0, 95))
@@ -72,15 +64,12 @@ def test_settled_luminance_has_no_seams_where_strips_of_blocks_meet(
 
 def render_of(mosaic: Mosaic) -> Band:
     """A picture that is wrong everywhere, a little."""
-    light, random = true_light(mosaic), np.random.default_rng(3)
+    light, random = true_light(mosaic.pattern, mosaic.shape), np.random.default_rng(3)
     scene = materials(mosaic.shape, len(mosaic.pattern.channels))
     colour = scene / light[..., None] + random.normal(0, 0.02, scene.shape)
     colour /= (colour @ np.array(mosaic.calibration.gamma))[..., None]
-    return Band(
-        0,
-        (light * random.uniform(0.95, 1.05, light.shape)).astype(np.float32),
-        colour.astype(np.float32),
-    )
+    wrong = light * random.uniform(0.95, 1.05, light.shape)
+    return Band(0, wrong.astype(np.float32), colour.astype(np.float32))
 
 
 @every_case
@@ -91,12 +80,10 @@ def test_without_noise_the_picture_reads_as_the_samples_do(
     band = render_of(mosaic)
     sites, result = sampled(mosaic, band.luminance).sites, corrected(band, mosaic)
     for channel, place in zip(sites.channels, sites.places, strict=True):
-        assert_close(
-            result.chromaticity[*place, channel] * result.luminance[place],
-            mosaic.signal[place],
-            1e-5,
-        )
-    assert_close(result.chromaticity @ np.array(gamma_of(pattern)), np.ones(shape), 1e-5)  # Eq. 7
+        found = result.chromaticity[*place, channel] * result.luminance[place]
+        assert_close(found, mosaic.signal[place], 1e-5)
+    gamma = np.array(mosaic.calibration.gamma)
+    assert_close(result.chromaticity @ gamma, np.ones(shape), 1e-5)  # Eq. 7
 
 
 def test_noise_alone_corrects_next_to_nothing() -> None:
@@ -104,7 +91,7 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     its quality.
     """
     scene, sigma = np.full((180, 180, 3), 0.3, np.float32), 0.02
-    mosaic = simulate_additive(scene, BAYER, SensorCalibration(), sigma, np.random.default_rng(1))
+    mosaic = photographed(scene, BAYER, sigma, seed=1)
     grey = np.full_like(scene, 1 / 3)
     result = corrected(Band(0, scene.sum(axis=2), grey), mosaic)
     change = result.chromaticity * result.luminance[..., None] - scene
@@ -118,18 +105,16 @@ def test_blocks_at_the_limit_say_nothing() -> None:
     samples, result = sampled(mosaic, band.luminance, limit), corrected(band, mosaic, limit)
     assert 0 < samples.unclipped.mean() < 1
     for place in samples.sites.places:
-        assert (
-            (result.luminance[place] == band.luminance[place]) == ~samples.unclipped
-        ).mean() > 0.99
+        is_same = result.luminance[place] == band.luminance[place]
+        assert (is_same == ~samples.unclipped).mean() > 0.99
 
 
 def test_at_an_edge_without_luminance_none_is_invented() -> None:
     """Two colours of one brightness: the residuals along the edge are colour, and luminance is
     right everywhere.
     """
-    scene = np.where(
-        (np.arange(60) < 31)[None, :, None], (0.5, 0.3, 0.1), np.full((60, 60, 3), (0.1, 0.3, 0.5))
-    )
+    scene = np.full((60, 60, 3), (0.1, 0.3, 0.5))
+    scene[:, :31] = 0.5, 0.3, 0.1
     light, grey = np.full((60, 60), 0.9, np.float32), np.full(scene.shape, 1 / 3, np.float32)
     result = corrected(Band(0, light, grey), observe(scene, CfaPattern.bayer(6)))
     assert np.array_equal(result.luminance, light)
@@ -138,8 +123,8 @@ def test_at_an_edge_without_luminance_none_is_invented() -> None:
 
 @pytest.mark.parametrize("tile", ["RGWW/GBWW/WWWW/WWWW", "WBWG/BWGW/WGWR/GWRW", "RW/WB"])
 def test_samples_at_the_sites_bring_a_picture_closer(tile: str) -> None:
-    scene, pattern = leaves(96, 100), CfaPattern.of_letters(tile, channels="RGB")
-    mosaic = simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0))
+    scene = leaves(96, 100)
+    mosaic = photographed(scene, CfaPattern.of_letters(tile, channels="RGB"))
     errors = [
         np.square(render(mosaic, settings).rgb - scene).mean()
         for settings in (replace(UNLEARNED, correction=PAPER.correction), UNLEARNED)
