@@ -9,6 +9,7 @@ import sys
 import tomllib
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
+from typing import Any
 
 from tests.data import ROOT
 
@@ -24,12 +25,18 @@ sys.meta_path.insert(0, Hide())
 """
 
 
+def finished(
+    *line: str | Path, folder: Path = ROOT, **options: Any
+) -> "subprocess.CompletedProcess[str]":
+    """A program that has been run to its end in a folder. options: of subprocess.run."""
+    return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, **options)
+
+
 def run_python(script: str, *arguments: str | Path, folder: Path = ROOT) -> str:
     """Standard output of a script, which must succeed. folder: where it runs, and finds our
     packages.
     """
-    line = [sys.executable, "-c", script, *arguments]
-    done = subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False)
+    done = finished(sys.executable, "-c", script, *arguments, folder=folder)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -70,9 +77,8 @@ def _on_terminal(line: list[str], stdin: bytes) -> subprocess.CompletedProcess[b
 
 def base_modules() -> set[str]:
     """The modules that an installation without extras brings."""
-    wanted = list(
-        tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
-    )
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    wanted = list(project["dependencies"])
     found: set[str] = set()
     while wanted:
         requirement = wanted.pop()

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tarfile
 from pathlib import Path
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 
 from tests.data import ROOT, copy_clone
-from tests.python import run_python
+from tests.python import finished, run_python
 
 PACKAGES = ("shared", "device", "offline", "tools")
 _FACADE = Path("tools/notebook/panchroma")
@@ -142,9 +141,7 @@ def test_the_wheel_renders_in_an_environment_of_its_own(wheel: Path, tmp_path: P
     clean = {name: text for name, text in os.environ.items() if name != "PYTHONPATH"}
 
     def output(*line: str | Path) -> str:
-        done = subprocess.run(
-            line, cwd=folder, env=clean, capture_output=True, text=True, check=False
-        )
+        done = finished(*line, folder=folder, env=clean)
         assert done.returncode == 0, done.stderr
         return done.stdout.strip()
 
@@ -174,9 +171,7 @@ def test_missing_links_are_made_and_files_in_their_way_refused(tmp_path: Path, f
         if found == "a file":  # Git without symbolic links writes where they lead to
             (facade / name).write_text(f"../../../{name}")
     script = "import sys; sys.path.insert(0, 'tools/notebook'); import build_with_links"
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = finished(sys.executable, "-c", script, folder=tmp_path)
     if found == "nothing":
         assert done.returncode == 0
         assert all((facade / name / "__init__.py").is_file() for name in PACKAGES)

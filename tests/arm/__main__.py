@@ -11,7 +11,6 @@ base dependencies are unpacked into the user's cache. Emulation does not show ho
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ import numpy as np
 from panchroma.shared.errors import InputError, OutputError, PanchromaError
 from tests.benchmarks.harness import options
 from tests.data import ROOT
+from tests.python import finished
 
 QEMU = "qemu-aarch64"
 CPUS = ("cortex-a72", "cortex-a76")  # of the Raspberry Pi 4 and 5
@@ -105,9 +105,8 @@ def _system(cache: Path) -> Path:
     }
     options = [part for name, value in settings.items() for part in ("-o", f"{name}={value}")]
     _run("apt-get", *options, "update")
-    _run(
-        "apt-get", *options, "install", "--download-only", "--no-install-recommends", "-y", *_DEBIAN
-    )
+    install = "install", "--download-only", "--no-install-recommends", "-y", *_DEBIAN
+    _run("apt-get", *options, *install)
     unpacked = cache / "system.part"
     for package in sorted((apt / "archives").glob("*.deb")):
         _run("dpkg-deb", "-x", str(package), str(unpacked))
@@ -149,9 +148,7 @@ def _run(*command: str, failure: type[PanchromaError] = InputError, **environmen
     # PYTHONDONTWRITEBYTECODE: the two Pythons must not use each other's compiled files.
     quiet = {"PYTHONDONTWRITEBYTECODE": "1", "ORT_DISABLE_TELEMETRY": "1"}
     variables = {**os.environ, **quiet, **environment}
-    done = subprocess.run(
-        command, env=variables, cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = finished(*command, env=variables)
     if done.returncode:
         said = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
         out_of_reach = failure is InputError and _NO_NETWORK.search(done.stderr)

@@ -1,7 +1,6 @@
 import errno
 import fcntl
 import os
-import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -21,7 +20,7 @@ from panchroma.shared.writing import (
     sync_folder,
     write_durably,
 )
-from tests.data import ROOT
+from tests.python import finished
 
 WORDS = {
     errno.ENOSPC: "disk is full",
@@ -144,8 +143,7 @@ def test_on_windows_one_sentence_says_what_to_do(name: str) -> None:
     """A library raises it; the command prints it alone."""
     is_command = name == "panchroma.tools.cli"
     run = f"import {name}" + (f"\n{name}.main()" if is_command else "")
-    line = [sys.executable, "-c", f"import sys\nsys.modules['fcntl'] = None\n{run}"]
-    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = finished(sys.executable, "-c", f"import sys\nsys.modules['fcntl'] = None\n{run}")
     assert (done.returncode, done.stdout) == (1, "")
     assert "on Windows install it in the Windows Subsystem" in done.stderr.splitlines()[-1]
     assert not is_command or done.stderr.count("\n") == 1
@@ -288,6 +286,6 @@ def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path:
         "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
     )
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
-    line = [sys.executable, "-c", script, str(tmp_path)]
-    subprocess.run(line, cwd=ROOT, check=True, env=environment)
+    done = finished(sys.executable, "-c", script, tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
     assert len(list(tmp_path.iterdir())) == 3

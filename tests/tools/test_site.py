@@ -3,7 +3,6 @@ its examples are short.
 """
 
 import ast
-import subprocess
 import sys
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -11,6 +10,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from tests.data import ROOT, copy_clone
+from tests.python import finished
 from tests.test_examples import PUBLIC
 from tests.tools.test_pages import Outline
 
@@ -46,9 +46,8 @@ def test_there_are_ten_short_examples() -> None:
 def test_planted_dead_links_are_found(tmp_path: Path) -> None:
     links = "a.html#b", "#b", "https://example.org", "b.png", "a.html#c", "#c", "c.html", "../d"
     (tmp_path / "b.png").touch()
-    (tmp_path / "a.html").write_text(
-        "<p id=b></p>" + "".join(f"<a href={link}></a>" for link in links)
-    )
+    texts = ("<p id=b></p>", *(f"<a href={link}></a>" for link in links))
+    (tmp_path / "a.html").write_text("".join(texts))
     assert {line.split()[1] for line in dead_links(tmp_path)} == {*links[4:]}
 
 
@@ -58,7 +57,7 @@ def test_the_site_builds_with_warnings_as_errors(tmp_path: Path) -> None:
         pytest.importorskip(package, reason=remedy)
     copy_clone(tmp_path)
     line = [sys.executable, "-m", "sphinx", "-W", "-q", "-c", "tools/pages", ".", "build/pages"]
-    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = finished(*line, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "build/pages/index.html").is_file()
     assert len(list((tmp_path / "build/gallery/images").glob("*_001.png"))) == len(EXAMPLES)

@@ -4,7 +4,6 @@ import ctypes
 import errno
 import os
 import shutil
-import subprocess
 import sys
 import threading
 import time
@@ -23,7 +22,7 @@ from panchroma.offline.numerics.interpolation import interpolate
 from panchroma.shared.arrays import IndexArray
 from panchroma.shared.errors import OutputError
 from tests.data import ROOT
-from tests.python import run_python
+from tests.python import finished, run_python
 
 KERNEL = """
 from .arrays import Ints1
@@ -75,10 +74,8 @@ def test_a_kernel_is_compiled_once_until_a_source_changes_that_kernels_see(tmp_p
     (package / "offline/.#lock.py").symlink_to("nowhere")
     (package / "offline/patches.py").touch()
     assert run_python(SCRIPT, folder=tmp_path) == KEPT
-    before, hour_ago = (
-        {},
-        time.time() - 3600,
-    )  # older than all others, as rsync and git may leave it
+    # older than all others, as rsync and git may leave it
+    before, hour_ago = {}, time.time() - 3600
     for name in ("shared/arrays.py", "offline/burst/motion.py", "offline/numerics/functions.py"):
         path = package / name
         before[path] = text = path.read_text()
@@ -173,10 +170,7 @@ def without_root() -> None:
 
 
 def run_as_user(folder: Path, script: str = SCRIPT) -> str:
-    line = [sys.executable, "-c", script]
-    done = subprocess.run(
-        line, cwd=folder, capture_output=True, text=True, check=False, preexec_fn=without_root
-    )
+    done = finished(sys.executable, "-c", script, folder=folder, preexec_fn=without_root)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

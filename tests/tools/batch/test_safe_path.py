@@ -15,7 +15,7 @@ import pytest
 
 from panchroma.tools.batch.progress import StageProgress
 from tests.data import ROOT
-from tests.python import run_python
+from tests.python import finished, run_python
 from tests.test_library import STATE
 from tests.tools.batch.examples import save_shot
 from tests.tools.io.files import save
@@ -82,9 +82,7 @@ load_scene("in/scene.exr")
 sys.path.insert(0, "")
 assert load_scene("in/scene.exr").rgb.shape == (60, 60, 3)
 """
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", script], cwd=folder, capture_output=True, check=False
-    )
+    done = finished(sys.executable, "-P", "-c", script, folder=folder)
     assert done.returncode == 0, done.stderr
     assert not (folder / "executed").exists()
 
@@ -114,9 +112,8 @@ from panchroma.tools.io.limited import run_limited
 print(run_limited(Path(__file__), (), decoder.decode, "x")[1])
 """)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "users"))
-    done = subprocess.run(
-        [sys.executable, tmp_path / "script" / "run.py"], capture_output=True, text=True, check=True
-    )
+    done = finished(sys.executable, tmp_path / "script" / "run.py")
+    assert done.returncode == 0, done.stderr
     ours = tmp_path / "script" / "panchroma" / "__init__.py"
     names = ["script", "users", "added"]
     assert done.stdout == f"{ {'names': names, 'panchroma': str(ours)} }\n"

@@ -8,7 +8,6 @@ import re
 import shlex
 import shutil
 import signal
-import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +22,7 @@ from panchroma.shared import read_dng
 from panchroma.tools.commands import demo
 from panchroma.tools.evaluation.metrics import MEDIAN, quality
 from tests.data import ROOT
+from tests.python import finished
 from tests.tools.command import PROGRAM, Outcome, ended, names, run, start
 
 # --- demo -----------------------------------------------------------------------------------------
@@ -102,17 +102,13 @@ BLOCKS = re.findall(r"```(\w*)\n(.*?)```", SMALL, re.DOTALL)
 UNIT = next(block for kind, block in BLOCKS if kind == "ini")
 
 
-def finished(*line: str, **options: Any) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(line, capture_output=True, text=True, check=False, **options)
-
-
 def test_the_commands_print_what_the_page_says(tmp_path: Path) -> None:
     program = f'#!/bin/sh\nPYTHONPATH={ROOT}/tools/notebook exec {shlex.join(PROGRAM)} "$@"\n'
     (tmp_path / "panchroma").write_text(program)
     (tmp_path / "panchroma").chmod(0o755)
     steps = "\n".join(f"{block}\necho ---\n" for kind, block in BLOCKS if kind == "sh")
     script = f"set -euo pipefail\nPATH={tmp_path}:$PATH\nmkdir empty; cd empty\n{steps}"
-    done = finished("bash", "-c", script, cwd=tmp_path)
+    done = finished("bash", "-c", script, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     printed = iter(done.stdout.split("---\n"))
     for (kind, _), (after, expected) in pairwise(BLOCKS):
@@ -131,7 +127,7 @@ def test_the_commands_print_what_the_page_says(tmp_path: Path) -> None:
 def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
     unit = tmp_path / "panchroma.service"
     unit.write_text(UNIT.replace("/opt/panchroma/.venv/bin/panchroma", sys.executable))
-    done = finished("systemd-analyze", "verify", str(unit))
+    done = finished("systemd-analyze", "verify", unit)
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 
