@@ -114,11 +114,10 @@ class SimulatedCamera:
         self,
         rgb: FloatArray | DoubleArray,
         random: np.random.Generator,
-        drift: float = 0.0,
         more: DoubleArray | float = 1.0,
     ) -> Mosaic:
-        """A frame that looks at a scene (H, W, 3), scene units; drift: of the black level, codes;
-        more: panchromatic light over that of Eq. 7, (H, W).
+        """A frame that looks at a scene (H, W, 3), scene units; more: panchromatic light over that
+        of Eq. 7, (H, W).
         """
         height, width = rgb.shape[:2]
         planes = self.pattern.filter_map((height, width))
@@ -132,7 +131,7 @@ class SimulatedCamera:
         filtered = np.take_along_axis(signal, planes[..., None].astype(int), axis=2)[..., 0]
         light = filtered / self.gamma.sum() * self.electrons
         counted = random.poisson(light) + random.normal(0, 1, light.shape) * self.read[planes]
-        white, black = self.states.white_level, self.black[planes] + drift
+        white, black = self.states.white_level, self.black[planes]
         codes = np.rint(black + counted / self.electrons * (white - black)).clip(0, white)
         return Mosaic(codes.astype(np.uint16), self.pattern, self.states)
 
