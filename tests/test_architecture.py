@@ -112,10 +112,8 @@ def violations(module: str, text: str) -> list[str]:
         target, other_room = place(name)
         ours = name.partition(".")[0] == "panchroma"
         if target == "tests" or (ours and target not in MAY_IMPORT[package]):
-            found.append(
-                f"{module} imports {name}: {package} may import only "
-                f"{', '.join(sorted(MAY_IMPORT[package]))}"
-            )
+            allowed = ", ".join(sorted(MAY_IMPORT[package]))
+            found.append(f"{module} imports {name}: {package} may import only {allowed}")
         elif ours and LAYER_OF.get(other_room, 0) > LAYER_OF.get(room, len(LAYERS)):
             found.append(f"{module} imports {name}, which is in a layer above")
         elif target in ONLY_IN and not any(
@@ -127,10 +125,8 @@ def violations(module: str, text: str) -> list[str]:
             *ONLY_IN,
             *THIRD_PARTY.get(package, {target}),
         }:
-            found.append(
-                f"{module} imports {name}: {package} may use only "
-                f"{', '.join(sorted(THIRD_PARTY[package]))}"
-            )
+            allowed = ", ".join(sorted(THIRD_PARTY[package]))
+            found.append(f"{module} imports {name}: {package} may use only {allowed}")
     return found
 
 
@@ -196,16 +192,10 @@ def test_lower_floors_are_tested_without_the_upper_one() -> None:
 @pytest.mark.parametrize(
     ("module", "text"),
     [
-        (
-            "panchroma.offline.pipeline",
-            "def later():\n    from ..tools.evaluation.metrics import psnr",
-        ),
+        ("panchroma.offline.pipeline", "def later():\n    from ..tools.cli import main"),
         ("panchroma.offline.numerics.solver", "from tests.reference import affinity"),
         ("panchroma.offline.stages.affinity", "from numba import njit"),
-        (
-            "panchroma.shared.pattern",
-            "import importlib\nimportlib.import_module('panchroma.offline.pipeline')",
-        ),
+        ("panchroma.shared.pattern", "importlib.import_module('panchroma.offline.pipeline')"),
         ("panchroma.device.preview", "__import__('scipy')"),
         ("panchroma.tools.io.picture", "from ..batch.jobs import own_file"),
         ("panchroma.tools.batch.run", "from panchroma import shots"),
