@@ -24,10 +24,8 @@ def edges(area: DoubleArray, period: int, scales: tuple[float, ...], axis: int) 
     patch without gradients.
     """
     order = [int(each == axis) for each in (0, 1)]
-    energy = sum(
-        (gaussian_filter(area, scale, order, mode="mirror") ** 2 for scale in scales),
-        np.zeros_like(area),
-    )
+    slopes = (gaussian_filter(area, scale, order, mode="mirror") for scale in scales)
+    energy = sum((slope**2 for slope in slopes), np.zeros_like(area))
     result = np.zeros_like(energy)
     for top in range(0, area.shape[0], period):
         for left in range(0, area.shape[1], period):

@@ -23,10 +23,8 @@ def solve_block(
     for i in range(count):
         equations[i, i] = sum(light**2 for light in luminance[i]) + sigma**2
         equations[i, count] = equations[count, i] = gamma[i]
-        right[i] = (
-            sum(light * sample for light, sample in zip(luminance[i], samples[i], strict=True))
-            + sigma**2 * grey
-        )
+        pairs = zip(luminance[i], samples[i], strict=True)
+        right[i] = sum(light * sample for light, sample in pairs) + sigma**2 * grey
     right[count] = 1.0
     return np.linalg.solve(equations, right)[:count].astype(np.float64)
 

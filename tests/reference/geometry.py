@@ -45,9 +45,8 @@ def block(pattern: CfaPattern) -> Block:
         sites, period
     ):
         return Block(*pattern.origin, period, period)
-    for height, width in sorted(
-        product(range(1, period), repeat=2), key=lambda size: size[0] * size[1]
-    ):
+    sizes = product(range(1, period), repeat=2)
+    for height, width in sorted(sizes, key=lambda size: size[0] * size[1]):
         for top, left in product(range(period), repeat=2):
             inside = {
                 ((top + down) % period, (left + right) % period)
@@ -66,9 +65,8 @@ def _is_connected(sites: set[tuple[int, int]], period: int) -> bool:
     while todo:
         row, column = todo.pop()
         steps = product((-1, 0, 1), repeat=2)
-        near = {
-            ((row + down) % period, (column + right) % period) for down, right in steps
-        } & sites - reached
+        around = {((row + down) % period, (column + right) % period) for down, right in steps}
+        near = around & sites - reached
         reached |= near
         todo += near
     return reached == sites

@@ -69,9 +69,8 @@ def neighbourhood(subband: DoubleArray) -> DoubleArray:
 def shrink(subband: DoubleArray, threshold: float) -> DoubleArray:
     """Shrink a subband by Eq. 5; a coefficient without energy around it is zero and stays zero."""
     size = neighbourhood(subband)
-    factor = np.divide(
-        np.maximum(size - threshold, 0), size, out=np.zeros_like(size), where=size > 0
-    )
+    less = np.maximum(size - threshold, 0)
+    factor = np.divide(less, size, out=np.zeros_like(size), where=size > 0)
     return factor * subband[1:-1, 1:-1]
 
 
@@ -98,9 +97,7 @@ def recover(
     estimate = samples.copy()  # l_0 = m
     for t in range(iterations):
         low, *high = analyse(estimate)
-        # Eq. 4
-        denoised = synthesise(
-            [low[1:-1, 1:-1], *(shrink(subband, threshold * decay**t) for subband in high)]
-        )
+        shrunk = (shrink(subband, threshold * decay**t) for subband in high)
+        denoised = synthesise([low[1:-1, 1:-1], *shrunk])  # Eq. 4
         estimate = np.where(measured, samples, denoised)  # Eq. 3
     return estimate

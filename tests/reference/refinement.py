@@ -23,10 +23,8 @@ def matches(
         for right in range(-radius, radius + 1):
             other = wide[radius + down :, radius + right :][: centre.shape[0], : centre.shape[1]]
             distance = gaussian_filter((other - centre) ** 2, std, mode="mirror")[frame]
-            # Eq. 16
-            found.append(
-                (down, right, np.exp(-distance / (2 * h**2)) * np.maximum(other[frame], 0.0))
-            )
+            weight = np.exp(-distance / (2 * h**2)) * np.maximum(other[frame], 0.0)  # Eq. 16
+            found.append((down, right, weight))
     return found
 
 
@@ -53,8 +51,6 @@ def refine(
         for down, right, weight in weights:
             other = wide[radius + down :, radius + right :][:height, :width]
             mixed += weight[..., None] * other
-        # Eq. 15
-        current = np.where(
-            (total > 0)[..., None], mixed / np.where(total > 0, total, 1.0)[..., None], current
-        )
+        mean = mixed / np.where(total > 0, total, 1.0)[..., None]  # Eq. 15
+        current = np.where((total > 0)[..., None], mean, current)
     return current
