@@ -24,21 +24,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from panchroma.shared import ByteArray, CfaPattern, FloatArray
+from panchroma.tools.evaluation import evaluation_page as page
 from panchroma.tools.evaluation.cameras import Tile
-from panchroma.tools.evaluation.evaluation_page import (
-    AHEAD,
-    BEHIND,
-    REASONS,
-    WORST,
-    Crop,
-    build_page,
-    choose_crops,
-    draw_noise,
-    plots_svg,
-    render_crop,
-    render_crops,
-    render_exhibit,
-)
 from panchroma.tools.evaluation.figures import CRITERIA, FEW, HUE, RGB, WHOLE, Figures, Place, judge
 from panchroma.tools.evaluation.metrics import (
     PLANES,
@@ -193,7 +180,7 @@ def test_a_set_with_a_missing_result_is_not_pooled_and_its_line_has_a_gap(study:
     assert partial.of(CLEAN, "dlmmse") is not None
     assert "results of dlmmse are missing at sigma 0.03" in plain_text(partial)
     axes = Figure().subplots()
-    draw_noise(partial, SET, 0, axes)
+    page.draw_noise(partial, SET, 0, axes)
     lines = [np.isfinite(line.get_ydata()).tolist() for line, *_ in axes.containers]
     assert lines == [[True, True], [True, True], [True, False]]
 
@@ -285,9 +272,9 @@ def test_a_square_is_cut_out_of_the_whole_rendering(
     study = large(tmp_path, methods=names, levels=(level,))
     scene = study.scenes[0]
     light = study.reading.scene(scene).rgb
-    crop = Crop(scene, level, WORST, names, 117, 131, WINDOW, WINDOW)
+    crop = page.Crop(scene, level, page.WORST, names, 117, 131, WINDOW, WINDOW)
     frame = crop._replace(row=0, column=0, height=scene.rows, width=scene.columns)
-    squares, pictures = (render_crop(study, place, light) for place in (crop, frame))
+    squares, pictures = (page.render_crop(study, place, light) for place in (crop, frame))
     for square, picture in zip(squares, pictures, strict=True):
         assert square.shape == (WINDOW, WINDOW, 3)
         assert np.quantile(np.abs(square - picture[crop.window]), 0.99) < INVISIBLE
@@ -297,8 +284,8 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
     size = (240, 264)
     study = large(tmp_path, size, methods=("preview", "bilinear", "dlmmse"))
     figures = measured(study, tmp_path)
-    crops = list(choose_crops(figures))
-    assert {crop.why for crop in crops} <= set(REASONS)
+    crops = list(page.choose_crops(figures))
+    assert {crop.why for crop in crops} <= set(page.REASONS)
     assert {crop.level for crop in crops} == set(study.levels)
     for crop in crops:
         origins = map(window_origins, size)
@@ -310,8 +297,8 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
         }
         ours, rival = crop.methods
         assert ours == "preview"
-        assert crop.why != AHEAD or errors["preview"] < errors[rival]
-        assert crop.why != BEHIND or errors["preview"] > errors[rival]
+        assert crop.why != page.AHEAD or errors["preview"] < errors[rival]
+        assert crop.why != page.BEHIND or errors["preview"] > errors[rival]
         for other in crops:  # no two squares of a level show the same
             apart = max(abs(crop.row - other.row), abs(crop.column - other.column))
             assert other is crop or other.level != crop.level or apart >= WINDOW
@@ -324,7 +311,7 @@ def pixels(address: str) -> ByteArray:
 def test_exhibits_show_truth_ours_and_the_best_rival(tmp_path: Path) -> None:
     study = study_of(tmp_path, methods=("paper", "bilinear", "dcb"), count=1)
     figures = measured(study, tmp_path)
-    exhibits = render_crops(figures, alone())
+    exhibits = page.render_crops(figures, alone())
     assert exhibits
     for exhibit in exhibits:
         (*titles, rival), (_, *psnrs), shown = zip(*exhibit["pictures"], strict=True)
@@ -334,13 +321,15 @@ def test_exhibits_show_truth_ours_and_the_best_rival(tmp_path: Path) -> None:
         assert all(10 < psnr < 90 for psnr in psnrs)
     # Without rivals the worst places are shown, and nothing without ours.
     for methods, expected in ((("paper",), [2, 2]), (("bilinear",), [])):
-        exhibits = render_crops(Figures(replace(study, methods=methods), figures.results), alone())
+        others = Figures(replace(study, methods=methods), figures.results)
+        exhibits = page.render_crops(others, alone())
         assert [len(exhibit["pictures"]) for exhibit in exhibits] == expected
 
 
 def shown(study: Study, place: int = 15, size: tuple[int, int] = (48, 60)) -> ByteArray:
-    crop = Crop(study.scenes[0], study.levels[0], WORST, study.methods, place, place, *size)
-    return pixels(render_exhibit(study, crop)["pictures"][0][2])
+    scene, level = study.scenes[0], study.levels[0]
+    crop = page.Crop(scene, level, page.WORST, study.methods, place, place, *size)
+    return pixels(page.render_exhibit(study, crop)["pictures"][0][2])
 
 
 def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
@@ -374,7 +363,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     study = study_of(folder, methods=("paper", "bilinear", "dcb"), count=1, tiles=tiles)
     figures, path = measured(study, folder), folder / "evaluation.html"
     failures = ["odd.png: cannot be read"]
-    path.write_bytes(build_page(figures, render_crops(figures, alone()), "panchroma 1", failures))
+    exhibits = page.render_crops(figures, alone())
+    path.write_bytes(page.build_page(figures, exhibits, "panchroma 1", failures))
     (folder / "sentences.txt").write_text("\n".join(judge(figures, figures.groups[0]).sentences))
     return path
 
@@ -403,7 +393,7 @@ def test_a_browser_shows_it_without_errors_and_without_network(
         texts = "[...document.querySelectorAll('{}')].map(e => e.textContent)"
         sentences = (written.parent / "sentences.txt").read_text().split("\n")
         assert browser.evaluate(texts.format(".verdict p")) == sentences
-        assert browser.evaluate(texts.format("article h3"))[0].lower() in (AHEAD, BEHIND)
+        assert browser.evaluate(texts.format("article h3"))[0].lower() in (page.AHEAD, page.BEHIND)
         widths = "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth)))"
         assert browser.evaluate(f"{widths}.then(w => Math.min(...w))") >= 48
         colours = "['color', 'backgroundColor'].map(name => getComputedStyle(document.body)[name])"
@@ -416,7 +406,7 @@ def test_plots_show_medians_and_quartiles_of_every_method(study: Study) -> None:
     figures = figures_with(study)
     for plane, title in enumerate(PLANES):
         axes = Figure().subplots()
-        draw_noise(figures, SET, plane, axes)
+        page.draw_noise(figures, SET, plane, axes)
         assert len(axes.containers) == len(study.methods)
         places = []
         for name, (line, _, (bars,)) in zip(study.methods, axes.containers, strict=True):
@@ -436,9 +426,9 @@ def test_plots_show_medians_and_quartiles_of_every_method(study: Study) -> None:
 def test_the_svg_holds_all_plots_and_names_and_is_the_same_each_time(study: Study) -> None:
     figures = figures_with(study)
     before = dict(mpl.rcParams)
-    svg = plots_svg(figures)
+    svg = page.plots_svg(figures)
     with mpl.rc_context({"axes.facecolor": "red", "lines.linewidth": 9, "svg.hashsalt": "other"}):
-        assert svg == plots_svg(figures)
+        assert svg == page.plots_svg(figures)
     assert dict(mpl.rcParams) == before
     texts = [element.text for element in ElementTree.fromstring(svg).iter()]
     assert {"Linear photographs: RGB", "luminance", "chrominance", *study.methods} <= set(texts)
