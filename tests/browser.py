@@ -13,9 +13,8 @@ from typing import Any
 
 import pytest
 
-_CHROMIUM = (
-    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-)
+_NAMES = "chromium", "chromium-browser", "google-chrome"
+_CHROMIUM = next(filter(None, map(shutil.which, _NAMES)), None)
 _OPTIONS = (
     "--headless=new --no-sandbox --disable-gpu --disable-dev-shm-usage --disable-extensions "
     "--disable-background-networking --hide-scrollbars --no-first-run --remote-debugging-pipe"
@@ -87,9 +86,8 @@ class Browser:
 
     def evaluate(self, expression: str) -> Any:
         """The value of a JavaScript expression in the page, awaited."""
-        answer = self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
-        )
+        awaited = {"returnByValue": True, "awaitPromise": True}
+        answer = self.call("Runtime.evaluate", expression=expression, **awaited)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 

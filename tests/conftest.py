@@ -73,9 +73,8 @@ def compiled() -> None:
         count = max(1, available_threads() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
         with multiprocessing.get_context("spawn").Pool(count) as pool:
             pool.map(compile_kernel, names, 1)
-            made = [
-                each.get().digests for each in [pool.apply_async(golden.now) for _ in range(count)]
-            ]
+            asked = [pool.apply_async(golden.now) for _ in range(count)]
+            made = [each.get().digests for each in asked]
         assert all(each == golden.now().digests for each in made), (
             "who compiles kernels renders other bytes than who loads them"
         )

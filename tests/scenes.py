@@ -19,9 +19,8 @@ def leaves(height: int, width: int, seed: int = 1) -> FloatArray:
         within = (rows - row) ** 2 + (columns - column) ** 2 < min(radius, height / 3) ** 2
         # what lies together has similar colours
         warm = (1 + np.sin(6 * column / width + 3 * row / height)) / 2
-        picture[within] = random.uniform(0.05, 0.6) * (
-            np.array((warm, 0.2, 1 - warm)) + random.uniform(0, 0.3, 3)
-        )
+        light = random.uniform(0.05, 0.6)
+        picture[within] = light * (np.array((warm, 0.2, 1 - warm)) + random.uniform(0, 0.3, 3))
     picture *= 1.1 - 0.4 * (rows / height + columns / width)[..., None] / 2
     picture += random.normal(0, 0.01, (height, width, 1))
     return picture.clip(0.02, 0.95).astype(np.float32)

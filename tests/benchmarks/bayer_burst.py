@@ -107,12 +107,9 @@ def _spread(
     for corner in product((0, 1), repeat=2):
         row, column = place = first + np.reshape(corner, (2, 1))
         inside = ((place >= 0) & (place < np.reshape(shape, (2, 1)))).all(axis=0)
-        share = np.prod(
-            [each if far else 1 - each for far, each in zip(corner, after, strict=True)], axis=0
-        )
-        total += np.bincount(
-            (row * shape[1] + column)[inside], (share * values)[inside], minlength=total.size
-        )
+        shares = [each if far else 1 - each for far, each in zip(corner, after, strict=True)]
+        share, pixels = np.prod(shares, axis=0), row * shape[1] + column
+        total += np.bincount(pixels[inside], (share * values)[inside], minlength=total.size)
     return total.reshape(shape)
 
 

@@ -55,9 +55,8 @@ def middle(rgb: FloatArray, side: int) -> FloatArray:
 
 def photographed(rgb: FloatArray, sigma: float, seed: int = SEED, **lens: Any) -> Mosaic:
     """A shot of a scene as it is in a file. lens: `shading` of the sensor's calibration."""
-    taken = simulate_additive(
-        rgb, PATTERN, SensorCalibration.of_bits(16, **lens), sigma, np.random.default_rng(seed)
-    )
+    camera, random = SensorCalibration.of_bits(16, **lens), np.random.default_rng(seed)
+    taken = simulate_additive(rgb, PATTERN, camera, sigma, random)
     return Mosaic(taken.codes, PATTERN, taken.calibration)
 
 

@@ -195,9 +195,8 @@ def _measured() -> Camera:
     """A camera file that was measured: from a dark frame, and a chart."""
     dark, lit = frame(np.zeros((60, 60, 3))), frame(chart().rgb)
     shot = measure_chart("chart.dng", lit, color_checker_xyz(), true_place().corners)
-    return conclude(
-        Measurements(color_checker_xyz(), lit, dark=measure_dark([dark]), shots=[shot])
-    ).camera
+    found = Measurements(color_checker_xyz(), lit, dark=measure_dark([dark]), shots=[shot])
+    return conclude(found).camera
 
 
 def _read_camera(path: Path) -> bytes:
@@ -220,9 +219,8 @@ def _streams() -> list[Sample]:
     for name, bits, stride in (("raw10", 10, 40), ("raw12", 12, 64), ("u16", 12, 0)):
         layout = FrameLayout(24, 18, name, stride)
         sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(bits))
-        data = b"".join(
-            pack(random_codes((18, 24), bits, seed), name, layout.stride) for seed in range(2)
-        )
+        frames = (random_codes((18, 24), bits, seed) for seed in range(2))
+        data = b"".join(pack(codes, name, layout.stride) for codes in frames)
 
         def read(path: Path, sensor: Sensor = sensor) -> bytes:
             with path.open("rb", buffering=0) as file:

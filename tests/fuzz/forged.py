@@ -35,9 +35,8 @@ def tiff(fields: Fields, strips: Sequence[bytes] = (), different: int = 0) -> by
     sizes: Any = {279: (FieldType.LONG, [len(strips[0])] * len(strips))}
     start = 0
     for _ in range(2):  # how long the directory is does not depend on where the strips are
-        data = encode_tiff(
-            Directory(known | sizes | {273: (FieldType.LONG, [start] * len(strips))})
-        )
+        offsets = {273: (FieldType.LONG, [start] * len(strips))}
+        data = encode_tiff(Directory(known | sizes | offsets))
         start = len(data)
     return data + strips[0]
 
@@ -71,13 +70,8 @@ def png(
     header = struct.pack(">IIBBBBB", side, side, bits, colour, 0, 0, 0)
     if samples is None:
         samples = zlib.compress(bytes(side * (1 + side * bits // 8)))
-    return (
-        b"\x89PNG\r\n\x1a\n"
-        + chunk(b"IHDR", header)
-        + inserted
-        + chunk(b"IDAT", samples)
-        + chunk(b"IEND", b"")
-    )
+    chunks = chunk(b"IHDR", header) + inserted + chunk(b"IDAT", samples) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + chunks
 
 
 def jpeg(side: int = SIDE, **options: object) -> bytes:

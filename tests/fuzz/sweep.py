@@ -38,11 +38,8 @@ def report(results: Iterable[Result], given: argparse.Namespace) -> list[int]:
     """Tell of each fault, and show how many cases of each kind had which outcome. Returns the
     numbers of the faults.
     """
-    log, counts, faults = (
-        partial(print, file=sys.stderr, flush=True),
-        Counter[tuple[str, str]](),
-        [],
-    )
+    log = partial(print, file=sys.stderr, flush=True)
+    counts, faults = Counter[tuple[str, str]](), list[int]()
     for number, kind, outcome, why in results:
         counts[kind, outcome] += 1
         if outcome == FAULT:

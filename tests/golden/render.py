@@ -54,17 +54,15 @@ def now() -> Golden:
 def saved() -> Golden:
     """The pictures that were kept."""
     with np.load(_PICTURES) as file:
-        return Golden(
-            **json.loads(_FACTS.read_text()), pictures={name: file[name] for name in PRESETS}
-        )
+        pictures = {name: file[name] for name in PRESETS}
+    return Golden(**json.loads(_FACTS.read_text()), pictures=pictures)
 
 
 def _picture(preset: str) -> FloatArray:
     """The rendering of a noisy shot of leaves, 36 x 28, K = 6."""
     calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
-    taken = simulate_additive(
-        leaves(28, 36), CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0)
-    )
+    scene, pattern, random = leaves(28, 36), CfaPattern.bayer(6), np.random.default_rng(0)
+    taken = simulate_additive(scene, pattern, calibration, 0.02, random)
     rgb = render(Mosaic(taken.codes, taken.pattern, taken.calibration), PRESETS[preset]).rgb
     return np.stack([rgb, ColourTransform.to_space(calibration, "srgb").apply(rgb)])
 

@@ -121,10 +121,8 @@ def test_where_nobody_has_measured_the_light_it_is_estimated() -> None:
     grey = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40)).repeat(6, 0).repeat(6, 1)
     reads = np.array([0.5, 1.0, 0.6, 2.1], np.float32)  # the channels, and their sum
     samples = grey.astype(np.float32) * reads[PATTERN.filter_map(grey.shape)]
-    plain, balanced_picture = (
-        SensorCalibration.of_bits(12, neutral=neutral) for neutral in (None, (1.0, 1.0, 1.0))
-    )
-    shots = [Mosaic(samples, PATTERN, calibration) for calibration in (plain, balanced_picture)]
+    stated = [SensorCalibration.of_bits(12, neutral=neutral) for neutral in (None, (1.0, 1.0, 1.0))]
+    shots = [Mosaic(samples, PATTERN, calibration) for calibration in stated]
     taken = [Camera(CAMERA, PATTERN).calibrated(shot) for shot in shots]
     taken.append(SteadyWhite()(Mosaic(samples, PATTERN, CAMERA)))
     for found in (each.calibration for each in taken):

@@ -50,15 +50,14 @@ def test_every_plane_has_its_own_levels_wherever_the_frame_begins() -> None:
     """Against the definition in double precision, every phase of the pattern; no value lies near
     the middle of two codes.
     """
-    calibration = SensorCalibration(
-        gamma=(0.8, 1.0, 1.2), black_level=(900.0, 1000.0, 1100.0, 1200.0), white_level=60000
-    )
+    blacks = 900.0, 1000.0, 1100.0, 1200.0
+    calibration = SensorCalibration(gamma=(0.8, 1.0, 1.2), black_level=blacks, white_level=60000)
     for origin in np.ndindex(4, 4):
         pattern = CfaPattern.bayer(4, "GBRG", origin)
         steps = np.random.default_rng(2).integers(0, 65000, SHAPE) + 0.3
         values = np.empty(SHAPE)
         for place in np.ndindex(SHAPE):
-            black = calibration.black_level["RGBW".index(geometry.letter(pattern, *place))]
+            black = blacks["RGBW".index(geometry.letter(pattern, *place))]
             values[place] = (steps[place] - black) / (60000 - black) * 3.0
         codes = np.floor(steps).astype(np.uint16)
         assert np.array_equal(Mosaic(values.astype(np.float32), pattern, calibration).codes, codes)

@@ -35,9 +35,8 @@ def test_filter_map_is_the_tile_repeated_from_its_origin(pattern: CfaPattern) ->
         planes = pattern.filter_map((17, 13), first)
         assert planes.dtype == np.uint8
         for (row, column), plane in np.ndenumerate(planes):
-            assert pattern.planes[plane] == geometry.letter(
-                pattern, row + first[0], column + first[1]
-            )
+            letter = geometry.letter(pattern, row + first[0], column + first[1])
+            assert pattern.planes[plane] == letter
 
 
 @with_patterns

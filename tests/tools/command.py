@@ -81,9 +81,8 @@ def start(
     options: of subprocess.Popen.
     """
     usual = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "cwd": ROOT, "text": True}
-    return subprocess.Popen(
-        [*before, sys.executable, "-c", script, *words(*arguments)], **{**usual, **options}
-    )
+    line = [*before, sys.executable, "-c", script, *words(*arguments)]
+    return subprocess.Popen(line, **{**usual, **options})
 
 
 def ended(

@@ -25,9 +25,8 @@ def commands(page: str) -> list[list[str]]:
     blocks = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
     inline = [text.replace("\n", " ") for text in re.findall(r"`(panchroma [^`]*)`", page)]
     lines = [line for block in blocks for line in block.replace("\\\n", " ").split("\n")]
-    parts = [
-        part.strip() for line in lines + inline for part in re.split(r"\||&&|;|  #|[<>]", line)
-    ]
+    split = (re.split(r"\||&&|;|  #|[<>]", line) for line in lines + inline)
+    parts = [part.strip() for parts in split for part in parts]
     ours = [part.removeprefix(".venv/bin/") for part in parts if "$" not in part]
     words = [shlex.split(part, comments=True)[1:] for part in ours if part.startswith("panchroma ")]
     return [

@@ -72,18 +72,16 @@ def of_evaluation(folder: Path, text: str) -> bytes:
     measures = Measures.of(*pair())
     pictures = [(text, psnr, embed_picture(PIXELS)) for psnr in (200.0, 30.0, 20.0)]
     exhibits = [{"title": why, "where": text, "pictures": pictures} for why in REASONS]
-    return build_page(
-        Figures(study, dict.fromkeys(study.cases(), measures)), exhibits, text, [text]
-    )
+    figures = Figures(study, dict.fromkeys(study.cases(), measures))
+    return build_page(figures, exhibits, text, [text])
 
 
 def of_calibration(_: Path, text: str) -> bytes:
     """The report on a chart."""
     taken = frame(chart().rgb, says=replace(BLIND, sensor=text))
     shot = measure_chart(text, taken, REFERENCE, true_place().corners)
-    return build_report(
-        conclude(Measurements(REFERENCE, taken, shots=[shot], skipped=[text]), {"date": text})
-    )
+    measured = Measurements(REFERENCE, taken, shots=[shot], skipped=[text])
+    return build_report(conclude(measured, {"date": text}))
 
 
 @pytest.mark.parametrize("make", [of_evaluation, of_calibration])

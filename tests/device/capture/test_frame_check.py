@@ -3,7 +3,7 @@ nothing.
 """
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import permutations
 from typing import Any
 
@@ -320,18 +320,13 @@ def test_a_small_frame_that_lost_bytes_is_told_by_itself_or_by_the_next(
 ) -> None:
     """Its last rows, a dozen windows across, may be dark."""
     height, width = 303, 401
-    described = Sensor(
-        FrameLayout(width, height, "u16"), CfaPattern.bayer(6), SensorCalibration.of_bits(12)
-    )
+    layout, calibration = FrameLayout(width, height, "u16"), SensorCalibration.of_bits(12)
+    described = Sensor(layout, CfaPattern.bayer(6), calibration)
     scene = leaves(height, width).copy()
     scene[-70:] *= np.float32(bottom)
-    taken = [
-        simulate_additive(
-            scene, described.pattern, described.calibration, 0.003, np.random.default_rng(seed)
-        ).codes.tobytes()
-        for seed in range(7)
-    ]
-    size, whole = described.layout.frame_bytes, b"".join(taken)
+    shoot = partial(simulate_additive, scene, described.pattern, calibration, 0.003)
+    taken = [shoot(np.random.default_rng(seed)).codes.tobytes() for seed in range(7)]
+    size, whole = layout.frame_bytes, b"".join(taken)
     assert look(whole, described) == []
     place = number * size + 3 * size // 10 // 2 * 2
     cut, passed = whole[:place] + whole[place + lost :], list[RawFrame]()

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -180,11 +181,7 @@ def test_noise_is_that_before_the_gain(pattern: CfaPattern, scale: int, linear: 
 
 def test_the_same_bytes_every_time() -> None:
     """If the digest fails: another BUILDER, and another digest."""
-    built = [
-        build_preview(pattern, scale, linear=linear)
-        for pattern, scale in CASES
-        for linear in (False, True)
-    ]
+    built = [build_preview(*case, linear=linear) for case, linear in product(CASES, (False, True))]
     assert built[0] == build_preview(*CASES[0])
     assert hashlib.sha256(b"".join(built)).hexdigest() == DIGEST
 
@@ -220,10 +217,8 @@ def test_other_programs_can_read_it_and_nothing_in_it_depends_on_the_processor(
     """But for the colour matrix, convolutions add 16-bit codes times small multiples of 1/64: exact
     in single precision.
     """
-    light, model = (
-        onnx.load_from_string(build_preview(pattern, scale, linear=linear))
-        for linear in (True, False)
-    )
+    graphs = (build_preview(pattern, scale, linear=linear) for linear in (True, False))
+    light, model = map(onnx.load_from_string, graphs)
     for each in (light, model):
         onnx.checker.check_model(each, full_check=True)
     assert {node.op_type for node in model.graph.node} <= {*EXACT, "Conv"}

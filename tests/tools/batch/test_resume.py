@@ -366,15 +366,13 @@ def test_every_field_that_changes_a_picture_changes_its_key(
     order: Order, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(offline.PRESETS, "changed", offline.PAPER)  # whose name it is
-    changed = dict(one_field_changed(order))
-    assert {"camera.measured", "kind.quality", "white.kind"} <= changed.keys()
+    keys = {name: _key_in(order.folder, other) for name, other in one_field_changed(order)}
+    assert {"camera.measured", "kind.quality", "white.kind"} <= keys.keys()
     whole = key_of(order)
-    same = {name for name, other in changed.items() if _key_in(order.folder, other) == whole}
-    assert same == NO_MATTER[type(order)]
-    assert NO_MATTER[type(order)] == order.no_matter
-    keys = [_key_in(order.folder, other) for other in changed.values()]
+    same = {name for name, key in keys.items() if key == whole}
+    assert same == NO_MATTER[type(order)] == order.no_matter
     # no two of them are the same either
-    assert len(set(keys) - {whole}) == len(changed) - len(same)
+    assert len({*keys.values()} - {whole}) == len(keys) - len(same)
 
 
 def _key_in(folder: Path, order: Order) -> str:

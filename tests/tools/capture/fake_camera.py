@@ -20,10 +20,8 @@ LIBRARY = "libaravis-0.8.so.0"
 ALONE = ("unshare", "--map-root-user", "--net")
 _WIDTH, _HEIGHT, _FORMAT = 0x100, 0x104, 0x128
 _FILL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_uint32] * 3)
-_GAIN = (
-    '<Float Name="Gain" '
-    'NameSpace="Standard"><Value>0</Value><Min>0</Min><Max>48</Max><Unit>dB</Unit></Float>'
-)
+_DECIBELS = "<Value>0</Value><Min>0</Min><Max>48</Max><Unit>dB</Unit>"
+_GAIN = f'<Float Name="Gain" NameSpace="Standard">{_DECIBELS}</Float>'
 
 
 class FakeCamera:
@@ -74,9 +72,8 @@ def serve(folder: Path, height: int, width: int, name: str, code: int, lost: int
     (folder / "camera.xml").write_text(xml.replace("<Category", f"{_GAIN}<Category", 1))
     aravis.arv_set_fake_camera_genicam_filename(str(folder / "camera.xml").encode())
     camera = ctypes.c_void_p(aravis.arv_gv_fake_camera_new(b"127.0.0.1", b"GV01"))
-    ctypes.CDLL("libgobject-2.0.so.0").g_object_set(
-        camera, b"gvsp-lost-ratio", ctypes.c_double(lost / 1000), None
-    )
+    objects = ctypes.CDLL("libgobject-2.0.so.0")
+    objects.g_object_set(camera, b"gvsp-lost-ratio", ctypes.c_double(lost / 1000), None)
     sensor = ctypes.c_void_p(aravis.arv_gv_fake_camera_get_fake_camera(camera))
     for register, value in ((_WIDTH, width), (_HEIGHT, height), (_FORMAT, code)):
         aravis.arv_fake_camera_write_register(sensor, register, value)

@@ -160,7 +160,5 @@ def test_kernels_that_are_not_in_the_folder_that_is_asked_for_are_told(
     monkeypatch.setattr("panchroma.offline.kernel_cache", Path("kernels/0123").absolute)
     monkeypatch.setattr("panchroma.offline.kernels_to_compile", list)
     (found,) = doctor._kernels(Console(quiet=True))
-    assert (found.state, found.found.startswith("no/folder cannot be written")) == (
-        state,
-        state == BAD,
-    )
+    is_told = found.found.startswith("no/folder cannot be written")
+    assert (found.state, is_told) == (state, state == BAD)
