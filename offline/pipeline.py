@@ -263,7 +263,8 @@ def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Frame:
     """The samples of a mosaic in scene units, shaded equally for all filters, with what the mosaic
     says of them.
     """
-    estimated, limit = mosaic.calibration.noise is None, clipping_level(mosaic)
+    estimated = mosaic.calibration.noise is None
+    limit = clipping_level(mosaic, samples.calibration.noise)
     return Frame(samples, limit, estimated=estimated, shading=mosaic.calibration.shading)
 
 

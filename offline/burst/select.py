@@ -20,7 +20,7 @@ from ..settings import RenderSettings
 from ..stages.defects import mend_defects
 from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
-from ..stages.noise import NoiseSettings, estimate_noise
+from ..stages.noise import ROUNDING, NoiseSettings, estimate_noise
 from .agree import Reference, agreement, lit_evenly, shaded_alike, unclipped
 from .align import CLIPPED, TINY, View, align, with_exposure
 from .motion import Motion, displaced
@@ -51,7 +51,6 @@ _AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
 # how much less variance than the frames' median a model may state: 16 times the ISO, four stops,
 # explains as much
 _QUIETER = 16.0
-_ROUNDING = 1 / 12  # variance of rounding, codes squared: that of an even distribution
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,7 +392,7 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     if not figures.any():  # they state that there is none
         return list(models)
     figures = np.maximum(figures, np.median(figures, axis=0) / _QUIETER)
-    rounding = [_ROUNDING * np.square(mosaic.calibration.scale()) for mosaic in mosaics]
+    rounding = [ROUNDING * np.square(mosaic.calibration.scale()) for mosaic in mosaics]
     figures[:, 1] = np.maximum(figures[:, 1], rounding)
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 

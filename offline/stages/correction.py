@@ -21,8 +21,10 @@ mean v, 0), and the error of filling f, a multiple of luminance's curvature at t
 around it where that is larger: D = min(f^2, M / q) with q = mean w^2, and T = max(M - D q, M / 2)
 C / (C - 1). Where luminance is flat, as at an edge between two colours of one brightness, all of M
 is colour. Where there is noise, M is no more than what a block's own residuals show beyond it,
-max(mean e^2 - 1.5 mean v, 0). Where the lines of blocks are known, w is what a unit of luminance
-adds on them.
+max(mean e^2 - 1.5 mean v, 0). Where luminance is flat as well, one sample that is off by four
+deviations would pass for colour: with F = v / (v + 1000 f^2 q), 3 F v more are taken off the power
+around a block, and 4 F v off its own. Where the lines of blocks are known, w is what a unit of
+luminance adds on them.
 
 - `update_luminance`: E[d | e] for the chromaticities of the blocks, before colour is spread.
 - `Correction`: E[d | e] and E[t | e] for the finished picture, added to all channels of all sites.
@@ -60,9 +62,11 @@ _TINT = 0.5  # fraction of the power of residuals that is colour at least
 # multiples of the noise variance that are taken off the power of residuals, around a block and its
 # own: a dark, even place beside strokes would take its noise for their errors
 _DEVIATIONS, _OWN_DEVIATIONS = 2.0, 1.5
+# as many more where luminance is flat; and of the power of its curvature, relative to the noise
+_FLAT, _OWN_FLAT, _CURVATURE = np.float32(3), np.float32(4), np.float32(1000)
 # blocks: standard deviation of the neighbourhood over which their power is averaged
 _WIDTH = 0.7
-_LEAST_SHARE, _LEAST_POWER = 1e-6, 1e-30  # keep quotients finite
+_LEAST_SHARE, _LEAST_POWER = 1e-6, np.float32(1e-30)  # keep quotients finite
 _RIDGE = 1e-6  # of D + T, added to v: equations can be solved where one error explains all sites
 _ZERO = np.float32(0)
 
@@ -132,17 +136,19 @@ def estimate_errors(
     sites, variance, count = frame.sites, frame.scaled_variance(rows), len(frame.gamma)
     own = mean_of_sites(error, error)
     mean = smoothed(own, _WIDTH)  # M
-    if variance is not None:
-        of_noise = mean_of_sites(variance)
-        around = mean - np.float32(_DEVIATIONS) * of_noise
-        beyond = own - np.float32(_OWN_DEVIATIONS) * of_noise
-        mean = np.maximum(np.minimum(around, beyond), 0)
-    mean = mean.astype(np.float32, copy=False)
     share = mean_of_sites(weight, weight)  # q
-    most = mean / np.maximum(share, _LEAST_SHARE)
     bent = np.square(frame.fill_error[rows])
     # a site where luminance happens to be even tells little of the strokes around it
-    of_filled = np.minimum(np.maximum(bent, smoothed(bent, _WIDTH)), most)
+    bent = np.maximum(bent, smoothed(bent, _WIDTH))
+    if variance is not None:
+        of_noise = mean_of_sites(variance)
+        flat = of_noise / (of_noise + _CURVATURE * bent * share + _LEAST_POWER)
+        around = mean - (np.float32(_DEVIATIONS) + _FLAT * flat) * of_noise
+        beyond = own - (np.float32(_OWN_DEVIATIONS) + _OWN_FLAT * flat) * of_noise
+        mean = np.maximum(np.minimum(around, beyond), 0)
+    mean = mean.astype(np.float32, copy=False)
+    most = mean / np.maximum(share, _LEAST_SHARE)
+    of_filled = np.minimum(bent, most)
     of_colour = np.maximum(mean - of_filled * share, np.float32(_TINT) * mean)
     of_colour /= np.float32(1 - 1 / count)
     noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)

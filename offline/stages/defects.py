@@ -71,7 +71,9 @@ class DefectsSettings(StageSettings):
 _LEAST_LUMINANCE = 2e-4
 _FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a corner has no more
 # fraction of the samples: if more than this stand out, they belong to the picture
-_MOST_OUTLIERS = 0.01
+_MOST_OUTLIERS = 0.03
+# deviations of the read noise, and scene units: a sample that is farther below black is dead
+_IMPOSSIBLE, _LEAST_IMPOSSIBLE = 12.0, 2e-3
 _CHANNEL = 1 / 3  # of the floor: about the share of light that a channel sees
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
 # share of squared samples, and scene units squared: weights are finite where nothing changes
@@ -91,6 +93,9 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     progress.stage("replacing defects", 2)
     bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.shape, np.bool_)
     if settings.contrast:
+        read = frame.noise.sigma(0) if frame.noise else 0.0
+        dead = frame.signal < -max(_IMPOSSIBLE * read, _LEAST_IMPOSSIBLE)
+        bad |= dead if np.count_nonzero(dead) <= _MOST_OUTLIERS * bad.size else False
         outliers = find_outliers(frame, settings, bad)
         if np.count_nonzero(outliers) <= _MOST_OUTLIERS * bad.size:
             bad |= outliers

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
+from ...shared.calibration import NoiseModel
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
@@ -65,16 +66,52 @@ _BLUR = 0.5  # pixels: standard deviation of the mean of a clipped sample and th
 # times as many restored pixels white, and 0.6 and 0.8 leave a third more of the lost ones grey.
 _MEASURES = 0.65, 0.85
 _FARTHEST = 3  # blocks from which light reaches what clipped samples touch: it is lent as far
+# places of a period whose samples are counted at most; codes below one at which samples pile up,
+# times their mean number that it has, and its least share; deviations of noise, in steps of codes
+_PLACES, _DOZEN, _PILED, _SHARE, _SPREAD = 4, 12, 8, 5e-4, 4
 _LEAST_COUNT = 1e-3  # keeps quotients finite: counts are at least a ninth
 
 
-def clipping_level(mosaic: Mosaic) -> float:
+def clipping_level(mosaic: Mosaic, noise: NoiseModel | None = None) -> float:
     """Scene units from which on a sample counts as saturated; infinite for samples that are not
     sensor codes.
+
+    noise: of the mosaic; where it is known, samples that pile up below the white level tell that
+    the sensor saturates there.
     """
     if mosaic.samples.dtype != np.uint16:
         return np.inf
-    return mosaic.calibration.full_scale - 0.5 * float(mosaic.calibration.scale().max())
+    calibration, scale = mosaic.calibration, float(mosaic.calibration.scale().max())
+    code = _pile_up(mosaic, noise) if noise else None
+    lower = 0 if code is None else calibration.white_level - code
+    return calibration.full_scale - (lower + 0.5) * scale
+
+
+def _pile_up(mosaic: Mosaic, noise: NoiseModel) -> int | None:
+    """Return the code at which the brightest panchromatic samples pile up: hardly any has a higher
+    one, and each of the dozen below it far fewer, though noise spreads samples wider; None = at
+    none. Of a large pattern some of the samples are counted.
+    """
+    calibration, period = mosaic.calibration, mosaic.pattern.period
+    places = np.argwhere(mosaic.pattern.panchromatic_mask((period, period)))
+    counts = np.zeros(1 << 16, np.intp)
+    for down, across in places[:: -(-len(places) // _PLACES)].tolist():
+        samples = mosaic.codes[down::period, across::period]
+        counts += np.bincount(samples.ravel(), minlength=len(counts))
+    used = np.flatnonzero(counts)
+    number, total = counts[used], counts.sum()
+    if len(used) <= _DOZEN:
+        return None
+    sums = np.append(0, number.cumsum())
+    code, count, above = used[_DOZEN:], number[_DOZEN:], total - sums[_DOZEN + 1 :]
+    below = (sums[_DOZEN:-1] - sums[: -_DOZEN - 1]) / _DOZEN
+    step = (code - used[:-_DOZEN]) / _DOZEN  # codes of many bits may have gaps
+    scale = float(calibration.scale()[-1])
+    signal = ((code - calibration.black_level[-1]) * scale).astype(np.float32)
+    spread = np.sqrt(noise.variance(signal)) / scale
+    piled = (count > _PILED * below) & (spread > _SPREAD * step)
+    piled &= (count > _SHARE * total) & (above < 2 * _SHARE * total) & (2 * signal > signal.max())
+    return int(code[piled].max()) if piled.any() else None
 
 
 def restore_highlights(

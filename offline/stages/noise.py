@@ -35,6 +35,8 @@ class NoiseSettings(StageSettings):
     estimate: bool = False
 
 
+ROUNDING = 1 / 12
+"""Variance that rounding adds, in codes squared."""
 # blind to cubic shading; keeps the variance of noise
 _FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)
 # Chosen on crops of photographs in noise that was kept secret.
@@ -49,14 +51,19 @@ _ROUNDS = 4  # of leaving out such bins; two do as well
 
 
 def with_noise_model(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
-    """The mosaic; where its calibration has no noise model, with an estimate in it if the settings
-    ask for one.
+    """The mosaic; if the settings ask for an estimate, with one where its calibration has no noise
+    model, and with the noise that rounding to codes adds to a stated one, or makes at least.
     """
-    if mosaic.calibration.noise is not None or not settings.estimate:
+    if not settings.estimate:
         return mosaic
-    noise = estimate_noise(mosaic)
-    calibration = replace(mosaic.calibration, noise=noise and noise.possible())
-    return replace(mosaic, calibration=calibration)
+    noise, rounding = mosaic.calibration.noise, ROUNDING * np.square(mosaic.calibration.scale())
+    combined = np.add if noise else np.maximum
+    if noise is None and (found := estimate_noise(mosaic)):
+        noise = found.possible()
+    if noise and any(noise.shot + noise.read):  # else it states that there is none
+        read = np.sqrt(combined(np.square(noise.read), rounding))
+        noise = replace(noise, read=tuple(read.tolist()))
+    return replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
 
 
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
@@ -116,7 +123,7 @@ def _windows(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Flo
 
     Where no row is panchromatic, it takes every n-th pixel of rows, for the least n with which
     these are. clear: bool (K, K), which pixels are panchromatic. limit: scene units; windows that
-    reach it are left out.
+    reach it are left out, and those that are black without any noise, as a mask around the picture.
     """
     yield np.empty((2, 0), np.float32)
     period = len(clear)
@@ -136,9 +143,9 @@ def _windows(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Flo
             level, high = (
                 plane.reshape(_LINES, -1, _LENGTH) for plane in (lines[:, 2 : 2 + width], high)
             )
-            yield np.stack([level.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))])[
-                :, level.max(axis=(0, 2)) < limit
-            ]
+            mean, variance = level.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))
+            shown = (level.max(axis=(0, 2)) < limit) & ((mean > 0) | (variance > 0))
+            yield np.stack([mean, variance])[:, shown]
 
 
 def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:

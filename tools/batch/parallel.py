@@ -159,8 +159,10 @@ def in_processes(
                 notes: list[str] = []
                 try:
                     result, notes = future.result()
-                except ProcessExpired:
-                    killed = "its process was killed, most likely for want of memory"
+                except ProcessExpired as end:
+                    killed = f"its process ended with exit code {end.exitcode}"
+                    if end.exitcode == -signal.SIGKILL:
+                        killed = "its process was killed, most likely for want of memory"
                     result = InputError(f"{killed}; {remedy}")
                 except BrokenProcessPool:  # as above
                     waiting = chain([item], waiting)

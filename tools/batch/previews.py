@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, cast
 
 from ...shared import ByteArray, CfaPattern, FloatArray, InputError, Mosaic
+from ...shared.figures import whole
 
 if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
     from ...device import Preview
@@ -15,6 +16,7 @@ class Previews:
     """
 
     def __init__(self, scale: int = 1, threads: int | None = None) -> None:
+        scale = whole("`scale`", scale)
         if scale < 1:
             raise InputError(f"`scale` is {scale}, expected 1 or more")
         self._scale, self._threads = scale, threads

@@ -67,6 +67,7 @@ _DENSE_APART = 40.0
 # of the energy between the brightest sites and others: different filters have 0.015 and more, the
 # same 0.002
 _UNLIKE = 0.005
+_SAME = 0.03  # three clear sites in four are less unlike: small frames of Bayer sensors are more
 # Change of clear sites over the mean of the two others: in eight photographs 2.2 and more, for they
 # see both and a third. Green sites of 14 RAWs and photographs: 1.3 to 2.3.
 _ALL_LIGHT = 2.1
@@ -155,7 +156,8 @@ def identify(codes: CodeArray, windows: int = _WINDOWS) -> Identity | None:
     levels = quarters.mean(axis=(0, 1)).reshape(period, period)
     if np.diff(np.sort(levels, axis=None)).max() < _GAP * np.ptp(levels):
         return None
-    alike = _are_alike(quarters, _bright(levels).ravel())
+    errors, share = _unlike(quarters, _bright(levels).ravel())
+    alike = errors < _SURE or share < _UNLIKE
     name, letters = "", np.full(levels.shape, UNKNOWN)
     if named := _find_named(folds, levels, alike):
         name, letters = named
@@ -165,7 +167,8 @@ def identify(codes: CodeArray, windows: int = _WINDOWS) -> Identity | None:
             letters = kinds
     if name == "Bayer" and _sees_all_light(folds.levels(period), (letters == "G").ravel()):
         name, letters = CLEAR[0], np.where(letters == "G", PANCHROMATIC, letters)
-    if not name and alike and period == 2 and (bright := _bright(levels)).sum() == 3:
+    same = alike and share < _SAME
+    if not name and same and period == 2 and (bright := _bright(levels)).sum() == 3:
         name, letters = CLEAR[2], np.where(bright, PANCHROMATIC, "R")
     times = len(letters) // period
     tile = tuple("".join(row) for row in letters.tolist())
@@ -358,12 +361,14 @@ def _resemblance(levels: DoubleArray, kinds: Sequence[NDArray[Any]]) -> DoubleAr
     return np.asarray(np.corrcoef(means))[[1, 0, 0], [2, 2, 1]]
 
 
-def _are_alike(quarters: DoubleArray, bright: BoolArray) -> bool:
-    """True if the brightest sites may have one filter: panchromatic ones read the same."""
+def _unlike(quarters: DoubleArray, bright: BoolArray) -> tuple[float, float]:
+    """Return how unlike the brightest sites are, which one filter would make the same: the energy
+    between them in standard errors, and as a share of that between them and the others.
+    """
     within = _spread(quarters, np.where(bright, UNKNOWN, PANCHROMATIC))
     one, other = (quarters[..., kind].mean(axis=2, keepdims=True) for kind in (bright, ~bright))
     beside = _energy(one - other)
-    return _errors(within) < _SURE or float(within.mean()) < _UNLIKE * float(beside.mean())
+    return _errors(within), float(within.mean()) / max(float(beside.mean()), 1e-12)
 
 
 def _is_sum(levels: DoubleArray, letters: Letters) -> bool:

@@ -122,7 +122,10 @@ class _Handler(SimpleHTTPRequestHandler):
         elif path == "/status":
             self._answer(self.server.finder.status())
         else:
-            super().do_GET()
+            try:
+                super().do_GET()
+            except ValueError:  # a name that no file can have
+                self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def do_POST(self) -> None:
         origin = self.headers.get("Origin")

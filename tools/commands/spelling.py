@@ -36,4 +36,6 @@ def spelled(message: str, options: Collection[str]) -> str:
         known = option_of(name)
         return f"{known if known in options else name.replace('_', ' ')} {value}".rstrip()
 
+    if "--overwrite" not in options:
+        message = message.replace("use `overwrite=True` to replace it", "choose another folder")
     return _ARGUMENT.sub(option, re.sub("`width`(,| and| or) `height`", "`size`", message))

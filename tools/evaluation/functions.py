@@ -11,7 +11,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import distributions
@@ -53,7 +53,8 @@ def function(text: str) -> Method:
 def _picture(
     text: str, path: str, call: Callable[[Mosaic], FloatArray], shot: Mosaic
 ) -> FloatArray:
-    with _named(text, path):
+    # what it prints is no record
+    with _named(text, path), redirect_stdout(sys.stderr):
         picture, expected = call(shot), (*shot.shape, len(shot.calibration.channels))
         if not isinstance(picture, np.ndarray) or picture.shape != expected:
             returned = getattr(picture, "shape", type(picture).__name__)

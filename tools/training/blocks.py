@@ -52,6 +52,7 @@ from ..batch.jobs import output_folder
 from ..batch.progress import StageProgress
 from ..simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_additive, simulate_sensor
 from .__main__ import training_parser
+from .drawings import with_lamps
 from .examples import DRAWN, PAGE, claim, make_examples, photographs, pictured, read_example
 from .graph import Graph, convolved, load_weights, rounded
 from .network import Descent, begin_with
@@ -76,6 +77,7 @@ _PATTERNS = {"K=6": 7, "K=4": 2, "K=5": 1, "K=8": 1, "RGWW/BWWW/WWWW/WWWW": 1, "
 _SHOTS = {"additive": 0.65, "sensor": 0.2, "burst": 0.1, "defects": 0.05}
 _CLEAN, _SIGMAS = 0.3, (0.003, 0.06)  # share without noise, and its range otherwise
 _DARK, _STOPS = 0.25, 3.0  # share of scenes that are darkened, and how far at most
+_NIGHT = 0.12  # share of scenes that are nights with lamps
 _BALANCED, _GAMMA = 0.3, 0.25  # share with other weights of Eq. 7, standard deviation of their logs
 _EXPOSURES = (-2.0, 1.7)  # stops, of a real sensor
 _NOISIER = (-0.7, 1.3)  # its noise relative to a typical one, powers of ten
@@ -241,7 +243,9 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
     """
     random = np.random.default_rng(seed)
     scene = pictured(source, random)
-    if random.random() < _DARK:
+    if random.random() < _NIGHT:
+        scene = with_lamps(scene, random)
+    elif random.random() < _DARK:
         scene = scene * np.float32(2 ** -random.uniform(0, _STOPS))
     odds = np.array(list(_PATTERNS.values())) / sum(_PATTERNS.values())
     pattern = CfaPattern.of_letters(str(random.choice(list(_PATTERNS), p=odds)))

@@ -26,6 +26,8 @@ _LUMINANCE = np.array([1.0, 1.0, 1.0]) / 3
 _DARKEST = 0.004
 _PANELS = 1.5  # rectangles of a colour under what is printed, on average
 _MARKED, _RULED = 0.15, 0.15  # share of words on a colour of their own, of rules below paragraphs
+_LAMPS, _NIGHT = 40, (1.0, 7.0)  # in a scene, on average; stops by which the rest is darker
+_SHINING = (-0.7, 1.0)  # their brightness, powers of ten
 _PAGES = (0.35, 0.25, 0.2, 0.1, 0.1)  # share of the kinds of pages, in their order below
 
 
@@ -112,6 +114,23 @@ def page(random: np.random.Generator) -> FloatArray:
         width = random.uniform(2, 8)
         scene = scene + random.uniform(0.1, 0.6) * gaussian_filter(scene, (width, width, 0))
     return np.asarray(scene, np.float32)
+
+
+def with_lamps(scene: FloatArray, random: np.random.Generator) -> FloatArray:
+    """A scene, (H, W, 3), at night, with small lamps of many colours."""
+    down, across = np.mgrid[0 : scene.shape[0], 0 : scene.shape[1]]
+    night = scene * np.float32(2 ** -random.uniform(*_NIGHT))
+    for _ in range(random.poisson(_LAMPS)):
+        row, column = random.uniform(0, scene.shape[:2])
+        radius = 10 ** random.uniform(-0.3, 0.7)
+        near = np.s_[max(int(row - radius) - 1, 0) : int(row + radius) + 3]
+        beside = np.s_[max(int(column - radius) - 1, 0) : int(column + radius) + 3]
+        apart = np.hypot(down[near, beside] - row, across[near, beside] - column)
+        share = (radius + 0.5 - apart).clip(0, 1)[..., None]
+        lamp = colour(random)
+        lamp *= np.float32(10 ** random.uniform(*_SHINING) / lamp.max())
+        night[near, beside] = night[near, beside] * (1 - share) + lamp * share
+    return night
 
 
 def _inked(numbers: IndexArray, inks: FloatArray, ground: FloatArray) -> FloatArray:

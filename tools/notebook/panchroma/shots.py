@@ -23,6 +23,7 @@ from .shared import (
 )
 from .shared.arrays import FloatArray
 from .shared.errors import InputError
+from .shared.figures import whole
 from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .tools.batch.burst_files import checked_reference, series
 from .tools.batch.chosen_white import WhiteBalance
@@ -321,11 +322,12 @@ def burst(
         raise InputError("`shots` is empty; expected two or more of one scene")
     if len(names) == 1 and names[0] not in held:
         open(names[0], max_pixels=max_pixels)  # says what is wrong with it
-    index = checked_reference(names, None if isinstance(reference, int) else reference, places)
-    if isinstance(reference, int):
-        if not 0 <= reference < len(names):
+    named = reference if isinstance(reference, str | Path) else None
+    index = checked_reference(names, named, places)
+    if not (reference is None or named):
+        index = whole("`reference`", reference)
+        if not 0 <= index < len(names):
             raise InputError(f"`reference` is {reference}, expected 0 to {len(names) - 1}")
-        index = reference
     rgb, subject = merged_picture(
         names,
         StageProgress(note=note_once),
@@ -386,6 +388,9 @@ def named_shots(shots: Shots, argument: str) -> tuple[list[str], dict[str, Shot]
 
 def as_shot(shot: Shot | File) -> Shot:
     """The shot itself, or that in a file."""
+    if not (isinstance(shot, Shot) or is_file(shot)):
+        made = "Shot(Mosaic(codes, pattern, calibration)) is one of codes of your own"
+        raise InputError(f"{type(shot).__name__} is neither a shot nor its file; {made}")
     return shot if isinstance(shot, Shot) else open(shot)
 
 
