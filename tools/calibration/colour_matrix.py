@@ -234,10 +234,9 @@ def expected_levels(
     light = fit_colour(levels, reference, centres).light
     weights = {name: kind[i] for names, kind in _KINDS.items() for i, name in enumerate(names)}
     if letter not in weights:
-        raise InputError(
-            f"the channel {letter} has no filter, and nobody knows what it should see of a chart; "
-            f"such a channel has to be one of {', '.join(weights)}"
-        )
+        fault = "has no filter, and nobody knows what it should see of a chart"
+        expected = f"such a channel has to be one of {', '.join(weights)}"
+        raise InputError(f"the channel {letter} {fault}; {expected}")
     return light * (_linear_srgb(reference) @ weights[letter]) / weights[letter].sum()
 
 
@@ -270,11 +269,10 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
         wrong = " and ".join(_NAMES[letter] for letter in names if true[letter] != letter)
         block = "".join(true.get(letter, letter) for letter in "/".join(pattern.letters_from()))
         if wrong:
-            raise InputError(
-                f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit "
-                f"its sensor, whose pattern probably is {block}; capture the shot again with the "
-                "right pattern"
-            )
+            shown = f"the chart shows that {wrong} are exchanged"
+            fault = f"does not fit its sensor, whose pattern probably is {block}"
+            remedy = "capture the shot again with the right pattern"
+            raise InputError(f"{shown}: the pattern in the shot {fault}; {remedy}")
 
 
 def _linear_srgb(colours: DoubleArray) -> DoubleArray:

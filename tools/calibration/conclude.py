@@ -20,14 +20,8 @@ from .chart.place import NAMES
 from .colour_matrix import FEWEST_CHANNELS, UNEVEN, ColourFit, fit_colour, light_change
 from .gamma import SUFFERS, GammaFit, reconciled
 from .measure import Measurements, ShotMeasurement
-from .photon_transfer import (
-    SIGMAS,
-    NoiseResult,
-    PhotonTransfer,
-    contradiction,
-    noise_of_flats,
-)
-from .places import PlaceSamples, figures
+from .photon_transfer import SIGMAS, PhotonTransfer, contradiction, noise_of_flats
+from .places import figures
 
 # Of gamma.
 _CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
@@ -150,9 +144,8 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     findings = {name: find(measured) for name, (find, _) in _ENTRIES.items()}
     changes = {name: value for entry in findings.values() for name, value in entry.changes.items()}
     made = provenance or {}
-    sources = {
-        name: {**made, **entry.facts} for name, entry in findings.items() if entry.facts is not None
-    }
+    facts = {name: entry.facts for name, entry in findings.items() if entry.facts is not None}
+    sources = {name: {**made, **of_entry} for name, of_entry in facts.items()}
     if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
         rescaled = calibration.full_scale / math.fsum(changes["gamma"])
@@ -179,24 +172,22 @@ def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
     """
     if measured.old is None:
         return []
-    before, found = measured.old.calibration, list[tuple[str, list[str]]]()
-    kept = [entry for entry in measured.known if entry not in sources]
+    before, wrong = measured.old.calibration, dict[str, tuple[str, ...]]()
     if measured.dark:
         moved = np.abs(measured.dark.black - np.array(before.black_level))
         if (moved > _MOVED * measured.assumed().black).any():
-            off = f"the black level is {moved.max():.1f} codes off the one"
-            found.append((off, [entry for entry in kept if entry in _OF_BLACK]))
+            wrong[f"the black level is {moved.max():.1f} codes off the one"] = _OF_BLACK
     if measured.shading:
         changed = float(np.abs(_tints(measured.shading.shading) / _tints(before.shading) - 1).max())
         if changed > _TINTED:
             off = f"colours fall off by up to {100 * changed:.1f} % otherwise than by the shading"
-            found.append((off, [entry for entry in kept if entry in _OF_SHADING]))
-    return [
-        f"{off} with which {', '.join(entries)} of the camera file were measured; give all frames "
-        "together to measure these again"
-        for off, entries in found
-        if entries
-    ]
+            wrong[off] = _OF_SHADING
+    lines, remedy = [], "give all frames together to measure these again"
+    for off, entries in wrong.items():
+        if kept := [entry for entry in measured.known if entry in entries and entry not in sources]:
+            with_it = f"with which {', '.join(kept)} of the camera file were measured"
+            lines.append(f"{off} {with_it}; {remedy}")
+    return lines
 
 
 def _tints(shading: Shading | None) -> FloatArray:
@@ -238,11 +229,9 @@ def conclude_gamma(measured: Measurements) -> Finding:
         width = before.get("half_width_95", [0] * old.size)
         moved = float((np.abs(fit.gamma - old) / np.hypot(fit.half_width, width)).max())
         if moved > _MOVED:
-            warnings.append(
-                f"gamma was {figures(old)} in the camera file, and is {figures(fit.gamma)} now: "
-                f"they differ by {moved:.0f} times their intervals (95 %); is this another camera, "
-                "lens or light?"
-            )
+            both = f"gamma was {figures(old)} in the camera file, and is {figures(fit.gamma)} now"
+            apart = f"they differ by {moved:.0f} times their intervals (95 %)"
+            warnings.append(f"{both}: {apart}; is this another camera, lens or light?")
     return Finding(facts, changes, warnings, black + others, refusal, fit)
 
 
@@ -253,6 +242,7 @@ def _contradictions(
     four standard errors, and what to shoot instead; a sentence each.
     """
     black, others = [], []
+    remedy = "give only shots of one session, with one lens, or shoot the chart anew in even light"
     for light, fit in fits.items():
         is_linear = fit.bend[1] < _BENT
         if is_linear and abs(fit.black_deviation) > _CONTRADICTION:
@@ -262,11 +252,8 @@ def _contradictions(
         if fit.contradiction > _CONTRADICTION:
             under = [shot for shot in shots if light in ("", shot.light)]
             gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in under)
-            others.append(
-                f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard "
-                f"deviations: {gammas}; give only shots of one session, with one lens, or shoot "
-                "the chart anew in even light"
-            )
+            apart = f"by {fit.contradiction:.0f} standard deviations: {gammas}"
+            others.append(f"the shots contradict each other in gamma {apart}; {remedy}")
     return black, others
 
 
@@ -288,10 +275,8 @@ def _wrong_black(fit: GammaFit) -> str:
         which = "that the dark frames show"
         settings = "with gain, exposure and temperature of the other shots"
         remedy = f"take dark frames anew, {settings}, and the chart without reflections"
-    return (
-        f"the shots contradict the black level {which} by {abs(fit.black_deviation):.0f} "
-        f"standard errors{estimate}; {remedy}"
-    )
+    errors = f"by {abs(fit.black_deviation):.0f} standard errors{estimate}"
+    return f"the shots contradict the black level {which} {errors}; {remedy}"
 
 
 def _not_following(fit: GammaFit) -> str:
@@ -312,17 +297,14 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     warnings = []
     if fit.worst > _GOOD_GAMMA * fit.limit:
         light = "white light" if any(shot.places.clipped.any() for shot in shots) else "more light"
-        remedy = f"{light}, a larger chart, more shots or flat frames (`flat`)"
-        warnings.append(
-            f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy} would help"
-        )
+        remedy = f"{light}, a larger chart, more shots or flat frames (`flat`) would help"
+        warnings.append(f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy}")
     bend, sure = fit.bend
     if sure > _BENT:
         size = f"{100 * abs(bend):.0f} % too {'little' if bend < 0 else 'much'}"
-        warnings.append(
-            f"the sensor is not linear: at full scale it reads {size}, by {sure:.0f} standard "
-            "errors; expose less, or make its codes linear"
-        )
+        reads = f"at full scale it reads {size}, by {sure:.0f} standard errors"
+        remedy = "expose less, or make its codes linear"
+        warnings.append(f"the sensor is not linear: {reads}; {remedy}")
     elif not fit.follows and fit.unexplained <= SUFFERS:
         warnings.append(_not_following(fit))
     for shot in shots:
@@ -388,30 +370,24 @@ def conclude_colour(measured: Measurements) -> Finding:
     if measured.lights and (wrong := _wrong_lights(charts)):
         return Finding(refusal=wrong)
     warnings, contradictions = [], []
+    remedy = "light the chart evenly, and take flat frames (`flat`) if the lens darkens the corners"
     for chart in best:
         name, mean = chart.shot.name, float(chart.fit.difference.mean())
         off = f"{name}: the colours differ from the reference by a mean dE2000 of {mean:.1f}"
-        warnings += [
-            f"{name}: the colour of {patch} does not fit the others, and was left out; avoid "
-            "reflections and dirt"
-            for patch in np.array(NAMES)[chart.shot.places.exposed & ~chart.fit.used]
-        ]
+        unlike = np.array(NAMES)[chart.shot.places.exposed & ~chart.fit.used]
+        fault = "does not fit the others, and was left out; avoid reflections and dirt"
+        warnings += [f"{name}: the colour of {patch} {fault}" for patch in unlike]
         if (unevenness := chart.fit.unevenness) > UNEVEN:
-            warnings.append(
-                f"{name}: the light on the chart is uneven, up to {unevenness:.2f} times brighter "
-                "in one place than in another, and colours are only corrected for it in part; "
-                "light the chart evenly, and take flat frames (`flat`) if the lens darkens the "
-                "corners"
-            )
+            much = f"up to {unevenness:.2f} times brighter in one place than in another"
+            fault = f"is uneven, {much}, and colours are only corrected for it in part"
+            warnings.append(f"{name}: the light on the chart {fault}; {remedy}")
         if mean > _USELESS_COLOUR:
             contradictions.append(f"{off}, more than {_USELESS_COLOUR:.0f}")
         elif mean > _GOOD_COLOUR:
             warnings.append(f"{off}, more than {_GOOD_COLOUR:.0f}")
     of_charts = [_colour_facts(chart) for chart in best]
-    colours = [
-        (as_rows(chart.fit.matrix), tuple(chart.fit.neutral.tolist()), chart.gamma)
-        for chart in best
-    ]
+    pairs = [(chart.fit, chart.gamma) for chart in best]
+    colours = [(as_rows(fit.matrix), tuple(fit.neutral.tolist()), gamma) for fit, gamma in pairs]
     facts, ((matrix, neutral, _), *_) = of_charts[0], colours
     changes: dict[str, Any] = {"camera_to_xyz": matrix, "neutral": neutral, "lights": None}
     if measured.lights:
@@ -475,10 +451,8 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
     all can.
     """
     (one, first), (other, second) = charts.items()
-    changes = [
-        (light_change(a.fit, b.fit, (one, other)), a.shot.name, b.shot.name)
-        for a, b in product(first, second)
-    ]
+    lights, pairs = (one, other), product(first, second)
+    changes = [(light_change(a.fit, b.fit, lights), a.shot.name, b.shot.name) for a, b in pairs]
     least, most = _LIKELY_CHANGE
     unlikely = [change for change in changes if not least <= change[0] <= most]
     if not unlikely:
@@ -502,10 +476,8 @@ def conclude_black_level(measured: Measurements) -> Finding:
     dark = measured.dark
     if dark is None:
         return Finding()
-    coarse = (
-        "the read noise is smaller than rounding to codes shows, so the dark frames do not "
-        "tell it; use more gain or more bits"
-    )
+    why = "the read noise is smaller than rounding to codes shows"
+    coarse = f"{why}, so the dark frames do not tell it; use more gain or more bits"
     facts = {"frames": dark.frames, "standard_error": rounded(dark.black_error)}
     changes = {"black_level": measured.calibration.black_level}
     return Finding(facts, changes, () if dark.shows_read else (coarse,))
@@ -528,18 +500,14 @@ def conclude_defects(measured: Measurements) -> Finding:
         defects |= before
     fraction, warnings = len(defects) / measured.base.samples.size, []
     if gone := stated.difference(defects):
-        warnings.append(
-            f"{len(gone)} defects that the frames state show neither in dark nor in flat frames, "
-            "and are left out"
-        )
+        unseen = "that the frames state show neither in dark nor in flat frames"
+        warnings.append(f"{len(gone)} defects {unseen}, and are left out")
     if fraction > _MANY:
         warnings.append(f"there are many defective pixels: {len(defects)} ({100 * fraction:.2f} %)")
     if flats and flats.blind > _BLIND:
-        warnings.append(
-            "the flat frames are too dark, or too uneven, to tell dead pixels in "
-            f"{100 * flats.blind:.0f} % of the frame; expose the brightest pair up to three "
-            "quarters of full scale"
-        )
+        where = f"to tell dead pixels in {100 * flats.blind:.0f} % of the frame"
+        remedy = "expose the brightest pair up to three quarters of full scale"
+        warnings.append(f"the flat frames are too dark, or too uneven, {where}; {remedy}")
     return Finding({"part_of_pixels": fraction}, {"defects": tuple(defects)}, warnings)
 
 
@@ -549,7 +517,8 @@ def conclude_noise(measured: Measurements) -> Finding:
     if not flats:
         return Finding(warnings=_stored_noise(measured))
     noise = noise_of_flats(flats, calibration, dark, measured.assumed().black)
-    if fault := contradiction(noise, calibration, dark, [shot.places for shot in measured.shots]):
+    charts = [shot.places for shot in measured.shots]
+    if fault := contradiction(noise.lines, calibration, dark, charts, noise.points):
         line = f"noise was left out: flat frames {', '.join(flats.names)}: {fault}"
         remedy = "take all frames with one gain, and flat frames in steady light"
         return Finding(warnings=[f"{line}; {remedy}"])
@@ -565,10 +534,8 @@ def conclude_noise(measured: Measurements) -> Finding:
     }
     warnings = [*flats.flicker]
     if not noise.uncertainty <= _GOOD_NOISE:
-        warnings.append(
-            f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %); "
-            "take more pairs of flat frames (`flat`)"
-        )
+        known = f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %)"
+        warnings.append(f"{known}; take more pairs of flat frames (`flat`)")
     # In all but the darkest frames shot noise hides read noise.
     error = SIGMAS * max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
     if error > _GOOD_READ and (dark is None or dark.shows_read):  # or dark frames cannot help
@@ -587,9 +554,7 @@ def _stored_noise(measured: Measurements) -> list[str]:
     figures_of = np.array([model.shot, model.read, *errors]) / calibration.full_scale
     lines = tuple(PhotonTransfer(*plane) for plane in figures_of.T.tolist())
     charts = [shot.places for shot in measured.shots]
-    none = np.zeros((0, len(lines)))
-    nowhere = PlaceSamples(none, none, none, np.zeros(0, bool), np.zeros((0, 2)))
-    fault = contradiction(NoiseResult(lines, nowhere, ""), calibration, measured.dark, charts)
+    fault = contradiction(lines, calibration, measured.dark, charts)
     remedy = "take flat frames (`flat`) with the gain of these frames, or these with that gain"
     where = f"noise in the camera file, from {stated.get('from', 'flat frames')}"
     return [f"{where}: {fault}; {remedy}"] if fault else []

@@ -8,16 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shared import DoubleArray, IndexArray, InputError, Mosaic
-from .places import (
-    CLIP,
-    LEAST_SAMPLES,
-    clipped_moments,
-    code_step,
-    figures,
-    levels_of,
-    planes_of,
-    windows,
-)
+from . import places
 
 # in steps between codes, squared: the variance that rounding adds (Sheppard's correction)
 ROUNDING = 1 / 12
@@ -84,15 +75,15 @@ class DarkResult:
     @property
     def words(self) -> str:
         """Black level, read noise and defects, for people."""
-        read = "read noise too small for these codes"
+        read, black = "too small for these codes", places.figures(self.black)
         if self.shows_read:
-            read = f"read noise {figures(self.read)} codes"
-        return f"black level {figures(self.black)} codes, {read}, {len(self.defects)} defects"
+            read = f"{places.figures(self.read)} codes"
+        return f"black level {black} codes, read noise {read}, {len(self.defects)} defects"
 
 
 def check_dark(frame: Mosaic) -> None:
     """Raise InputError if a frame that is given as dark is not."""
-    level = float(np.median(levels_of(frame)))
+    level = float(np.median(places.levels_of(frame)))
     if level > _NOT_DARK:
         found = f"its median is {100 * level:.0f} % of full scale"
         raise InputError(f"is not dark: {found}; cover the lens")
@@ -105,10 +96,10 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
     Raises InputError if light fell in, or if they clearly differ in noise or level.
     """
     first = frames[0]
-    planes = planes_of(first, defects=True)  # which are found anew
+    planes = places.planes_of(first, defects=True)  # which are found anew
     number = len(first.pattern.planes)
     codes = np.stack([frame.codes for frame in frames])
-    step, stack = code_step(codes), codes.astype(np.float64)
+    step, stack = places.code_step(codes), codes.astype(np.float64)
     mean, rounding, hidden = stack.mean(axis=0), ROUNDING * step**2, HIDDEN * step
     _check_alike(stack[:, planes == number - 1], names)
     black, error, read, read_error = (np.zeros(number) for _ in range(4))
@@ -117,7 +108,7 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
     for plane in range(number):
         here = planes == plane
         values = mean[here]
-        centre, spread = clipped_moments(values)
+        centre, spread = places.clipped_moments(values)
         good = np.abs(values - centre) <= max(DEFECT * spread, _LEAST_DEFECT * step)
         defect[here] = ~good
         black[plane] = values[good].mean()
@@ -171,21 +162,18 @@ def _in_common(samples: DoubleArray, rows: IndexArray) -> float:
 
 def _check_alike(samples: DoubleArray, names: Sequence[str]) -> None:
     """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples)."""
-    levels, spreads = np.array([clipped_moments(frame) for frame in samples]).T
+    levels, spreads = np.array([places.clipped_moments(frame) for frame in samples]).T
     # Of codes that happen not to change, rounding hides the noise.
     noises = np.sqrt(spreads**2 + ROUNDING)
-    for what, values, limit in (
-        ("noise", noises, np.sqrt(_UNLIKE) * noises.min()),
-        ("level", levels, levels.min() + _DRIFT * max(float(noises.max()), 1.0)),
-    ):
+    most_noise = np.sqrt(_UNLIKE) * noises.min()
+    most_level = levels.min() + _DRIFT * max(float(noises.max()), 1.0)
+    for what, values, limit in (("noise", noises, most_noise), ("level", levels, most_level)):
         low, high = int(values.argmin()), int(values.argmax())
         if values[high] > limit:
             names = names or [f"frame {number + 1}" for number in range(len(samples))]
-            raise InputError(
-                f"dark frames: the {what} of {names[low]} is {values[low]:.4g} codes, of "
-                f"{names[high]} {values[high]:.4g}: they have another gain or exposure, or "
-                "light fell in; take all in the same way"
-            )
+            both = f"{names[low]} is {values[low]:.4g} codes, of {names[high]} {values[high]:.4g}"
+            fault = f"the {what} of {both}: they have another gain or exposure, or light fell in"
+            raise InputError(f"dark frames: {fault}; take all in the same way")
 
 
 def _check_light(
@@ -200,7 +188,7 @@ def _check_light(
     and light has shot noise: the planes' variances rise along a line over their levels. Heat lifts
     all planes alike, and an electronic offset has no noise.
     """
-    letters, planes = frame.pattern.planes, planes_of(frame, defects=True)
+    letters, planes = frame.pattern.planes, places.planes_of(frame, defects=True)
     limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK)
     lift = black - black[:-1].min()
     variance = noise**2
@@ -217,15 +205,15 @@ def _check_light(
             "all colours; cover lens and viewfinder, and take them in the dark"
         )
     steps = []
-    for window in windows(planes):
+    for window in places.windows(planes):
         signal, here = mean[window], planes[window]
         middle = [float(np.median(signal[here == plane])) for plane in range(len(letters))]
         steps.append((middle[-1] - float(np.mean(middle[:-1])), window))
     usual = float(np.median([step for step, _ in steps]))
     most, (rows, columns) = max(steps, key=lambda step: step[0])
-    if most - usual > max(limit, CLIP * float(noise.max()) / np.sqrt(frames * LEAST_SAMPLES)):
+    clip = places.CLIP * float(noise.max())
+    if most - usual > max(limit, clip / np.sqrt(frames * places.LEAST_SAMPLES)):
         place = f"row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}"
-        raise InputError(
-            f"dark frames: light fell in around {place}: W is {most - usual:.1f} codes further "
-            "above the other filters there than elsewhere; cover lens and viewfinder"
-        )
+        above = f"W is {most - usual:.1f} codes further above the other filters there"
+        fault = f"light fell in around {place}: {above} than elsewhere"
+        raise InputError(f"dark frames: {fault}; cover lens and viewfinder")

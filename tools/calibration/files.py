@@ -11,7 +11,7 @@ from typing import Any
 
 from ...shared import Camera, InputError, Mosaic, OutputError, read_camera
 from ...shared.figures import numbers
-from ...shared.reading import File, file_name
+from ...shared.reading import File, file_name, naming
 from ...shared.writing import write_durably
 from ..batch.folders import DNGS, Search, file_key, search
 from ..batch.jobs import identity
@@ -57,10 +57,8 @@ def sort_files(requested: Mapping[str, Sequence[str]]) -> tuple[Files, list[Sear
                 raise InputError(f"{source.name}: is given as {both}; a frame is of one kind")
             kind_of.setdefault(key, found)
     if len(requested) > len(KINDS) and files["shots"]:
-        raise InputError(
-            f"{files['shots'][0]}: shows a chart under neither light; name it after one of the "
-            "two `chart_light`"
-        )
+        remedy = "name it after one of the two `chart_light`"
+        raise InputError(f"{files['shots'][0]}: shows a chart under neither light; {remedy}")
     return files, searches
 
 
@@ -108,11 +106,9 @@ def check_same(path: str | Path, old: Camera, base: Mosaic) -> None:
     """Raise InputError, naming the file, if a frame is not from the camera in it: another sensor,
     pattern, size or white level.
     """
-    try:
+    with naming(path):
         old.check(base.pattern, base.calibration)
         old.check_size(base.shape)
-    except InputError as error:
-        raise type(error)(f"{path}: {error}") from None
     known, stated = old.calibration.white_level, base.calibration.white_level
     if known != stated:
         raise InputError(f"{path}: the shots have white level {stated}, the camera file {known}")

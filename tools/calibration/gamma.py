@@ -338,10 +338,8 @@ class GammaFit:
         """
         if self.gamma.min() > 0 and self.worst <= self.limit:
             return ""
-        return (
-            f"gamma is only known to be {self.words}, and {100 * self.limit:.0f} % are needed: "
-            f"{_INSTEAD}; more light or more shots help too"
-        )
+        known = f"gamma is only known to be {self.words}, and {100 * self.limit:.0f} % are needed"
+        return f"{known}: {_INSTEAD}; more light or more shots help too"
 
 
 def fit_gamma(
@@ -376,12 +374,10 @@ def fit_gamma(
     channels = places.mean.shape[1] - 1
     level, colours = places.mean[:, -1], places.mean[:, :-1]
     exposed = places.exposed & (level > 0)
-    least = 2 * channels
-    if exposed.sum() < least:
-        raise InputError(
-            f"gamma: {int(exposed.sum())} of {len(level)} patches are lit and not clipped, and "
-            f"{least} are needed: change the exposure, or {_INSTEAD}"
-        )
+    least, lit = 2 * channels, int(exposed.sum())
+    if lit < least:
+        found = f"{lit} of {len(level)} patches are lit and not clipped, and {least} are needed"
+        raise InputError(f"gamma: {found}: change the exposure, or {_INSTEAD}")
     problem = _Problem(places, mean_variance(places, exposed))
     used, spread, freedom = exposed, 1.0, 1.0
     solution, believed = problem.start(used), np.zeros(0)
@@ -406,10 +402,9 @@ def fit_gamma(
     of_chart = np.flatnonzero(used[:patches])
     condition = float(np.linalg.cond(colours[of_chart] / level[of_chart, None]))
     if condition > (worst := max(_WORST_CONDITION, _PER_CHANNEL * channels)):
-        raise InputError(
-            f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most "
-            f"{worst:.0f}), or the light has fewer primaries than the sensor channels; {_INSTEAD}"
-        )
+        much = f"condition {condition:.0f}, at most {worst:.0f}"
+        why = f"the patches' colours are too similar ({much}), or the light has fewer primaries"
+        raise InputError(f"gamma: {why} than the sensor channels; {_INSTEAD}")
     fit = GammaFit(
         information=information,
         right_hand_side=(information + believed) @ solution,

@@ -29,24 +29,14 @@ from .files import KINDS, Files
 from .gamma import Assumed, GammaFit, combined, fit_gamma, fit_with_derived, with_surroundings
 from .measured_shading import ShadingResult, measure_shading
 from .photon_transfer import FlatResult, check_flat, measure_flats, noise_of_flats
-from .places import (
-    NO_PLANE,
-    Named,
-    PlaceSamples,
-    figures,
-    patch_samples,
-    planes_of,
-    without_shading,
-)
+from .places import Named, PlaceSamples, figures, patch_samples, plateau, without_shading
 
 # Of full scale, between two black levels: more than they drift with temperature (see
 # gamma._STEADY).
 _FAR = 1 / 256
 # Half width over gamma that a large chart reaches by itself: no areas around it are measured.
 _REACHED = 0.02
-# Samples end below the white level where this share of them has the highest code, many times as
-# many as so many lower codes, and more than a few; a drawn scene without noise has few codes.
-_ENDED, _MORE, _BELOW, _CODES, _FEWEST = 1e-3, 10, 8, 64, 20
+
 _CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
 
@@ -202,10 +192,9 @@ def measure_chart(
         What may be off; None = nothing was measured, see `Assumed`.
     """
     if len(mosaic.pattern.channels) < FEWEST_CHANNELS:
-        raise InputError(
-            f"a sensor with the channels {mosaic.pattern.channels} cannot tell the colours of a "
-            "chart apart: calibrate it with dark and flat frames alone"
-        )
+        sensor = f"a sensor with the channels {mosaic.pattern.channels}"
+        remedy = "calibrate it with dark and flat frames alone"
+        raise InputError(f"{sensor} cannot tell the colours of a chart apart: {remedy}")
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
     places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
@@ -284,18 +273,17 @@ class Session:
 
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
-        frames = self._unshaded(paths, "dark")
+        if not (frames := self._unshaded(paths, "dark")):
+            return
+        names, mosaics = zip(*frames, strict=True)
         try:
-            names, mosaics = zip(*frames, strict=True) if frames else ((), ())
-            dark = measure_dark(mosaics, names) if frames else None
+            dark = self.measured.dark = measure_dark(mosaics, names)
         except InputError as error:
             self._skip(paths, error)
             # What refused frames state is not the camera's.
-            self.measured.base = dark = None
+            self.measured.base = None
             self._facts.clear()
-        if dark is None:
             return
-        self.measured.dark = dark
         self._console.say(dark.words)
         path, first = frames[0]
         stated = first.calibration
@@ -391,7 +379,7 @@ class Session:
             first = self._paths[digest]
             raise InputError(f"it is the same shot as {first}: a copy adds nothing; leave it out")
         self._paths[digest] = path
-        end, share = (0, 0.0) if kind == "dark" else _plateau(mosaic)
+        end, share = (0, 0.0) if kind == "dark" else plateau(mosaic)
         if share and end not in self._ends:
             self._ends.add(end)
             self.measured.remarks.append(
@@ -422,10 +410,9 @@ class Session:
         for name, fact in facts.items():
             first, before = self._facts.get(name, ("", ""))
             if fact != before and fact and before:  # some may not be stated
-                raise InputError(
-                    f"its {name} is {fact}, that of {first} is {before}: all frames have to be "
-                    "from one camera, with the same settings"
-                )
+                both = f"its {name} is {fact}, that of {first} is {before}"
+                remedy = "all frames have to be from one camera, with the same settings"
+                raise InputError(f"{both}: {remedy}")
         return {name: (path, fact) for name, fact in facts.items() if fact}
 
     def _process(
@@ -454,32 +441,17 @@ class Session:
         self._console.record(source=path, ok=False, error=" ".join(why.split()))
 
 
-def _plateau(mosaic: Mosaic) -> tuple[int, float]:
-    """Return the highest code, and the share of the samples that have it if they end there below
-    the white level; 0 if they do not. Noise alone makes the highest codes rare.
-    """
-    counts = np.bincount(mosaic.codes[planes_of(mosaic) != NO_PLANE])
-    used, end = np.flatnonzero(counts), len(counts) - 1
-    if end >= mosaic.calibration.white_level or len(used) < _CODES:
-        return end, 0.0
-    step = int(np.gcd.reduce(np.diff(used)))
-    near, share = counts[max(end - _BELOW * step, 0) : end], float(counts[end] / counts.sum())
-    ends = share > _ENDED and counts[end] > max(_MORE * near.sum(), _FEWEST)
-    return end, share if ends else 0.0
-
-
 def _facts(mosaic: Mosaic) -> dict[str, str]:
     """Return what frames of one calibration have in common, for people; "" = not stated."""
     calibration, pattern, taken = mosaic.calibration, mosaic.pattern, mosaic.metadata
-    exposure = taken.exposure_time
+    exposure, letters = taken.exposure_time, " ".join(pattern.letters_from())
     return {
         "sensor": calibration.sensor,
         "model": " ".join(filter(None, (taken.make, taken.model))),
         "ISO": "" if taken.iso is None else str(taken.iso),
         "exposure time": "" if exposure is None else f"{exposure:.3g} s",
         "size": f"{mosaic.shape[1]} x {mosaic.shape[0]} pixels",
-        "pattern": f"{pattern.channels} period {pattern.period} "
-        f"({' '.join(pattern.letters_from())})",
+        "pattern": f"{pattern.channels} period {pattern.period} ({letters})",
         "number of bits": str(calibration.bits),
         "white level": str(calibration.white_level),
         "black level": figures(calibration.black_level),

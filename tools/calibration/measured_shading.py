@@ -110,10 +110,9 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
     least = _FEWEST * _PERIODS * pattern.period
     if min(shape) < least:
-        raise InputError(
-            f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it "
-            f"takes {least}, {_FEWEST * _PERIODS} periods of the pattern"
-        )
+        size = f"{shape[1]} x {shape[0]} pixels"
+        needed = f"along each side it takes {least}, {_FEWEST * _PERIODS} periods of the pattern"
+        raise InputError(f"flat frames: {size} do not tell it; {needed}")
     focal = _common_focal_length(frames)
     light, falloffs = _mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
@@ -134,11 +133,9 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     residuals = np.sqrt(np.maximum(beyond, 0)).tolist()  # root mean square, of each plane
     residual, letter = max(zip(residuals, pattern.planes, strict=True))
     if residual > _RESIDUAL:
-        raise InputError(
-            f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth "
-            f"shading, {100 * _RESIDUAL:.1f} % are allowed; take an evenly lit surface without "
-            "texture, out of focus"
-        )
+        off = f"{100 * residual:.2g} % from any smooth shading, {100 * _RESIDUAL:.1f} % are allowed"
+        remedy = "take an evenly lit surface without texture, out of focus"
+        raise InputError(f"flat frames: in {letter} they differ by {off}; {remedy}")
     is_even = float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error)
     rounded = None if is_even else replace(shading, residual=float(f"{residual:.2g}"))
     return ShadingResult(rounded, len(falloffs), error)
@@ -182,11 +179,9 @@ def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, 
         falloffs[name] = np.add.reduceat(strips, right, axis=1)
     if not falloffs:
         share, letter, name = min(clipped)
-        raise InputError(
-            f"flat frames: all are clipped; {name} is least so, in {100 * share:.2g} % of the "
-            f"samples of {letter}; expose less, so that the brightest read about three quarters of "
-            "full scale"
-        )
+        least = f"{name} is least so, in {100 * share:.2g} % of the samples of {letter}"
+        remedy = "expose less, so that the brightest read about three quarters of full scale"
+        raise InputError(f"flat frames: all are clipped; {least}; {remedy}")
     return total / len(falloffs), falloffs
 
 
@@ -201,11 +196,10 @@ def _check_alike(falloffs: dict[str, DoubleArray]) -> None:
             continue
         unlike = float(np.ptp(falloff / falloff.mean() / (together / together.mean())))
         if unlike > _OTHERWISE:
-            raise InputError(
-                f"flat frames: the light of {name} falls off in another way than that of all "
-                f"together, by {100 * unlike:.1f} %, {100 * _OTHERWISE:.0f} % are allowed; take "
-                "all with the same lens, focal length, aperture and light"
-            )
+            way = f"the light of {name} falls off in another way than that of all together"
+            much = f"by {100 * unlike:.1f} %, {100 * _OTHERWISE:.0f} % are allowed"
+            remedy = "take all with the same lens, focal length, aperture and light"
+            raise InputError(f"flat frames: {way}, {much}; {remedy}")
 
 
 def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Windows:
@@ -261,11 +255,10 @@ def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:
         gain = (down @ panchromatic @ right.T) * (of_colour @ relative @ at.T)
         gains.append(np.linalg.pinv(down) @ gain @ np.linalg.pinv(right).T)
     if not error <= _WORST:
-        raise InputError(
-            f"flat frames: they are too dark, and tell the shading only to ±{100 * error:.1f} % "
-            f"(standard error), {100 * _WORST:.0f} % are allowed; expose more, up to three "
-            "quarters of full scale, or take more"
-        )
+        known = f"±{100 * error:.1f} % (standard error), {100 * _WORST:.0f} % are allowed"
+        fault = f"they are too dark, and tell the shading only to {known}"
+        remedy = "expose more, up to three quarters of full scale, or take more"
+        raise InputError(f"flat frames: {fault}; {remedy}")
     middle = [np.array([(length - 1) / 2]) for length in size]
     scaled = [(gain / _values(gain, size, *middle)[0]).tolist() for gain in (*gains, panchromatic)]
     rounded = [[[float(f"{x:.{_DIGITS}g}") for x in row] for row in gain] for gain in scaled]
@@ -355,11 +348,9 @@ def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
     away = float(np.hypot(*displaced.x)) / 2
     clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
     if clearly and away > _CENTRE:
-        raise InputError(
-            f"flat frames: the light falls off around a place that is {100 * away:.0f} % of the "
-            f"diagonal off the middle, {100 * _CENTRE:.0f} % are allowed; is the lens or the "
-            "light askew?"
-        )
+        place = f"a place that is {100 * away:.0f} % of the diagonal off the middle"
+        fault = f"the light falls off around {place}, {100 * _CENTRE:.0f} % are allowed"
+        raise InputError(f"flat frames: {fault}; is the lens or the light askew?")
     tilts = {"": (0.0 if clearly else tilt, side)}
     # With little fall-off both centres are possible.
     centres = [np.zeros(2), displaced.x] if away <= _CENTRE else [np.zeros(2)]

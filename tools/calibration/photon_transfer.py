@@ -13,22 +13,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ...shared import BoolArray, DoubleArray, InputError, Mosaic, NoiseModel, SensorCalibration
+from . import places
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
-from .places import (
-    CLIP,
-    CLIPPED,
-    FEW,
-    NO_PLANE,
-    Named,
-    PlaceSamples,
-    clipped_moments,
-    code_step,
-    inliers,
-    levels_of,
-    planes_of,
-    robust_deviation,
-    windows,
-)
+from .places import Named, PlaceSamples
 
 _FIT_ROUNDS = 12
 _LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
@@ -105,7 +92,7 @@ def fit_photon_transfer(
         least = np.maximum(_LEAST_SHARE * variance, 1e-15)
         predicted = np.maximum(signed @ coefficients + offset, least)
         score = (variance / predicted - 1) * root
-        kept = score <= _HIGH * max(1.0, robust_deviation(score))
+        kept = score <= _HIGH * max(1.0, places.robust_deviation(score))
         if kept.sum() < 2:
             kept = np.ones(mean.size, bool)
     scaled = columns[kept] * (root / predicted)[kept, None]
@@ -184,10 +171,8 @@ class NoiseResult:
 
         full_scale: scene units at the white level.
         """
-        return NoiseModel(
-            tuple(full_scale * line.shot for line in self.lines),
-            tuple(full_scale * line.read for line in self.lines),
-        )
+        shot, read = full_scale * np.array([(line.shot, line.read) for line in self.lines]).T
+        return NoiseModel(tuple(shot.tolist()), tuple(read.tolist()))
 
     @property
     def uncertainty(self) -> float:
@@ -202,9 +187,9 @@ def check_flat(frame: Mosaic) -> None:
     """Raise InputError if a frame that is given as flat shows a scene: its dark edges would pass
     for dead pixels.
     """
-    planes, levels = planes_of(frame), levels_of(frame)
+    planes, levels = places.planes_of(frame), places.levels_of(frame)
     clear = planes == len(frame.pattern.planes) - 1
-    middles = [float(np.median(levels[window][clear[window]])) for window in windows(planes)]
+    middles = [float(np.median(levels[window][clear[window]])) for window in places.windows(planes)]
     side = math.isqrt(len(middles))
     light = np.log(np.maximum(middles, max(_DIMMEST * max(middles), 1e-6))).reshape(side, side)
     steps = np.concatenate([np.diff(light, axis=axis).ravel() for axis in (0, 1)])
@@ -229,45 +214,42 @@ def measure_flats(named: Sequence[Named], dark: DarkResult | None = None) -> Fla
         Measurements of dark frames; None = there are none.
     """
     names, frames = zip(*named, strict=True)
-    planes = planes_of(frames[0])
+    planes = places.planes_of(frames[0])
     white = len(frames[0].pattern.planes) - 1
-    levels = [levels_of(frame).astype(np.float64) for frame in frames]
-    brightness = [float(np.median(level[planes == white])) for level in levels]
-    lit = sorted((level, index) for index, level in enumerate(brightness) if 0 < level < CLIPPED)
+    levels = [places.levels_of(frame).astype(np.float64) for frame in frames]
+    lights = [float(np.median(level[planes == white])) for level in levels]
+    lit = sorted((light, index) for index, light in enumerate(lights) if 0 < light < places.CLIPPED)
     pairs: list[tuple[int, int]] = []
     while len(lit) > 1:
-        level, first = lit.pop(0)
-        if lit[0][0] <= level * (1 + _SAME_EXPOSURE):
+        light, first = lit.pop(0)
+        if lit[0][0] <= light * (1 + _SAME_EXPOSURE):
             pairs.append((first, lit.pop(0)[1]))
     if not pairs:
-        raise InputError(
-            "flat frames: no two unclipped frames have the same exposure; take two of each, at "
-            "several exposures up to three quarters of full scale"
-        )
+        remedy = "take two of each, at several exposures up to three quarters of full scale"
+        raise InputError(f"flat frames: no two unclipped frames have the same exposure; {remedy}")
     frames_of = [((levels[one] + levels[two]) / 2, levels[one] - levels[two]) for one, two in pairs]
     rows = [_common_rows(*pair, planes, white) for pair in frames_of]
     span = frames[0].calibration.white_level - frames[0].calibration.black_level[-1]
     # Rows of the sensor have this in common without light.
     most = dark.rows / span**2 if dark else math.inf
     usual = max(min(most, *(excess for _, excess, _ in rows)), 0)
-    flicker = [
-        f"{names[one]} and {names[two]}: the light flickers, rows differ by "
-        f"{100 * math.sqrt(2 * (excess - usual)) / brightness[one]:.2g} %; take flat frames in "
-        "daylight, or under a lamp that does not flicker"
-        for (one, two), (_, excess, least) in zip(pairs, rows, strict=True)
-        if excess - usual > least
-    ]
+    flicker, remedy = [], "take flat frames in daylight, or under a lamp that does not flicker"
+    for (one, two), (_, excess, least) in zip(pairs, rows, strict=True):
+        if excess - usual > least:
+            much = f"{100 * math.sqrt(2 * (excess - usual)) / lights[one]:.2g} %"
+            fault = f"the light flickers, rows differ by {much}"
+            flicker.append(f"{names[one]} and {names[two]}: {fault}; {remedy}")
     if flicker and dark is None:
         raise InputError(f"flat frames: {flicker[-1]}, or add dark frames (`dark`)")
     if flicker:
         frames_of = [(pair[0], steady) for pair, (steady, *_) in zip(frames_of, rows, strict=True)]
-    points = [_pair_points(*pair, planes, white + 1) for pair in frames_of]
-    mean, variance, count = np.moveaxis(np.concatenate(points), 1, 0)
+    moments = [_pair_points(*pair, planes, white + 1) for pair in frames_of]
+    mean, variance, count = np.moveaxis(np.concatenate(moments), 1, 0)
     variance, number = variance + usual * bool(flicker), len(mean)
-    places = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
-    every = planes_of(frames[0], defects=True)
-    dead, step = _dead(*frames_of[-1], every), code_step(frames[pairs[-1][0]].codes)
-    return FlatResult(len(pairs), places, *dead, flicker, names, step)
+    points = PlaceSamples(mean, variance, count, np.zeros(number, bool), np.zeros((number, 2)))
+    every = places.planes_of(frames[0], defects=True)
+    dead, step = _dead(*frames_of[-1], every), places.code_step(frames[pairs[-1][0]].codes)
+    return FlatResult(len(pairs), points, *dead, flicker, names, step)
 
 
 def noise_of_flats(
@@ -291,9 +273,8 @@ def noise_of_flats(
         (C + 1,), standard error of the black level, codes; None = it is exact.
     """
     points, span = flats.points, calibration.white_level - np.array(calibration.black_level)
-    points = replace(
-        points, variance=np.maximum(points.variance - ROUNDING * (flats.step / span) ** 2, 0)
-    )
+    rounding = ROUNDING * (flats.step / span) ** 2
+    points = replace(points, variance=np.maximum(points.variance - rounding, 0))
     known = dark if dark is not None and dark.shows_read else None
     lines = []
     for plane, full in enumerate(span.tolist()):
@@ -326,15 +307,18 @@ def noise_of_flats(
 
 
 def contradiction(
-    noise: NoiseResult,
+    lines: Sequence[PhotonTransfer],
     calibration: SensorCalibration,
     dark: DarkResult | None,
     charts: Sequence[PlaceSamples],
+    points: PlaceSamples | None = None,
 ) -> str:
     """Return what contradicts the noise of flat frames; "" = nothing does.
 
     Parameters
     ----------
+    lines : Sequence[PhotonTransfer]
+        Per plane (the channels, then panchromatic).
     calibration : SensorCalibration
         Its levels are those of the frames. Its shading is undone in charts, which raises their
         noise by its gain at most.
@@ -342,19 +326,19 @@ def contradiction(
         Measurements of dark frames; None = there are none.
     charts : Sequence[PlaceSamples]
         Patches of charts.
+    points : PlaceSamples | None, optional
+        The measurements that the lines were fitted to; None = they are not known.
     """
-    *colours, white = noise.lines
+    *colours, white = lines
     photon = white.shot, white.shot_error
     shot, error = np.mean([(line.shot, line.shot_error) for line in colours], axis=0).tolist()
     rows = [("photon", photon, (shot, error), 1.0, "colour samples")]
     if charts:
-        points = np.concatenate([_panchromatic(chart) for chart in charts], axis=1)
+        patches = np.concatenate([_panchromatic(chart) for chart in charts], axis=1)
         gain = float(calibration.shading.sketch[-1].max()) if calibration.shading else 1.0
-        rows.append(("photon", photon, _chart_shot(*points), gain, "the chart"))
+        rows.append(("photon", photon, _chart_shot(*patches), gain, "the chart"))
     if dark and dark.shows_read:
-        free = (
-            fit_photon_transfer(*_panchromatic(noise.points)) if len(noise.points.mean) else white
-        )
+        free = white if points is None else fit_photon_transfer(*_panchromatic(points))
         read = float(dark.read[-1] / (calibration.white_level - calibration.black_level[-1]))
         rows.append(("read", (free.read, free.read_error), (read, 0.0), 1.0, "dark frames"))
     for kind, (ours, error), (theirs, other), more, whom in rows:
@@ -364,10 +348,10 @@ def contradiction(
     return ""
 
 
-def _panchromatic(places: PlaceSamples) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
+def _panchromatic(points: PlaceSamples) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """Return mean, variance and count of the panchromatic samples in N exposed places, (N,)."""
-    here = places.exposed, -1
-    return places.mean[here], places.variance[here], places.count[here]
+    here = points.exposed, -1
+    return points.mean[here], points.variance[here], points.count[here]
 
 
 def _chart_shot(
@@ -390,7 +374,7 @@ def _common_rows(
     in parts of their light; half the variance of that in the panchromatic plane, beyond what noise
     explains; and the least of it that matters.
     """
-    row = np.arange(len(planes))[:, None] * (NO_PLANE + 1) + planes
+    row = np.arange(len(planes))[:, None] * (places.NO_PLANE + 1) + planes
     count = np.bincount(row.ravel())
     light, total = (np.bincount(row.ravel(), each.ravel()) for each in (mean, difference))
     share = np.clip(total / np.maximum(light, _LEAST * count + 1e-9), -1, 1)
@@ -414,22 +398,22 @@ def _pair_points(
 
     number: of planes P; the result is (N, 3, P).
     """
-    places = []
-    for window in windows(planes):
+    found = []
+    for window in places.windows(planes):
         place, brightest = np.zeros((3, number)), 0.0
         for plane in range(number):
             light, apart = (each[window][planes[window] == plane] for each in (mean, difference))
-            if light.size < FEW:
+            if light.size < places.FEW:
                 break
-            centre, spread = clipped_moments(apart)
-            good = np.abs(apart - centre) <= CLIP * max(spread, 1e-12)
-            good &= inliers(light - np.median(light), max(spread, _LEAST))
+            centre, spread = places.clipped_moments(apart)
+            good = np.abs(apart - centre) <= places.CLIP * max(spread, 1e-12)
+            good &= places.inliers(light - np.median(light), max(spread, _LEAST))
             light, apart = light[good], apart[good]
             place[:, plane] = light.mean(), apart.var(ddof=1) / 2, light.size
             brightest = max(brightest, float(np.quantile(light + np.abs(apart) / 2, 0.99)))
-        if brightest < CLIPPED and place[2].all():
-            places.append(place)
-    return np.reshape(places, (-1, 3, number))
+        if brightest < places.CLIPPED and place[2].all():
+            found.append(place)
+    return np.reshape(found, (-1, 3, number))
 
 
 def _dead(
@@ -444,14 +428,14 @@ def _dead(
     """
     dead: list[tuple[int, int]] = []
     blind = 0
-    for window in windows(planes):
+    for window in places.windows(planes):
         top, left = window[0].start, window[1].start
         levels, noise = 2 * mean[window], difference[window]
         for plane in np.unique(planes[window]):
             own = planes[window] == plane
             middle, number = float(np.median(levels[own])), int(own.sum())
             low = own & (levels < _DEAD * middle)
-            noisy = (1 - _DEAD) * middle < DEFECT * clipped_moments(noise[own])[1]
+            noisy = (1 - _DEAD) * middle < DEFECT * places.clipped_moments(noise[own])[1]
             if noisy or low.sum() > max(_MOST_DEAD * number, 2):
                 blind += number
             else:

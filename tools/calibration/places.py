@@ -23,6 +23,9 @@ LEAST_SAMPLES = 40  # samples of the rarest plane in a window, about
 _PLACES_ACROSS = 12
 FEW = 9  # samples: fewer do not tell their own deviation
 NO_PLANE = 255  # of a defective sample, see `planes_of`
+# Samples end below the white level where this share of them has the highest code, many times as
+# many as so many lower codes, and more than a few; a drawn scene without noise has few codes.
+_ENDED, _MORE, _BELOW, _CODES, _FEWEST = 1e-3, 10, 8, 64, 20
 
 
 Pixels = tuple[IndexArray, IndexArray]
@@ -116,6 +119,20 @@ def planes_of(mosaic: Mosaic, *, defects: bool = False) -> ByteArray:
     return planes
 
 
+def plateau(mosaic: Mosaic) -> tuple[int, float]:
+    """Return the highest code, and the share of the samples that have it if they end there below
+    the white level; 0 if they do not. Noise alone makes the highest codes rare.
+    """
+    counts = np.bincount(mosaic.codes[planes_of(mosaic) != NO_PLANE])
+    used, end = np.flatnonzero(counts), len(counts) - 1
+    if end >= mosaic.calibration.white_level or len(used) < _CODES:
+        return end, 0.0
+    step = int(np.gcd.reduce(np.diff(used)))
+    near, share = counts[max(end - _BELOW * step, 0) : end], float(counts[end] / counts.sum())
+    ends = share > _ENDED and counts[end] > max(_MORE * near.sum(), _FEWEST)
+    return end, share if ends else 0.0
+
+
 def listed_defects(mosaic: Mosaic) -> Pixels:
     """Return the pixels in the calibration's list of defects that lie in the frame."""
     places = np.array(mosaic.calibration.defects, np.intp).reshape(-1, 2)
@@ -203,10 +220,8 @@ def cut_windows(shape: tuple[int, ...], numbers: tuple[int, ...]) -> Iterator[tu
 
     numbers: of windows along each axis.
     """
-    cuts = (
-        np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()
-        for length, number in zip(shape, numbers, strict=True)
-    )
+    axes = zip(shape, numbers, strict=True)
+    cuts = (np.unique(np.linspace(0, size, count + 1).astype(int)).tolist() for size, count in axes)
     for (top, bottom), (left, right) in product(*map(pairwise, cuts)):
         yield slice(top, bottom), slice(left, right)
 

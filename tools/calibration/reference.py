@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from ...shared import DoubleArray, InputError
-from ...shared.reading import MAX_DOCUMENT, File, file_name, read_text
+from ...shared.reading import MAX_DOCUMENT, File, naming, read_text
 from ..io.colour import lab_to_xyz, xyz_to_lab
 from .chart.place import COLUMNS, PATCHES
 
@@ -31,10 +31,8 @@ def read_reference(path: File) -> DoubleArray:
 
     Raises InputError that names the file and what is wrong with it.
     """
-    try:
+    with naming(path):
         return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))
-    except InputError as error:
-        raise type(error)(f"{file_name(path)}: {error}") from None
 
 
 def _reference(text: str) -> DoubleArray:
@@ -42,10 +40,8 @@ def _reference(text: str) -> DoubleArray:
     fields, rows = _table(text)
     columns = next((names for names in _COLUMNS if all(name in fields for name in names)), None)
     if columns is None:
-        raise InputError(
-            "has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B; turn spectra into XYZ for "
-            "D50 and 2 degrees, as Argyll's spec2cie does"
-        )
+        remedy = "turn spectra into XYZ for D50 and 2 degrees, as Argyll's spec2cie does"
+        raise InputError(f"has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B; {remedy}")
     if len(rows) != PATCHES:
         raise InputError(f"{len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
     try:
@@ -72,10 +68,9 @@ def _scaled(values: DoubleArray) -> DoubleArray:
     for scale in (1, 100):
         if _LEAST_WHITE <= white / scale <= _MOST_WHITE:
             return values / scale
-    raise InputError(
-        f"the white patch (A4) has XYZ_Y {white:g}, expected about 0.9 (of 0 to 1) or 90 (of 0 "
-        "to 100), relative to perfect white; divide all by what that reads, or correct the order"
-    )
+    expected = "expected about 0.9 (of 0 to 1) or 90 (of 0 to 100), relative to perfect white"
+    remedy = "divide all by what that reads, or correct the order"
+    raise InputError(f"the white patch (A4) has XYZ_Y {white:g}, {expected}; {remedy}")
 
 
 def _checked(reference: DoubleArray) -> DoubleArray:
@@ -85,16 +80,12 @@ def _checked(reference: DoubleArray) -> DoubleArray:
     grey = reference[_WHITE:]
     darker = (np.diff(grey[:, 1]) < 0).all() and _LEAST_WHITE <= grey[0, 1] <= _MOST_WHITE
     if reference.min() < 0 or not darker:
-        raise InputError(
-            "the grey row (A4 to F4) does not get darker from white, about 0.9 of perfect white, "
-            "to black; correct scale or order"
-        )
+        expected = "from white, about 0.9 of perfect white, to black; correct scale or order"
+        raise InputError(f"the grey row (A4 to F4) does not get darker {expected}")
     tint = np.median(xyz_to_lab(grey)[:, 1:], axis=0)
     if np.hypot(*tint) > _TINTED:
-        raise InputError(
-            f"the grey row has a tint (a* {tint[0]:.0f}, b* {tint[1]:.0f}), as for another light "
-            "than D50; adapt the colours to D50"
-        )
+        found = f"(a* {tint[0]:.0f}, b* {tint[1]:.0f}), as for another light than D50"
+        raise InputError(f"the grey row has a tint {found}; adapt the colours to D50")
     return reference
 
 

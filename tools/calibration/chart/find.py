@@ -59,8 +59,7 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
             if difference > _WORTH_REFINING:
                 continue
             refined = refine(picture, upright)
-            fault = _fault(picture, refined, reference)
-            if not fault:
+            if not (fault := _fault(picture, refined, reference)):
                 _check_size(refined, mosaic)
                 return refined
             why = f"; the likeliest place was refused: {fault}"
@@ -88,11 +87,9 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
     """Raise InputError if the chart is so small that its patches hold too few colour blocks."""
     period = mosaic.pattern.period
     if place.pitch < (needed := least_pitch(period)):
-        raise InputError(
-            f"the chart is too small: its patches are {place.pitch:.0f} pixels apart, and period "
-            f"{period} needs {needed}; go nearer, so that the chart is at least "
-            f"{needed * COLUMNS} pixels wide"
-        )
+        far = f"its patches are {place.pitch:.0f} pixels apart, and period {period} needs {needed}"
+        remedy = f"go nearer, so that the chart is at least {needed * COLUMNS} pixels wide"
+        raise InputError(f"the chart is too small: {far}; {remedy}")
 
 
 def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> Iterator[ChartPlace]:

@@ -49,10 +49,9 @@ class ChartPlace:
         sides = np.roll(points, -1, axis=0) - points
         turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
         if not (turns > 0).all():
-            raise InputError(
-                "chart: the corners are not clockwise around a convex quadrilateral; "
-                "give those at dark skin, bluish green, black, white"
-            )
+            fault = "the corners are not clockwise around a convex quadrilateral"
+            remedy = "give those at dark skin, bluish green, black, white"
+            raise InputError(f"chart: {fault}; {remedy}")
 
     @cached_property
     def _to_frame(self) -> DoubleArray:
