@@ -225,12 +225,12 @@ def build_page(
         A line for each scene or result that is missing.
     """
     study = figures.study
-    groups = [_group(figures, name) for name in figures.groups]
+
     return render_page(
         _TEMPLATE,
         title="Is the sparse-colour camera better?",
         summary=describe(figures),
-        groups=groups,
+        groups=[_group(figures, name) for name in figures.groups],
         exhibits=exhibits,
         failures=failures,
         facts={"patch": PSNR_PATCH, "border": BORDER, "crop": CROP, "seed": SEED},

@@ -33,14 +33,11 @@ def _preset(name: str, title: str) -> Method:
 @cache
 def methods() -> dict[str, Method]:
     """All methods but networks, by name: ours, then those of a Bayer camera."""
-    ours = [
-        _preset("paper", "Sparse colour, paper"),
-        _preset("best", "Sparse colour, best"),
-        _preset("unlearned", "Sparse colour, best, unlearned"),
-        Method("preview", "Sparse colour, preview", linear_preview, ours=True),
-    ]
+    titles = {"paper": "paper", "best": "best", "unlearned": "best, unlearned"}
+    presets = (_preset(name, f"Sparse colour, {title}") for name, title in titles.items())
+    preview = Method("preview", "Sparse colour, preview", linear_preview, ours=True)
     rivals = (method for module in _RIVALS for method in module.METHODS)
-    return {method.name: method for method in (*ours, *rivals)}
+    return {method.name: method for method in (*presets, preview, *rivals)}
 
 
 def default_names() -> list[str]:

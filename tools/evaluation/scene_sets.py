@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...shared import FloatArray, InputError
+from ...shared.reading import naming
 from ...shared.white_balance import shades_of_grey
 from ..batch.folders import search
 from ..io.scene import RGB, Scene
@@ -86,13 +87,10 @@ class Reading:
 
         Raises InputError, naming the file, if it cannot be read, or has changed since.
         """
-        try:
+        with naming(info.source):
             scene = _loaded(info.source, self)
-        except InputError as error:
-            raise InputError(f"{info.source}: {error}") from None
-        if digest(scene.rgb) != info.digest:
-            changed = "the picture has changed since the evaluation began; run it again"
-            raise InputError(f"{info.source}: {changed}")
+            if digest(scene.rgb) != info.digest:
+                raise InputError("the picture has changed since the evaluation began; run it again")
         return scene
 
     def info(self, source: str) -> SceneInfo:

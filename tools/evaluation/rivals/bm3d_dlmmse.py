@@ -24,14 +24,13 @@ def denoise_bayer(shot: BayerShot) -> FloatArray:
     transform first makes the noise equal everywhere, and its unbiased inverse follows (Makitalo and
     Foi 2013). Planes smaller than 8 x 8 and shots without noise are returned unchanged.
     """
-    denoised = shot.samples.copy()
-    if min(denoised.shape) < 2 * _BLOCK_SIDE or (shot.shot == 0 and shot.read == 0):
+    denoised, (_, photons, read) = shot.samples.copy(), shot
+    if min(denoised.shape) < 2 * _BLOCK_SIDE or (photons == 0 and read == 0):
         return denoised
     for row, column in product((0, 1), repeat=2):
         plane = denoised[row::2, column::2].astype(np.float64)
-        denoised[row::2, column::2] = (
-            _stabilised_bm3d(plane, shot.shot, shot.read) if shot.shot else _bm3d(plane, shot.read)
-        )
+        smooth = _stabilised_bm3d(plane, photons, read) if photons else _bm3d(plane, read)
+        denoised[row::2, column::2] = smooth
     return denoised
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from ....shared.arrays import BORDER, ByteArray, DoubleArray, FloatArray
 from ....shared.errors import InputError, meant
-from ....shared.reading import read_text, read_whole
+from ....shared.reading import naming, read_text, read_whole
 from ...simulation.bayer import channel_map
 from ...simulation.protocols import BayerShot
 from ..cameras import Method
@@ -128,14 +128,8 @@ def network(path: str) -> Method:
         raise InputError(f"{description}: does not say how the network is fed: {reason}") from error
     version = hashlib.sha256(f"{digest} {text}".encode()).hexdigest()[:16]
     name = printable(f"{Path(path).stem}-{version[:8]}")
-    return Method(
-        name,
-        f"Bayer, {name}",
-        partial(_demosaic, path, digest, contract),
-        version,
-        balanced=contract.balanced,
-        source=path,
-    )
+    title, demosaic = f"Bayer, {name}", partial(_demosaic, path, digest, contract)
+    return Method(name, title, demosaic, version, balanced=contract.balanced, source=path)
 
 
 def printable(name: str) -> str:
@@ -234,7 +228,5 @@ def content(path: str) -> str:
 
 def read(path: str) -> bytes:
     """The content of a file. Raises InputError, which names it."""
-    try:
+    with naming(path):
         return read_whole(path, _LARGEST_NETWORK, "a network")
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
