@@ -100,21 +100,18 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
         for letter, mixture in BROADBAND.items():
             sources.setdefault(letter, np.sum([sources[each] for each in mixture], axis=0))
     if missing := [letter for letter in channels if letter not in sources]:
-        raise InputError(
-            f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}; "
-            "use a scene with these channels, or another pattern"
-        )
+        both = f"the filters {_listed(missing)}, and the scene only {_listed(there)}"
+        remedy = "use a scene with these channels, or another pattern"
+        raise InputError(f"the pattern has {both}; {remedy}")
     passed = np.array([sources[channel] for channel in channels])
     matrix = passed / passed.sum(axis=1, keepdims=True)
     # The least-squares solution of "weighted filters add up to all channels".
     weights = np.linalg.lstsq(matrix.T, np.ones(len(there)))[0]
     if weights.min() < _ROUNDING:
         nearest = ", ".join(map("{} {:.3g}".format, channels, weights.round(3) + 0.0))
-        raise InputError(
-            f"panchromatic pixels see {' + '.join(there)}, and Eq. 7 needs positive weights of "
-            f"{_listed(channels)} that add up to it; there are none (the nearest: {nearest}), "
-            "choose other filters"
-        )
+        needed = f"positive weights of {_listed(channels)} that add up to it"
+        fault = f"panchromatic pixels see {' + '.join(there)}, and Eq. 7 needs {needed}"
+        raise InputError(f"{fault}; there are none (the nearest: {nearest}), choose other filters")
     gamma = (weights / passed.sum(axis=1).mean()).round(_DIGITS)
     return Filters(channels, as_rows(matrix), tuple(gamma.tolist()))
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from ...shared import Camera, read_camera
 from ...shared.errors import InputError, meant
 from ...shared.pattern import PERIODS, CfaPattern
-from ...shared.reading import File, file_name, read_text
+from ...shared.reading import File, naming, read_text
 from ...shared.tiles import EXPECTED, TILES, letters_of
 
 _PATTERN_LETTERS = re.compile("[A-Z/]+")
@@ -92,10 +92,8 @@ def camera_and_pattern(
     if origin is not None:
         tile = replace(tile, origin=origin)
     if known and camera:
-        try:
+        with naming(camera):
             known.check_pattern(tile)
-        except InputError as error:
-            raise type(error)(f"{file_name(camera)}: {error}") from None
     return known, tile
 
 

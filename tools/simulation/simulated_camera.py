@@ -255,21 +255,18 @@ def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) ->
 
     frames: by the names of their files. shape: rows and columns of each.
     """
+    moved = {}
+    for name, frame in frames.items():
+        (down, across), angle = frame.motion
+        stops = {} if frame.stops is None else {"stops": frame.stops}
+        moved[name] = {"down": down, "across": across, "degrees": math.degrees(angle), **stops}
     described: dict[str, Any] = {
         "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y - "
         "sin(a) x + down, x' = cos(a) x + sin(a) y + across of a frame, from `centre`; a = "
         "degrees, counter-clockwise; pixels, rows down and columns to the right",
         "centre": [(count - 1) / 2 for count in shape],
         "reference": next(iter(frames)),
-        "frames": {
-            name: {
-                "down": frame.motion.shift[0],
-                "across": frame.motion.shift[1],
-                "degrees": math.degrees(frame.motion.angle),
-                **({} if frame.stops is None else {"stops": frame.stops}),
-            }
-            for name, frame in frames.items()
-        },
+        "frames": moved,
     }
     return json.dumps(described, indent=1) + "\n"
 
