@@ -27,19 +27,8 @@ from torch.nn import functional
 from ...offline.frame import Sites
 from ...offline.pipeline import clean_frame
 from ...offline.settings import BEST
-from ...offline.stages.block_network import (
-    CHOICES,
-    LINES,
-    NEAR,
-    PATH,
-    PLANES,
-    PROPOSALS,
-    STEP,
-    UNIT,
-    alike_blocks,
-    block_planes,
-    line_ends,
-)
+from ...offline.stages import block_network
+from ...offline.stages.block_network import CHOICES, LINES, NEAR, PLANES, PROPOSALS, STEP, UNIT
 from ...offline.stages.chromaticity import block_sums
 from ...offline.stages.colour_network import BASIS
 from ...offline.stages.denoising import denoise_luminance
@@ -178,9 +167,8 @@ def lines(planes: Any, answer: Any) -> tuple[Any, Any]:
     wide, (rows, columns) = functional.pad(own, (1, 1, 1, 1), mode="replicate"), own.shape[2:]
     beside = [wide[..., down : down + rows, across : across + columns] for down, across in NEAR]
     basis = UNIT * torch.from_numpy(BASIS).to(answer)
-    odd, slope = (
-        torch.einsum("nkyx,ki->niyx", answer[:, first : first + 2], basis) for first in (0, 2)
-    )
+    pairs = answer[:, :2], answer[:, 2:4]
+    odd, slope = (torch.einsum("nkyx,ki->niyx", pair, basis) for pair in pairs)
     odd = odd + (weights * torch.stack([*beside, *others], 1)).sum(1)
     slope = slope + (weights[:, -len(LINES) :] * slopes).sum(1)
     return (1 + odd - odd.mean(1, keepdim=True)) / 3, (slope - slope.mean(1, keepdim=True)) / 3
@@ -212,9 +200,8 @@ def losses(found: Any, slope: Any, truth: Any) -> Any:
     light = colour.sum(1, keepdim=True)
     at_sites = (light * found - colour).square().sum(1)
     basis = torch.from_numpy(BASIS).to(found)
-    t, s, lp, lhp = (
-        torch.einsum("niyx,ki->nkyx", planes, basis) for planes in (found, slope, lit_mean, along)
-    )
+    triples = found, slope, lit_mean, along
+    t, s, lp, lhp = (torch.einsum("niyx,ki->nkyx", planes, basis) for planes in triples)
     around = t * t * second + 2 * t * s * tilted + s * s * square - 2 * t * lp - 2 * s * lhp
     around = (around.sum(1) + power[:, 0]).clamp_min(0)
     return torch.cat([_measures(at_sites, light[:, 0]), _measures(around, first[:, 0])])
@@ -223,13 +210,9 @@ def losses(found: Any, slope: Any, truth: Any) -> Any:
 def _measures(square: Any, light: Any) -> Any:
     """The three measures of squared errors of blocks, (N, h, w), in light that is as bright."""
     relative = square / (light + _DIM).square()
-    return torch.stack(
-        [
-            (square + _FAINT).mean((1, 2)).log(),
-            (square + _FAINTEST).log().mean((1, 2)),
-            (relative + _FAINT).sqrt().mean((1, 2)).log(),
-        ]
-    )
+    energy = (square + _FAINT).mean((1, 2)).log()
+    even = (square + _FAINTEST).log().mean((1, 2))
+    return torch.stack([energy, even, (relative + _FAINT).sqrt().mean((1, 2)).log()])
 
 
 def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
@@ -278,7 +261,8 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
         sums = block_sums(replace(shot, luminance=luminance))
         others = sums if others is None else others + sums
     frame = replace(frame, luminance=luminance, others=others)
-    planes, filled = block_planes(frame, alike_blocks(frame, BEST.chromaticity, BEST.pooling))
+    alike = block_network.alike_blocks(frame, BEST.chromaticity, BEST.pooling)
+    planes, filled = block_network.block_planes(frame, alike)
     sites = Sites.in_frame(mosaic)
     colour = np.moveaxis(scene * (gamma / frame.level), 2, 0)
     at_sites = np.stack([sites.of(plane).mean(axis=2) for plane in colour])
@@ -286,7 +270,7 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
     around, level = _Around.of(sites, mosaic.shape), np.float32(frame.level)
     # not the true luminance: a slope must not make colour of its errors
     pixels, x = around.pixels(luminance), filled[:, None, :, None]
-    known = pixels.clip(*(end[:, None, :, None] for end in line_ends(frame)))
+    known = pixels.clip(*(end[:, None, :, None] for end in block_network.line_ends(frame)))
     known += BEYOND * (pixels - known)
     lit, tilted = pixels / level, pixels / level * (1 - x / np.maximum(known, DIMMEST * level))
     colours = [around.pixels(plane) for plane in colour]
@@ -397,10 +381,8 @@ def learn(
     if descent.done == steps:
         return network
     progress.stage("reading", 1)
-    learned, kept = (
-        [pair for path in paths if min((pair := _read(path))[1].shape[1:]) >= _SIDE]
-        for paths in sides
-    )
+    read = (map(_read, paths) for paths in sides)
+    learned, kept = ([pair for pair in pairs if min(pair[1].shape[1:]) >= _SIDE] for pairs in read)
     if not (learned and kept):
         raise InputError(f"the pictures are too small to learn from: {_NEEDED}")
     judged = [_batch(kept, (1, number)) for number in range(_JUDGED)]
@@ -447,9 +429,8 @@ def save(network: BlockNetwork, path: Path, examples: Sequence[Path]) -> None:
             return graph.add("Conv", inputs, f"{name}.found", **placed)
         before, after = steps[name]
         values = rounded(graph, values, *before)
-        return rounded(
-            graph, convolved(graph, name, values, weight, float(before[0]), **placed), *after
-        )
+        found = convolved(graph, name, values, weight, float(before[0]), **placed)
+        return rounded(graph, found, *after)
 
     def kept(values: str) -> str:
         return graph.add("LeakyRelu", [values], f"{values}.lit", alpha=_LEAK)
@@ -481,9 +462,8 @@ def _steps(
             for (low, high), values in zip(spans[name], (*inputs, output), strict=True)
         ]
 
-    hooks = [
-        layer.register_forward_hook(partial(note, name)) for name, layer in network.named_children()
-    ]
+    layers = network.named_children()
+    hooks = [layer.register_forward_hook(partial(note, name)) for name, layer in layers]
     with torch.no_grad():
         for path in examples:
             planes = _read(path)[0].float()
@@ -503,7 +483,7 @@ def _step(low: float, high: float) -> tuple[np.float32, np.uint8]:
 def main() -> int:
     """Learn, and write the file; returns the exit code."""
     parser = training_parser(".blocks", __doc__.partition("\n\n")[0], 12000)
-    output = f"for {PATH.name}, the examples and the checkpoint"
+    output = f"for {block_network.PATH.name}, the examples and the checkpoint"
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help=output)
     parser.add_argument("--start", type=Path, help="network to begin with, blocks.onnx")
     parser.add_argument("--seed", type=int, default=0, help="first variant (default: 0)")
@@ -511,8 +491,8 @@ def main() -> int:
     try:
         files, steps, seed = photographs(arguments.folders), arguments.steps, arguments.seed
         sources = [*files, *[PAGE] * len(files), *[DRAWN] * (-(-len(files) // 4))]
-        folder = output_folder(arguments.output)
-        work, names = folder / PATH.stem, [Path(source).name for source in sources]
+        path = output_folder(arguments.output) / block_network.PATH.name
+        work, names = path.with_suffix(""), [Path(source).name for source in sources]
         claim(work, {"sources": names, "steps": steps, "seed": seed}, "steps, seed")
         torch.set_num_threads(arguments.jobs)
         is_begun = (work / "checkpoint.pt").exists()  # it has weights of its own
@@ -521,8 +501,8 @@ def main() -> int:
             seeds = [(seed + variant,) for variant in range(arguments.variants)]
             paths = make_examples(example, sources, seeds, work, arguments.jobs, progress)
             network = learn(first, paths, steps, work, progress)
-        save(network, folder / PATH.name, paths[0][:: -(-len(paths[0]) // _SEEN)])
-        console.say(str(folder / PATH.name))
+        save(network, path, paths[0][:: -(-len(paths[0]) // _SEEN)])
+        console.say(str(path))
     except PanchromaError as error:
         parser.error(str(error))
     return 0

@@ -164,9 +164,8 @@ def photographed(
     sigma = 0.0 if random.random() < clean else float(np.exp(random.uniform(*np.log(_SIGMAS))))
     pattern = patterns[int(random.integers(len(patterns)))]
     down, across = random.integers(pattern.period, size=2).tolist()
-    return scene, simulate_additive(
-        scene, replace(pattern, origin=(down, across)), SensorCalibration(), sigma, random
-    )
+    pattern = replace(pattern, origin=(down, across))
+    return scene, simulate_additive(scene, pattern, SensorCalibration(), sigma, random)
 
 
 def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> list[FloatArray]:
@@ -201,12 +200,8 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     rows, columns = ((1, count - 1) for count in grid.shape)
     error, variance, _ = Residuals(grid, corrected, measured).of(rows, columns)
     truth = Band(0, np.ones(mosaic.shape, np.float32), scene)
-    return [
-        _picture(grid, corrected, rows, columns).astype(_KIND),
-        _picture(grid, truth, rows, columns).astype(_KIND),
-        error.astype(_KIND),
-        variance[None],
-    ]
+    pictures = (_picture(grid, band, rows, columns) for band in (corrected, truth))
+    return [*(planes.astype(_KIND) for planes in (*pictures, error)), variance[None]]
 
 
 def _picture(grid: Superpixels, band: Band, rows: Span, columns: Span) -> FloatArray:

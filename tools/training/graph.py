@@ -65,11 +65,9 @@ class Graph:
 
     def write(self, path: Path, source: Values, result: Values) -> None:
         """Write a file that onnxruntime reads. Raises what the check of ONNX raises."""
-        first, last = (
-            helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
-            for name, shape in (source, result)
-        )
-        graph = helper.make_graph(self._nodes, path.stem, [first], [last], self._stored)
+        described, single = helper.make_tensor_value_info, TensorProto.FLOAT
+        ends = ([described(name, single, shape)] for name, shape in (source, result))
+        graph = helper.make_graph(self._nodes, path.stem, *ends, self._stored)
         opsets = [helper.make_opsetid("", _OPSET)]
         model = helper.make_model(graph, opset_imports=opsets, ir_version=_IR)
         onnx.checker.check_model(model, full_check=True)
@@ -131,11 +129,8 @@ def save_graph(
             output = rounded(graph, entered, np.float32(units["found"]), _MIDDLE)
             answers.append(_add_blocks(graph, side, output, kept, units))
         graph.add("Mean", answers, "correction")
-    graph.write(
-        path,
-        ("features", [1, inputs, "rows", "columns"]),
-        ("correction", [1, outputs, "inner_rows", "inner_columns"]),
-    )
+    features: Values = "features", [1, inputs, "rows", "columns"]
+    graph.write(path, features, ("correction", [1, outputs, "inner_rows", "inner_columns"]))
 
 
 def _add_blocks(
@@ -188,10 +183,8 @@ def rounded(
     """Values as whole steps of 8 bits. unit, zero: the length of a step, and the step that is 0; or
     arrays of both, by channel.
     """
-    steps = [
-        graph.store(f"{values}_unit", np.asarray(unit)),
-        graph.store(f"{values}_zero", np.asarray(zero)),
-    ]
+    length = graph.store(f"{values}_unit", np.asarray(unit))
+    steps = [length, graph.store(f"{values}_zero", np.asarray(zero))]
     whole = graph.add("QuantizeLinear", [values, *steps], f"{values}_steps", axis=0)
     return graph.add("DequantizeLinear", [whole, *steps], f"{values}_rounded", axis=0)
 

@@ -55,18 +55,16 @@ def examples(source: str, number: int, sites: int = 4) -> Example:
     patterns = [CfaPattern.with_block(_BLOCK[sites], period) for period in _PERIODS[sites]]
     scene, mosaic = photographed(source, patterns, _CLEAN, random)
     filled, grid = recover_luminance(mosaic, UNLEARNED.luminance), mosaic.pattern.grid(mosaic.shape)
-    blocks = grid.whole_rows, grid.whole_columns
-    queries, inputs, units = network_inputs(
-        np.pad(filled, REACH, mode=BORDER), blocks, mosaic.calibration.noise
-    )
+    rows, columns = grid.whole_rows, grid.whole_columns
+    padded, noise = np.pad(filled, REACH, mode=BORDER), mosaic.calibration.noise
+    queries, inputs, units = network_inputs(padded, (rows, columns), noise)
     missing = scene.sum(axis=2) - filled
-    rows, columns = blocks
     off = [missing[np.ix_(rows + y, columns + x)].ravel() for y, x, _ in mosaic.pattern.sites]
     clear = np.flatnonzero(inputs[:, -1] < np.float32(np.log2(1 + 1 / _CLEAR)))
     chosen = random.permutation(clear)[:_BLOCKS]
     inputs, units, queries = inputs[chosen], units[chosen], queries[chosen]
     errors = (np.array(off)[:, queries].T / units).astype(np.float32)
-    light = filled[np.ix_(*blocks)].reshape(-1, 1)
+    light = filled[np.ix_(rows, columns)].reshape(-1, 1)
     return inputs.astype(np.float16), errors, units, light[queries]
 
 
@@ -83,9 +81,8 @@ def learn(
     torch.manual_seed(0)
     sides = list(zip(pictures, kept_back(sources), strict=True))
     learned, kept = ([picture for picture, side in sides if side == back] for back in (False, True))
-    inputs, off, units, light = (
-        torch.from_numpy(np.concatenate(arrays)) for arrays in zip(*learned, strict=True)
-    )
+    joined = map(np.concatenate, zip(*learned, strict=True))
+    inputs, off, units, light = map(torch.from_numpy, joined)
     weight = (units / (light.clamp_min(0) + _FAINT)).clamp(max=1)
     sizes = SIDE**2 + 1, *_HIDDEN
     layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]

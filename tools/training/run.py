@@ -119,9 +119,8 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     sources = [*plan.sources, *[PAGE] * -(-count // 3), *[DRAWN] * -(-count // 4)]
     examples = make_examples(make, sources, seeds, work, jobs, progress)
     network, learned = _descend(plan, work, examples, jobs, progress), examples[0]
-    sampled = [
-        _read(path, plan, "cpu", progress) for path in learned[:: -(-len(learned) // _MEASURED)]
-    ]
+    chosen = learned[:: -(-len(learned) // _MEASURED)]
+    sampled = [_read(path, plan, "cpu", progress) for path in chosen]
     batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
     steps = units(network, batches)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
@@ -217,9 +216,8 @@ def weights_for(pattern: CfaPattern, known: CfaPattern) -> dict[str, FloatArray]
         numbers.append(alike[wanted[:place].count(colour) % len(alike)])
     others = np.concatenate([numbers, len(colours) + np.arange(SURROUNDINGS)])
     inputs = np.concatenate([(planes + pixels).ravel(), 3 * known.period**2 + others])
-    outputs = np.concatenate(
-        [(planes[:2] + pixels).ravel(), 2 * known.period**2 + np.array(numbers)]
-    )
+    sites = 2 * known.period**2 + np.array(numbers)
+    outputs = np.concatenate([(planes[:2] + pixels).ravel(), sites])
     return weights | {
         "enter.weight": weights["enter.weight"][:, inputs],
         "leave.weight": weights["leave.weight"][outputs],
@@ -299,12 +297,9 @@ def _batch(examples: Sequence[Example], plan: Plan, seed: tuple[int, ...]) -> Ex
         first = [int(random.integers(size - side + 1)) for size in example[-1].shape[1:]]
         down, across = (slice(start, start + side) for start in first)
         window = [planes[:, down, across].float() for planes in example]
-        aside, over = random.random(2) < 0.5
-        turn = turned(
-            plan,
-            transposed=bool(aside and plan.transposed),
-            exchanged=bool(over and plan.exchanged),
-        )
+        aside, over = (random.random(2) < 0.5).tolist()
+        transposed, exchanged = aside and bool(plan.transposed), over and plan.exchanged
+        turn = turned(plan, transposed=transposed, exchanged=exchanged)
         windows.append(turn_window(window, turn))
     return [torch.stack(planes) for planes in zip(*windows, strict=True)]
 
@@ -313,10 +308,8 @@ def turn_window(window: Example, turn: Turn) -> Example:
     """An example in another orientation."""
     pixels = len(window[2])
     matrices = turn.inputs, turn.outputs, turn.inputs[:pixels, :pixels]
-    planes = [
-        torch.tensordot(torch.from_numpy(matrix).to(values), values, 1)
-        for matrix, values in zip(matrices, window[:3], strict=True)
-    ]
+    pairs = zip(matrices, window[:3], strict=True)
+    planes = [torch.tensordot(torch.from_numpy(matrix).to(of), of, 1) for matrix, of in pairs]
     planes += window[3:]
     planes = [values.transpose(1, 2) for values in planes] if turn.transposed else planes
     return [values.flip(1, 2) for values in planes] if turn.back else planes
