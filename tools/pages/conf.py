@@ -62,36 +62,6 @@ sphinx_gallery_conf: dict[str, Any] = {
 }
 mpl.use("agg")
 
-CONTENTS = """
-```{toctree}
-:hidden:
-Gallery <build/gallery/index>
-How the render works <build/method/plot_stages>
-API <tools/pages/api>
-What it does not do <tools/pages/limits>
-Parity with the paper <tools/pages/parity>
-Model card <offline/models/README>
-Results <tools/evaluation/RESULTS>
-```
-
-```{toctree}
-:hidden:
-:caption: The rooms
-:glob:
-tools/README
-tools/*/README
-tools/calibration/RESULTS
-device/*
-device/*/README
-offline/README
-offline/models/training
-shared/*
-tests/README
-CONTRIBUTING
-SECURITY
-CHANGELOG
-```
-"""
 _LINK = re.compile(r"(?<=\]\()(?!https?:|#)([^)#\s]+)")
 
 
@@ -101,7 +71,7 @@ def _complete(app: Sphinx, page: str, text: list[str]) -> None:
     """
     source = Path(app.srcdir)
     if page == root_doc:
-        text[0] += CONTENTS
+        text[0] += (source / "tools/pages/contents.txt").read_text("utf-8")
     if page == "tools/pages/parity":
         readme = (source / "offline/README.md").read_text("utf-8")
         kept = re.findall(r"^## (?:The paper|Errata).*?(?=^## |\Z)", readme, re.M | re.S)

@@ -61,10 +61,8 @@ shot = panchroma.simulate("builtin:480x320", light=1)
 codes = shot.mosaic.codes.copy()
 codes[9:96:16, 14:144:24] = 4095  # hot pixels, which a sensor has
 mosaic = panchroma.shared.Mosaic(codes, shot.pattern, shot.calibration)
-filters = shot.pattern.filter_map(shot.shape)[..., None]
-coloured = np.where(filters == 3, mosaic.signal[..., None] / 3, 0) + (
-    (filters == np.arange(3)) * mosaic.signal[..., None]
-)
+filters, samples = shot.pattern.filter_map(shot.shape)[..., None], mosaic.signal[..., None]
+coloured = np.where(filters == 3, samples / 3, (filters == np.arange(3)) * samples)
 show(scene=shot.truth.rgb, samples=coloured)
 
 # %%
