@@ -317,13 +317,12 @@ class Session:
             flats = measure_flats(frames, measured.dark)
             # Frames that do not show it are refused here, where they can be named.
             noise_of_flats(flats, calibration, measured.dark, measured.assumed(calibration).black)
+            measured.flats = flats
         except InputError as error:
             if measured.shading is None:
                 self._skip(paths, error)
             else:
                 measured.remarks.append(f"no noise was measured: {error}")
-        else:
-            measured.flats = flats
 
     def shots(self, paths: Sequence[str], corners: Matrix | None = None, light: str = "") -> None:
         """Measure shots of a chart.

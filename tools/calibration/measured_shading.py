@@ -322,8 +322,7 @@ def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
         terms = [np.ones_like(x), down**2, right**2, square**2, square**3, *more]
         design = np.stack(terms, axis=1) * weight[:, None]
         coefficients = np.linalg.lstsq(design, level * weight, rcond=None)[0].astype(np.float64)
-        residuals: DoubleArray = design @ coefficients - level * weight
-        return residuals, coefficients
+        return design @ coefficients - level * weight, coefficients
 
     def fit_tilt(
         centre: DoubleArray, level: DoubleArray, weight: DoubleArray
