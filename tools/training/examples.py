@@ -201,7 +201,8 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     error, variance, _ = Residuals(grid, corrected, measured).of(rows, columns)
     truth = Band(0, np.ones(mosaic.shape, np.float32), scene)
     pictures = (_picture(grid, band, rows, columns) for band in (corrected, truth))
-    return [*(planes.astype(_KIND) for planes in (*pictures, error)), variance[None]]
+    kept: list[FloatArray] = [planes.astype(_KIND) for planes in (*pictures, error)]
+    return [*kept, variance[None]]
 
 
 def _picture(grid: Superpixels, band: Band, rows: Span, columns: Span) -> FloatArray:

@@ -66,8 +66,8 @@ class Graph:
     def write(self, path: Path, source: Values, result: Values) -> None:
         """Write a file that onnxruntime reads. Raises what the check of ONNX raises."""
         described, single = helper.make_tensor_value_info, TensorProto.FLOAT
-        ends = ([described(name, single, shape)] for name, shape in (source, result))
-        graph = helper.make_graph(self._nodes, path.stem, *ends, self._stored)
+        first, last = ([described(name, single, shape)] for name, shape in (source, result))
+        graph = helper.make_graph(self._nodes, path.stem, first, last, self._stored)
         opsets = [helper.make_opsetid("", _OPSET)]
         model = helper.make_model(graph, opset_imports=opsets, ir_version=_IR)
         onnx.checker.check_model(model, full_check=True)
