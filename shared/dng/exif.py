@@ -51,7 +51,7 @@ _OTHERS = "LensModel Orientation ISOSpeedRatings XMP UniqueCameraModel"
 WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *tags_of(_OTHERS), *range(7)})
 WANTED |= tags_of(" ".join(_SENSITIVITIES))
 WANTED |= {
-    TAG[f"{part}{kind}"] for kind in _TIMES for part in ("DateTime", "SubsecTime", "OffsetTime")
+    TAG[f"{name}{kind}"] for kind in _TIMES for name in ("DateTime", "SubsecTime", "OffsetTime")
 }
 """The tags that `metadata_from` looks at."""
 

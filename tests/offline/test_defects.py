@@ -146,6 +146,21 @@ def test_a_listed_sample_below_black_is_mended_within_the_range_of_the_others() 
     assert np.abs(mended).max() < 2 * np.abs(mosaic.signal).max()
 
 
+def test_what_is_far_below_black_is_dead_unless_much_of_the_frame_is() -> None:
+    for share in (0.01, 0.05):
+        mosaic = photographed(smooth(), None, 0.01)
+        dead = np.random.default_rng(3).random(mosaic.shape) < share
+        samples = np.where(dead, np.float32(-0.2), mosaic.signal)
+        found = mend(replace(mosaic, samples=samples)).signal
+        wrong = np.abs(found - mosaic.signal)[dead] > 0.15
+        assert wrong.any() == (share > 0.03)
+
+
+def test_most_of_many_hot_pixels_are_mended() -> None:
+    hot, places = with_hot(photographed(smooth(), None, 0.01), 0.02)
+    assert (mend(hot).signal[places] < FULL).mean() > 0.6
+
+
 def test_places_outside_the_frame_are_nobodys_and_paper_takes_every_sample_for_good() -> None:
     mosaic = photographed(smooth())
     known = replace(mosaic.calibration, defects=((3, 4000), (4000, 3)))

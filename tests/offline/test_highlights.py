@@ -138,6 +138,25 @@ def test_samples_without_a_limit_are_not_clipped() -> None:
     assert Mosaic(below, mosaic.pattern, mosaic.calibration).signal.max() < clipping_level(mosaic)
 
 
+def test_saturation_below_the_white_level_is_where_samples_pile_up() -> None:
+    """In noise, with some brighter hot pixels; and not in what is even or has gaps of codes."""
+    ramp = np.broadcast_to(np.linspace(0.05, 1.6, 400)[:, None], (300, 400, 3))
+    mosaic = exposed(ramp)
+    noise, scale = mosaic.calibration.noise, mosaic.calibration.scale()[-1]
+    hot = np.random.default_rng(1).random(mosaic.shape) < 3e-4
+    for end in (4091, 3000):
+        cut = np.where(hot, 4095, np.minimum(mosaic.codes, end)).astype(np.uint16)
+        found = clipping_level(replace(mosaic, samples=cut), noise)
+        assert found == pytest.approx(LIMIT - (4095 - end + 0.5) * scale)
+        assert clipping_level(replace(mosaic, samples=cut)) == clipping_level(mosaic)
+    even = exposed(np.full((300, 400, 3), 0.9, np.float32))
+    coarse = replace(mosaic, samples=np.minimum(mosaic.codes, 3500) // 4 * np.uint16(4))
+    gaps = replace(coarse, samples=np.where(coarse.codes == coarse.codes.max(), 0, coarse.codes))
+    for other in (mosaic, even, gaps):
+        assert clipping_level(other, noise) == clipping_level(other)
+    assert clipping_level(coarse, noise) < LIMIT - 500 * scale
+
+
 @every_case
 def test_any_pattern_and_number_of_channels(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     channels = len(pattern.channels)

@@ -80,7 +80,32 @@ def test_what_the_calibration_knows_is_not_estimated() -> None:
     assert estimated.calibration.noise == estimate_noise(mosaic)
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
-    assert with_noise_model(known, NoiseSettings(estimate=True)) is known
+    assert with_noise_model(known, NoiseSettings(estimate=False)) is known
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+def test_rounding_to_codes_is_noise_too(bits: int) -> None:
+    mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
+    calibration, expected = SensorCalibration.of_bits(bits), []
+    rounding = calibration.scale()[-1] / 12**0.5
+    for sigma in (0.02, 1e-5, 0.0):
+        noise = NoiseModel.gaussian(sigma, 4)
+        says = mosaic.calibrated(replace(calibration, noise=noise))
+        expected.append(np.hypot(sigma, rounding) if sigma else 0.0)
+        found = with_noise_model(says, NoiseSettings(estimate=True)).calibration.noise
+        assert found.sigma(0) == pytest.approx(expected[-1])
+    even = Mosaic(np.ones((400, 600), np.float32), mosaic.pattern, calibration)
+    assert with_noise_model(even, NoiseSettings(estimate=True)).calibration.noise is not None
+
+
+def test_a_black_mask_around_the_picture_is_not_without_noise() -> None:
+    true = NoiseModel((5e-4,) * 4, (0.01,) * 4)
+    mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), true)
+    samples = mosaic.signal.copy()
+    samples[:60] = samples[-60:] = 0
+    for signal in (0.2, 0.5, 1.5):
+        found = estimate_noise(replace(mosaic, samples=samples)).sigma(signal)
+        assert found == pytest.approx(true.sigma(signal), rel=ACCURACY)
 
 
 def test_an_estimate_is_no_sigma_of_chromaticity() -> None:

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import median_filter
 
 from panchroma.offline import BEST, PAPER, UNLEARNED, render
 from panchroma.offline.bands import Band
 from panchroma.offline.stages.chromaticity import block_sums
 from panchroma.offline.stages.correction import Correction, SiteResidual, update_luminance
-from panchroma.shared import CfaPattern, Mosaic
+from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
+from panchroma.tools.simulation.sensor import simulate_sensor
 from tests.offline.scenes import every_case, materials, photographed, sampled, shot, true_light
 from tests.reference.chromaticity import extend
 from tests.reference.compare import assert_close
@@ -97,6 +99,14 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     change = result.chromaticity * result.luminance[..., None] - scene
     sites = ~BAYER.panchromatic_mask(mosaic.shape)
     assert np.sqrt(np.square(change[sites]).mean()) < 0.15 * sigma
+
+
+def test_in_even_noise_no_sample_makes_a_speck() -> None:
+    random, camera = np.random.default_rng(0), SensorCalibration.of_bits(12)
+    grey = np.full((240, 360, 3), 0.4, np.float32)
+    rgb = render(simulate_sensor(grey, BAYER, camera, 1 / 64, random), BEST).rgb
+    apart = np.abs(rgb - median_filter(rgb, (5, 5, 1))).max(axis=2)
+    assert apart.max() < 0.12 * rgb.mean()
 
 
 def test_blocks_at_the_limit_say_nothing() -> None:

@@ -322,9 +322,9 @@ def burst(
         raise InputError("`shots` is empty; expected two or more of one scene")
     if len(names) == 1 and names[0] not in held:
         open(names[0], max_pixels=max_pixels)  # says what is wrong with it
-    named = reference if isinstance(reference, str | Path) else None
-    index = checked_reference(names, named, places)
-    if not (reference is None or named):
+    by_name = reference if isinstance(reference, str | Path) else None
+    index = checked_reference(names, by_name, places)
+    if not (reference is None or by_name):
         index = whole("`reference`", reference)
         if not 0 <= index < len(names):
             raise InputError(f"`reference` is {reference}, expected 0 to {len(names) - 1}")
