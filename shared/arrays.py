@@ -20,6 +20,8 @@ CodeArray = NDArray[np.uint16]
 ByteArray = NDArray[np.uint8]
 BoolArray = NDArray[np.bool_]
 IndexArray = NDArray[np.intp]
+Pair = tuple[int, int]
+"""A row and a column, how many of both, or the first and the end of some."""
 
 BORDER: Literal["reflect"] = "reflect"
 

@@ -64,21 +64,17 @@ class BlockGrid:
         """Pixels ((above, below), (left, right)) by which the frame is mirrored out to whole
         patches.
         """
-        above, left = (
-            -(origin + size // 2) % self.period
-            for origin, size in zip(self.block_origin, self.block_shape, strict=True)
-        )
+        middle = np.add(self.block_origin, np.floor_divide(self.block_shape, 2))
+        above, left = (-middle % self.period).tolist()
         below, right = -(above + self.frame[0]) % self.period, -(left + self.frame[1]) % self.period
         return (above, below), (left, right)
 
     @cached_property
     def patches(self) -> tuple[int, int]:
         """Number of patches (down, across); the padded frame has K times as many rows."""
-        rows, columns = (
-            (size + sum(pad)) // self.period
-            for size, pad in zip(self.frame, self.padding, strict=True)
-        )
-        return rows, columns
+        (above, below), (left, right) = self.padding
+        rows, columns = above + self.frame[0] + below, left + self.frame[1] + right
+        return rows // self.period, columns // self.period
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -98,12 +94,9 @@ class BlockGrid:
     @cached_property
     def inside(self) -> BoolArray:
         """Mask of the blocks that lie wholly inside the frame; bool `shape`."""
-        down, across = (
-            (origins >= 0) & (origins + block <= size)
-            for origins, block, size in zip(
-                (self.rows, self.columns), self.block_shape, self.frame, strict=True
-            )
-        )
+        (height, width), (rows, columns) = self.frame, self.block_shape
+        down = (self.rows >= 0) & (self.rows + rows <= height)
+        across = (self.columns >= 0) & (self.columns + columns <= width)
         return down[:, None] & across[None, :]
 
     @cached_property
@@ -130,13 +123,10 @@ class BlockGrid:
         """Extend values of the whole blocks, (whole rows, whole columns, ...), to all blocks: the
         others copy the nearest one.
         """
-        outside = [
-            (whole.start, size - whole.stop)
-            for whole, size in zip(self.whole, self.shape, strict=True)
-        ]
-        return np.ascontiguousarray(
-            np.pad(measured, (*outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge")
-        )
+        (rows, columns), (down, across) = self.whole, self.shape
+        outside = [(rows.start, down - rows.stop), (columns.start, across - columns.stop)]
+        outside += [(0, 0)] * (measured.ndim - 2)
+        return np.ascontiguousarray(np.pad(measured, outside, mode="edge"))
 
     def _origins(self, axis: int) -> IndexArray:
         first = -self.padding[axis][0] - self.block_shape[axis] // 2

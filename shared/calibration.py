@@ -40,6 +40,7 @@ SCHEMA = 1
 OPTIONAL = "neutral_estimated", "shading", "lights"
 """Fields that a JSON object has only where they are not empty."""
 BITS = range(8, 17)
+_Limits = tuple[float, float]
 _ANY = (-math.inf, math.inf)
 _KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bool}
 
@@ -131,20 +132,15 @@ class NoiseModel:
 
     def in_units_of(self, unit: float) -> "NoiseModel":
         """Return the noise of samples in units of `unit` scene units, > 0."""
-        return NoiseModel(
-            tuple(shot / unit for shot in self.shot), tuple(read / unit for read in self.read)
-        )
+        return NoiseModel(*(np.array((self.shot, self.read)) / unit).tolist())
 
     def possible(self) -> "NoiseModel":
         """The model with figures that a calibration may have: less than that is nothing, and more
         is as good as the most.
         """
         least, most = NOISE_RANGE
-        clamped = (
-            (0.0 if figure < least else min(figure, most) for figure in figures)
-            for figures in (self.shot, self.read)
-        )
-        return NoiseModel(*map(tuple, clamped))
+        figures = np.array((self.shot, self.read))
+        return NoiseModel(*np.where(figures < least, 0.0, np.minimum(figures, most)).tolist())
 
     @property
     def of_colours(self) -> bool:
@@ -225,19 +221,17 @@ class SensorCalibration:
                 raise InputError(f"calibration: {name} is {shown(value)}, {expected}")
         letters, count, planes = self.channels, len(self.channels), len(self.channels) + 1
         if not _LETTERS.fullmatch(letters) or len(set(letters)) != count or PANCHROMATIC in letters:
-            raise InputError(
-                f"calibration: channels is {letters!r}, expected two or more different letters A "
-                f"to Z; {PANCHROMATIC} stands for panchromatic"
-            )
+            expected = "expected two or more different letters A to Z"
+            clear = f"{PANCHROMATIC} stands for panchromatic"
+            raise InputError(f"calibration: channels is {letters!r}, {expected}; {clear}")
         self._set("gamma", count, GAMMA_RANGE, default=1.0)
         self._set("black_level", planes, default=4096.0)
         object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))
         black, white = self.black_level, self.white_level
         if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:
-            raise InputError(
-                f"calibration: black_level {black} and white_level {shown(white)}, expected 0 <= "
-                f"black, at least {_LEAST_RANGE} codes below white, which is 65535 at most"
-            )
+            levels = f"black_level {black} and white_level {shown(white)}"
+            apart = f"at least {_LEAST_RANGE} codes below white, which is 65535 at most"
+            raise InputError(f"calibration: {levels}, expected 0 <= black, {apart}")
         shot = self.noise.shot if self.noise else None
         gain = self.shading.gain if self.shading else None
         for name, values in (("noise", shot), ("shading", gain)):
@@ -245,9 +239,8 @@ class SensorCalibration:
                 expected = f"expected {planes} ({letters}W)"
                 raise InputError(f"calibration: {name} has {len(values)} planes, {expected}")
         for name in ("shot", "read") if self.noise else ():
-            _check_range(
-                f"noise.{name}", filter(None, getattr(self.noise, name)), NOISE_RANGE, "0, or "
-            )
+            figures = filter(None, getattr(self.noise, name))
+            _check_range(f"noise.{name}", figures, NOISE_RANGE, "0, or ")
         if self.neutral is not None:
             self._set("neutral", count, COLOUR_RANGE)
         elif self.neutral_estimated:
@@ -282,11 +275,9 @@ class SensorCalibration:
         if bits not in BITS:
             raise InputError(f"samples of {bits} bits: expected {BITS[0]} to {BITS[-1]}")
         black, highest = 1 << (bits - 4), (1 << bits) - 1
-        levels = {
-            "black_level": (black,) * (len(fields.get("channels", cls.channels)) + 1),
-            "white_level": highest - black if headroom else highest,
-        }
-        return cls(**{**levels, **fields})
+        fields.setdefault("black_level", (black,) * (len(fields.get("channels", cls.channels)) + 1))
+        fields.setdefault("white_level", highest - black if headroom else highest)
+        return cls(**fields)
 
     def remarks(self, focal_length: float | None) -> tuple[str, ...]:
         """Remarks on a shot at this focal length, millimetres: shading from another one, and a
@@ -295,10 +286,8 @@ class SensorCalibration:
         remarks = [self.shading.zoomed(focal_length)] if self.shading else []
         if is_pair(self.channels):
             own, rest = tuple(self.channels)
-            remarks.append(
-                f"its sensor has one kind of colour filter: a picture shows {own} against {rest}, "
-                "all other light"
-            )
+            shows = f"a picture shows {own} against {rest}, all other light"
+            remarks.append(f"its sensor has one kind of colour filter: {shows}")
         return tuple(filter(None, remarks))
 
     @property
@@ -394,11 +383,7 @@ class SensorCalibration:
         return cls(**given)
 
     def _set(
-        self,
-        name: str,
-        count: int,
-        limits: tuple[float, float] = _ANY,
-        default: float | None = None,
+        self, name: str, count: int, limits: _Limits = _ANY, default: float | None = None
     ) -> None:
         """Check a list of numbers. default: of all of them, for the empty tuple: null, 0 or [] in a
         document are mistakes.
@@ -430,9 +415,7 @@ def derived_channel(
     return np.asarray((luminance - others) / gamma[derived])
 
 
-def _check_range(
-    name: str, values: Iterable[float], limits: tuple[float, float], also: str = ""
-) -> None:
+def _check_range(name: str, values: Iterable[float], limits: _Limits, also: str = "") -> None:
     """Raise InputError that names the field unless all values lie in `limits`; also: what else is
     expected, for the message.
     """
@@ -446,9 +429,7 @@ def _check_range(
 def _places(values: Any) -> tuple[tuple[int, int], ...]:
     """Check a list of pixel places and return it sorted, without duplicates; raises InputError."""
     try:
-        places = sorted(
-            {(whole("a row", row), whole("a column", column)) for row, column in values}
-        )
+        places = sorted({(whole("row", row), whole("column", column)) for row, column in values})
         if not all(0 <= min(place) <= max(place) < MAX_PIXELS for place in places):
             raise ValueError
     except (TypeError, ValueError, InputError):

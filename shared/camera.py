@@ -66,9 +66,8 @@ class Camera:
     size: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "calibration", replace(self.calibration, camera=self.calibration.id)
-        )
+        named = replace(self.calibration, camera=self.calibration.id)
+        object.__setattr__(self, "calibration", named)
         if self.pattern is not None:
             self.calibration.check_pattern(self.pattern)
         for entry, how in self.measured.items():
@@ -165,9 +164,8 @@ class Camera:
         if self.size is not None:
             document["size"] = list(self.size)
         if self.measured:
-            document["measured"] = {
-                entry: dict(self.measured[entry]) for entry in MEASURABLE if entry in self.measured
-            }
+            entries = [entry for entry in MEASURABLE if entry in self.measured]
+            document["measured"] = {entry: dict(self.measured[entry]) for entry in entries}
         return document
 
     @classmethod

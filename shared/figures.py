@@ -12,6 +12,7 @@ import math
 import operator
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -119,11 +120,9 @@ def whole(name: str, value: Any) -> int:
     >>> whole("white_level", 4095)
     4095
     """
-    try:
+    with suppress(TypeError):
         if not isinstance(value, bool):
             return operator.index(value)
-    except TypeError:
-        pass
     raise InputError(f"{name} is {shown(value)}, expected a whole number")
 
 

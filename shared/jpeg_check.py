@@ -103,6 +103,5 @@ def read_header(jpeg: bytes) -> JpegHeader:
     if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
         check_count(len(_LONG_RUN), "filling bytes")
     bits, rows, columns, components = struct.unpack(">BHHB", frame[1])
-    return JpegHeader(
-        frame[0], rows, columns, components, scans, bits, marker == _END, tuple(applications)
-    )
+    complete, contents = marker == _END, tuple(applications)
+    return JpegHeader(frame[0], rows, columns, components, scans, bits, complete, contents)

@@ -19,6 +19,8 @@ from .errors import InputError
 from .figures import numbers, shown
 
 Chromaticity = tuple[float, float]  # CIE 1931 x, y
+LightMatrices = Sequence[tuple[Chromaticity, DoubleArray]]
+"""Lights, each with its matrix from CIE XYZ to channels."""
 
 ILLUMINANTS: dict[str, Chromaticity] = {  # CIE 15:2018, table T.3
     "A": (0.44758, 0.40745),
@@ -62,21 +64,17 @@ def illuminant_xy(name: str) -> Chromaticity:
         expected = f"expected {', '.join(ILLUMINANTS)}, or {low:g} to {high:g} kelvin"
         raise InputError(f"the light is {shown(name)}, {expected}")
     if kelvin >= _DAYLIGHT:  # CIE 15:2018, 4.1.2
-        cubic = (
-            (-4.607e9, 2.9678e6, 99.11, 0.244063)
-            if kelvin <= 7000
-            else (-2.0064e9, 1.9018e6, 247.48, 0.237040)
-        )
+        cubic = (-4.607e9, 2.9678e6, 99.11, 0.244063)
+        if kelvin > 7000:
+            cubic = (-2.0064e9, 1.9018e6, 247.48, 0.237040)
         x = float(np.polyval(cubic, 1 / kelvin))
         return x, -3 * x * x + 2.87 * x - 0.275
     # M. Krystek, "An algorithm to calculate correlated colour temperature", Color Research &
     # Application 10 (1985)
-    u = np.polyval((1.28641212e-7, 1.54118254e-4, 0.860117757), kelvin) / np.polyval(
-        (7.08145163e-7, 8.42420235e-4, 1), kelvin
-    )
-    v = np.polyval((4.20481691e-8, 4.22806245e-5, 0.317398726), kelvin) / np.polyval(
-        (1.61456053e-7, -2.89741816e-5, 1), kelvin
-    )
+    over, under = (1.28641212e-7, 1.54118254e-4, 0.860117757), (7.08145163e-7, 8.42420235e-4, 1)
+    u = np.polyval(over, kelvin) / np.polyval(under, kelvin)
+    over, under = (4.20481691e-8, 4.22806245e-5, 0.317398726), (1.61456053e-7, -2.89741816e-5, 1)
+    v = np.polyval(over, kelvin) / np.polyval(under, kelvin)
     return float(3 * u / (2 * u - 8 * v + 4)), float(2 * v / (2 * u - 8 * v + 4))
 
 
@@ -144,9 +142,8 @@ class CalibratedLight:
         With more channels than three it is the one with the least figures, of which `camera_to_xyz`
         is the inverse.
         """
-        return to_one(
-            np.linalg.pinv(adaptation(D50, xyz(*self.white)) @ np.array(self.camera_to_xyz))
-        )
+        to_xyz = adaptation(D50, xyz(*self.white)) @ np.array(self.camera_to_xyz)
+        return to_one(np.linalg.pinv(to_xyz))
 
 
 Lights = tuple[CalibratedLight, CalibratedLight]
@@ -193,9 +190,7 @@ def to_one(xyz_to_camera: DoubleArray) -> DoubleArray:
 
 
 def mixed(
-    lights: Sequence[tuple[Chromaticity, DoubleArray]],
-    share: float,
-    own: Sequence[DoubleArray] | None = None,
+    lights: LightMatrices, share: float, own: Sequence[DoubleArray] | None = None
 ) -> DoubleArray:
     """Return the matrix from CIE XYZ to channels, (C, 3), at a share of the way from the first of
     two lights, 0, to the second, 1; or for the only one. lights, own: see `between`.
@@ -204,16 +199,14 @@ def mixed(
     return np.asarray(((1 - share) * own[0] + share * own[-1]) @ matrix if own else matrix)
 
 
-def share_of(white: Chromaticity, lights: Sequence[tuple[Chromaticity, DoubleArray]]) -> float:
+def share_of(white: Chromaticity, lights: LightMatrices) -> float:
     """Return the place of a white between the first of two lights, 0, and the second, 1."""
     inverse, first, second = (1 / temperature(xy) for xy in (white, lights[0][0], lights[1][0]))
     return float(np.clip((inverse - first) / (second - first), 0, 1))
 
 
 def between(
-    lights: Sequence[tuple[Chromaticity, DoubleArray]],
-    neutral: ArrayLike,
-    own: Sequence[DoubleArray] | None = None,
+    lights: LightMatrices, neutral: ArrayLike, own: Sequence[DoubleArray] | None = None
 ) -> Matrix | None:
     """camera_to_xyz, 3 x C, under the light in which white reads `neutral`, up to scale; it takes
     `neutral` to D50.
@@ -281,9 +274,8 @@ def gamma_under(lights: Lights, neutral: Sequence[float] | None) -> tuple[float,
     if warm.gamma is None or cold.gamma is None:
         return None
     if neutral is None:
-        share = share_of(
-            ILLUMINANTS["D50"], [(light.white, light.xyz_to_camera) for light in lights]
-        )
+        pairs = [(light.white, light.xyz_to_camera) for light in lights]
+        share = share_of(ILLUMINANTS["D50"], pairs)
     else:
         logs = np.log([warm.neutral, cold.neutral, neutral])
         first, second, seen = logs - logs.mean(axis=1, keepdims=True)
@@ -301,10 +293,8 @@ def checked_matrix(values: Any, channels: int) -> Matrix:
     matrix = np.array(rows)
     largest, (least, most) = np.abs(matrix).max(axis=0), COLOUR_RANGE
     if not all(least <= figure <= most for figure in largest[largest > 0]):
-        raise InputError(
-            f"calibration: camera_to_xyz has a column whose largest figure is not {least:g} to "
-            f"{most:g}: {rows}"
-        )
+        column = f"a column whose largest figure is not {least:g} to {most:g}"
+        raise InputError(f"calibration: camera_to_xyz has {column}: {rows}")
     lengths = np.sqrt((matrix**2).sum(axis=0))
     if not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
         raise InputError(f"calibration: camera_to_xyz has not full rank: {rows}")

@@ -74,9 +74,7 @@ class CaptureMetadata:
             raise InputError(f"metadata: orientation is {self.orientation}, expected 1 to 8")
         if self.zone and not _ZONE.fullmatch(self.zone):
             raise InputError(f"metadata: zone is {self.zone!r}, expected an offset like +05:30")
-        if self.place and not all(
-            abs(angle) <= most for angle, most in zip(self.place, (90, 180), strict=True)
-        ):
+        if self.place and not (abs(self.place[0]) <= 90 and abs(self.place[1]) <= 180):
             expected = "expected latitude and longitude in degrees"
             raise InputError(f"metadata: place is {self.place}, {expected}")
         if self.altitude is not None and not abs(self.altitude) < 2**31:

@@ -173,10 +173,8 @@ class Mosaic:
                 signal[rows] /= shading.of_plane(self.shape, -1, rows)
         else:
             for channel, *lattice in self.pattern.lattices:
-                ours, panchromatic = (
-                    shading.of_plane(self.shape, plane, *lattice) for plane in (channel, -1)
-                )
-                signal[*lattice] *= ours / panchromatic
+                ours = shading.of_plane(self.shape, channel, *lattice)
+                signal[*lattice] *= ours / shading.of_plane(self.shape, -1, *lattice)
         signal.flags.writeable = False
         return replace(bare, samples=signal)
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import BoolArray, ByteArray, IndexArray
+from .arrays import BoolArray, ByteArray, IndexArray, Pair
 from .block_grid import BlockGrid
 from .colorimetry import COMPLEMENTS
 from .errors import InputError, meant
@@ -71,7 +71,7 @@ class CfaPattern:
     """
 
     tile: tuple[str, ...]
-    origin: tuple[int, int] = (0, 0)
+    origin: Pair = (0, 0)
     channels: str = ""
 
     def __post_init__(self) -> None:
@@ -100,19 +100,16 @@ class CfaPattern:
             reason = f"channels {named!r} do not name the tile's letters {present!r}, each once"
             raise InputError(f"pattern: {reason}")
         if len(derived) > 1 or len(named) < 2:
-            raise InputError(
-                f"pattern: channels {named!r} of a tile with the letters {present!r}; expected two "
-                "or more, of which one at most has no filter: it is what panchromatic pixels see "
-                "beyond the others"
-            )
+            both = f"channels {named!r} of a tile with the letters {present!r}"
+            seen = "it is what panchromatic pixels see beyond the others"
+            expected = f"expected two or more, of which one at most has no filter: {seen}"
+            raise InputError(f"pattern: {both}; {expected}")
         row_origin, column_origin = (int(value) % period for value in self.origin)
         object.__setattr__(self, "origin", (row_origin, column_origin))
         self._check_sites()
 
     @classmethod
-    def bayer(
-        cls, period: int = 6, order: str = "RGGB", origin: tuple[int, int] = (0, 0)
-    ) -> "CfaPattern":
+    def bayer(cls, period: int = 6, order: str = "RGGB", origin: Pair = (0, 0)) -> "CfaPattern":
         """The pattern of the paper: one 2 x 2 Bayer block in the top left corner of each K x K
         tile.
         """
@@ -123,11 +120,7 @@ class CfaPattern:
 
     @classmethod
     def with_block(
-        cls,
-        block: tuple[str, ...],
-        period: int,
-        origin: tuple[int, int] = (0, 0),
-        channels: str = "",
+        cls, block: tuple[str, ...], period: int, origin: Pair = (0, 0), channels: str = ""
     ) -> "CfaPattern":
         """A pattern with `block` (rows of letters) in the top left corner of its tile, panchromatic
         elsewhere.
@@ -139,9 +132,7 @@ class CfaPattern:
         return cls((*rows, *[PANCHROMATIC * period] * (period - len(block))), origin, channels)
 
     @classmethod
-    def of_letters(
-        cls, letters: str, origin: tuple[int, int] = (0, 0), channels: str = ""
-    ) -> "CfaPattern":
+    def of_letters(cls, letters: str, origin: Pair = (0, 0), channels: str = "") -> "CfaPattern":
         """The pattern of a tile written row by row, or that of a name in `shared.tiles`.
 
         Parameters
@@ -174,10 +165,8 @@ class CfaPattern:
         side = lcm(len(rows), width)
         side *= -(-PERIODS[0] // side)
         if side not in PERIODS:
-            raise InputError(
-                f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; "
-                f"at most {PERIODS[-1]} is possible"
-            )
+            repeats = f"a tile of {len(rows)} x {width} letters repeats in squares of {side}"
+            raise InputError(f"pattern: {repeats}; at most {PERIODS[-1]} is possible")
         tile = [row * (side // width) for row in rows] * (side // len(rows))
         return cls(tuple(tile), origin, channels)
 
@@ -245,13 +234,13 @@ class CfaPattern:
         return any(self._occupied(axis).all() for axis in (0, 1)) or not self._is_connected
 
     @cached_property
-    def block_origin(self) -> tuple[int, int]:
+    def block_origin(self) -> Pair:
         """Sensor (row, column) of the top left pixel of a block, each in 0..K-1."""
         (row, _), (column, _) = self._spans
         return (row + self.origin[0]) % self.period, (column + self.origin[1]) % self.period
 
     @cached_property
-    def block_shape(self) -> tuple[int, int]:
+    def block_shape(self) -> Pair:
         """Size (rows, columns) of the rectangle around the colour sites of a block; (2, 2) for a
         Bayer block.
         """
@@ -259,7 +248,7 @@ class CfaPattern:
         return rows, columns
 
     @property
-    def block_middle(self) -> tuple[int, int]:
+    def block_middle(self) -> Pair:
         """Sensor (row, column) of a pixel in the middle of a block, at which a patch begins."""
         (row, column), (down, across) = self.block_origin, self.block_shape
         return row + down // 2, column + across // 2
@@ -270,10 +259,8 @@ class CfaPattern:
         origin.
         """
         block = self.filter_map(self.block_shape, first=self.block_origin)
-        return tuple(
-            (row, column, int(block[row, column]))
-            for row, column in np.argwhere(block < len(self.channels)).tolist()
-        )
+        places = np.argwhere(block < len(self.channels)).tolist()
+        return tuple((row, column, int(block[row, column])) for row, column in places)
 
     def light_efficiency(self, colour: float = 1.0) -> float:
         """Light collected, relative to a Bayer sensor, if a panchromatic pixel collects 3 times as
@@ -282,15 +269,13 @@ class CfaPattern:
         share = len(self.sites) / self.period**2
         return 3 * (1 - share) + colour * share
 
-    def filter_map(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> ByteArray:
+    def filter_map(self, shape: Pair, first: Pair = (0, 0)) -> ByteArray:
         """Plane index of every pixel, uint8 `shape`: i for channel i, C for panchromatic. `first`:
         the sensor pixel at [0, 0].
         """
-        rows, columns = (
-            (np.arange(size) + start - origin) % self.period
-            for size, start, origin in zip(shape, first, self.origin, strict=True)
-        )
-        return self._tile_planes[:, columns][rows]
+        (height, width), (top, left) = shape, np.subtract(first, self.origin)
+        rows, columns = np.arange(height) + top, np.arange(width) + left
+        return self._tile_planes[:, columns % self.period][rows % self.period]
 
     @cached_property
     def lattices(self) -> tuple[tuple[int, slice, slice], ...]:
@@ -299,23 +284,17 @@ class CfaPattern:
         """
         period, (down, across) = self.period, self.block_origin
         return tuple(
-            (
-                channel,
-                slice((down + row) % period, None, period),
-                slice((across + column) % period, None, period),
-            )
+            (channel, *np.s_[(down + row) % period :: period, (across + column) % period :: period])
             for row, column, channel in self.sites
         )
 
-    def panchromatic_mask(
-        self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)
-    ) -> BoolArray:
+    def panchromatic_mask(self, shape: Pair, first: Pair = (0, 0)) -> BoolArray:
         """Omega_L, the pixels where luminance is measured directly: bool `shape`. `first`: the
         sensor pixel at [0, 0].
         """
         return self.filter_map(shape, first) == len(self.channels)
 
-    def letters_from(self, first: tuple[int, int] = (0, 0)) -> tuple[str, ...]:
+    def letters_from(self, first: Pair = (0, 0)) -> tuple[str, ...]:
         """The K x K letters from sensor pixel `first` on: the tile with its origin applied."""
         square = self.filter_map((self.period, self.period), first)
         return tuple("".join(self.planes[plane] for plane in row) for row in square.tolist())
@@ -324,7 +303,7 @@ class CfaPattern:
         """The pattern of a mosaic cut out at pixel (top, left) of this one."""
         return CfaPattern(self.tile, (self.origin[0] - top, self.origin[1] - left), self.channels)
 
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
+    def grid(self, shape: Pair) -> BlockGrid:
         """The blocks and K x K patches of a frame of `shape`.
 
         Raises
@@ -336,9 +315,8 @@ class CfaPattern:
 
     @cached_property
     def _tile_planes(self) -> ByteArray:
-        return np.array(
-            [[self.planes.index(letter) for letter in row] for row in self.tile], np.uint8
-        )
+        rows = [[self.planes.index(letter) for letter in row] for row in self.tile]
+        return np.array(rows, np.uint8)
 
     @cached_property
     def _colour(self) -> BoolArray:
@@ -389,7 +367,7 @@ class CfaPattern:
             raise InputError(f"pattern: {lacks}: luminance there would be a guess")
 
 
-def _span(occupied: BoolArray) -> tuple[int, int]:
+def _span(occupied: BoolArray) -> Pair:
     """(start, length) of the shortest run on a ring that covers all True entries."""
     (places,) = np.nonzero(occupied)
     gaps = np.diff(places, append=places[0] + occupied.size)
@@ -402,6 +380,5 @@ def _spread(mask: BoolArray, reach: int) -> BoolArray:
     them.
     """
     steps = range(-reach, reach + 1)
-    return np.logical_or.reduce(
-        [np.roll(mask, (down, right), (0, 1)) for down in steps for right in steps]
-    )
+    moved = [np.roll(mask, (down, right), (0, 1)) for down in steps for right in steps]
+    return np.logical_or.reduce(moved)

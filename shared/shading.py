@@ -70,15 +70,11 @@ class Shading:
             points = np.array(gain, np.float64)
         except ValueError:  # rows of different lengths
             points = np.zeros(0)
-        if (
-            points.ndim != 3
-            or not all(count in _POINTS for count in points.shape[1:])
-            or np.abs(points).max() > _LARGEST_GAIN
-        ):
-            raise InputError(
-                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and "
-                f"columns of control points of -{_LARGEST_GAIN:g} to {_LARGEST_GAIN:g}"
-            )
+        is_grid = points.ndim == 3 and all(count in _POINTS for count in points.shape[1:])
+        if not is_grid or np.abs(points).max() > _LARGEST_GAIN:
+            grid = f"{_POINTS[0]} to {_POINTS[-1]} rows and columns of control points"
+            limits = f"-{_LARGEST_GAIN:g} to {_LARGEST_GAIN:g}"
+            raise InputError(f"shading: gain is not a list of planes of {grid} of {limits}")
         object.__setattr__(self, "gain", gain)
         object.__setattr__(self, "size", size("shading: size", self.size))
         focal_length: Any = 0 if self.focal_length is None else self.focal_length
@@ -88,24 +84,21 @@ class Shading:
         least, most = self.sketch.min(), self.sketch.max()
         middle = self.sketch[:, _SKETCH // 2, _SKETCH // 2]
         if not _GAINS[0] <= least <= most <= _GAINS[1] or np.abs(middle - 1).max() > _MIDDLE:
-            raise InputError(
-                f"shading: the gains are {least:.3g} to {most:.3g}, and {middle.tolist()} in the "
-                f"middle of the frame, expected {_GAINS[0]:g} to {_GAINS[1]:g}, and 1"
-            )
+            found = f"{least:.3g} to {most:.3g}, and {middle.tolist()} in the middle of the frame"
+            expected = f"expected {_GAINS[0]:g} to {_GAINS[1]:g}, and 1"
+            raise InputError(f"shading: the gains are {found}, {expected}")
 
     def check(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
         # One frame can be the other made smaller if one scale gives both of its sides, but for a
         # fraction of a pixel.
         small, large = sorted((shape, self.size))
-        if small != large and max((small[i] - 1) / large[i] for i in (0, 1)) >= min(
-            (small[i] + 1) / large[i] for i in (0, 1)
-        ):
-            raise InputError(
-                f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, "
-                f"and the frame has {shape[1]} x {shape[0]}: another area of the sensor; measure "
-                "it on such frames, into a camera file of its own"
-            )
+        least, most = (np.add(small, step) / large for step in (-1, 1))
+        if small != large and least.max() >= most.min():
+            measured = f"measured on frames of {self.size[1]} x {self.size[0]} pixels"
+            frame = f"the frame has {shape[1]} x {shape[0]}: another area of the sensor"
+            remedy = "measure it on such frames, into a camera file of its own"
+            raise InputError(f"the shading was {measured}, and {frame}; {remedy}")
 
     def zoomed(self, focal_length: float | None) -> str:
         """A note on a shot at this focal length, millimetres: "" unless this was measured at
@@ -121,10 +114,8 @@ class Shading:
         known = self.focal_length
         if not known or not focal_length or abs(math.log(focal_length / known)) <= ZOOMED:
             return ""
-        return (
-            f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: "
-            "colours towards the corners may be wrong"
-        )
+        both = f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm"
+        return f"{both}: colours towards the corners may be wrong"
 
     def of_plane(
         self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE
@@ -154,9 +145,8 @@ class Shading:
     @cached_property
     def sketch(self) -> FloatArray:
         """The gains at a few places, edges and middle among them, float32 (planes, 129, 129)."""
-        return np.stack(
-            [self.of_plane((_SKETCH, _SKETCH), plane) for plane in range(len(self.gain))]
-        )
+        planes = range(len(self.gain))
+        return np.stack([self.of_plane((_SKETCH, _SKETCH), plane) for plane in planes])
 
     @property
     def stops(self) -> float:
@@ -198,9 +188,8 @@ def spline_weights(t: DoubleArray) -> DoubleArray:
     >>> (6 * spline_weights(np.array([0.0]))).ravel().tolist()
     [1.0, 4.0, 1.0, 0.0]
     """
-    return (
-        np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3]) / 6
-    )
+    cubics = (1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3
+    return np.stack(cubics) / 6
 
 
 def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:

@@ -47,8 +47,7 @@ def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
     ((12, 12), [0, 4, 7, 11])
     """
     channels = len(pattern.channels)
-    between = np.full((channels, channels), _CHANNEL_CORRELATION) + (
-        1 - _CHANNEL_CORRELATION
-    ) * np.eye(channels)
+    between = np.full((channels, channels), _CHANNEL_CORRELATION)
+    np.fill_diagonal(between, 1)
     measured = [site * channels + channel for site, (_, _, channel) in enumerate(pattern.sites)]
     return np.kron(nearness(pattern), between).astype(np.float64), measured

@@ -29,9 +29,8 @@ def code_digest(root: Path, *patterns: str) -> str:
     for path in sorted({path for pattern in patterns for path in root.glob(pattern)}):
         name = path.relative_to(root)
         importable = name.stem.isidentifier() or (name.suffix == ".onnx" and name.stem[0] != ".")
-        if importable and all(
-            folder.isidentifier() and folder != "notebook" for folder in name.parts[:-1]
-        ):
+        folders = name.parts[:-1]
+        if importable and "notebook" not in folders and all(map(str.isidentifier, folders)):
             with suppress(OSError):
                 total.update(name.as_posix().encode() + b"\0")
                 total.update(hashlib.sha256(path.read_bytes()).digest())

@@ -84,7 +84,5 @@ def place_of(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]]:
         for down in reversed(range(period))
         for right in reversed(range(period))
     }
-    return next(
-        ((name, begun[letters]) for name, letters in known.items() if letters in begun),
-        ("", (0, 0)),
-    )
+    found = ((name, begun[letters]) for name, letters in known.items() if letters in begun)
+    return next(found, ("", (0, 0)))

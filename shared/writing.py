@@ -154,12 +154,10 @@ def sync_folder(folder: Path) -> None:
         raise
     except OSError as error:
         if error.errno not in _CANNOT_SYNC:
-            warnings.warn(
-                f"{folder}: the folder cannot be synced ({error.strerror or error}): files in it "
-                "are whole, but new ones may be gone after a power cut; check the disk",
-                DurabilityWarning,
-                stacklevel=1,
-            )
+            fault = f"the folder cannot be synced ({error.strerror or error})"
+            effect = "files in it are whole, but new ones may be gone after a power cut"
+            message = f"{folder}: {fault}: {effect}; check the disk"
+            warnings.warn(message, DurabilityWarning, stacklevel=1)
 
 
 def partial_path(path: Path) -> Path:
@@ -195,11 +193,8 @@ def own_file(path: Path, mode: str, *, buffering: int = -1) -> IO[bytes]:
 
 
 def _open_regular(path: str, flags: int) -> int:
-    stranger = OSError(
-        errno.EINVAL,
-        f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; "
-        "remove it",
-    )
+    name, kinds = Path(path).name, "a link, a pipe, a device or a folder"
+    stranger = OSError(errno.EINVAL, f"{name} is no file of Panchroma but {kinds}; remove it")
     try:
         descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     except OSError as error:

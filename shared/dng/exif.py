@@ -27,15 +27,13 @@ _INCH = 2  # ResolutionUnit
 _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 
 _GPS_VERSION = bytes([2, 3, 0, 0])
+_ANGLES = (GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")
 # Field of CaptureMetadata -> tag of its text in the first directory.
 TEXTS = {name.lower(): TAG[name] for name in ("Make", "Model", "Artist", "Copyright")}
 TEXTS["description"] = TAG["ImageDescription"]
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
-NUMBERS = {
-    "exposure_time": TAG["ExposureTime"],
-    "f_number": TAG["FNumber"],
-    "focal_length": TAG["FocalLength"],
-}
+NUMBERS = {"exposure_time": TAG["ExposureTime"], "f_number": TAG["FNumber"]}
+NUMBERS["focal_length"] = TAG["FocalLength"]
 _TIME = "%Y:%m:%d %H:%M:%S"
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
 _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
@@ -102,9 +100,7 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
 def _gps_fields(metadata: CaptureMetadata) -> Fields:
     """Return the fields of place and altitude, as far as they are known."""
     fields: Fields = {}
-    for tag, letters, angle in zip(
-        (GPS["GPSLatitude"], GPS["GPSLongitude"]), ("NS", "EW"), metadata.place or (), strict=False
-    ):
+    for (tag, letters), angle in zip(_ANGLES, metadata.place or (), strict=False):
         minutes, seconds = divmod(abs(angle) * 3600, 60)
         degrees, minutes = divmod(minutes, 60)
         fields[tag - 1] = FieldType.ASCII, letters[angle < 0]
@@ -130,10 +126,8 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
     times = [(_time(exif, kind), text(exif, TAG[f"OffsetTime{kind}"])) for kind in _TIMES]
     taken = next((time for time, _ in times if time), None)
     # the zone of an edit on another day is not that of the exposure
-    days = [time and time.date() for time, _ in times]
-    zones = [
-        zone for day, (_, zone) in zip(days, times, strict=True) if day == (taken and taken.date())
-    ]
+    day = taken and taken.date()
+    zones = [zone for time, zone in times if (time and time.date()) == day]
     values: dict[str, Any] = {
         **{name: text(main, tag) for name, tag in TEXTS.items()},
         **{name: _number(exif, tag) for name, tag in NUMBERS.items()},
@@ -222,7 +216,7 @@ def _place(gps: StoredFields) -> tuple[float, float] | None:
     a wrong one.
     """
     angles = []
-    for tag, letters in ((GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")):
+    for tag, letters in _ANGLES:
         reference, field = text(gps, tag - 1), gps.get(tag, StoredField(0))
         is_angle = field.kind == FieldType.RATIONAL and len(field.numbers) == 3
         if not is_angle or reference not in tuple(letters):

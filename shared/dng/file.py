@@ -13,7 +13,7 @@ from ..writing import write_durably
 from .container import picture_id, raw_digest
 from .encoding import encode_dng
 from .reader import DngReader, damaged, library, opened
-from .record import Record, decode_record, is_record, preview_digest
+from .record import RECORD, Record, decode_record, is_record, preview_digest
 from .tags import MAKER, PICTURE_PLANES, TAG
 
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
@@ -143,7 +143,7 @@ def _is_picture(dng: DngReader, foreign: str) -> bool:
     if not any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER):
         raise ForeignFileError(foreign)
     if dng.raw().samplesperpixel != PICTURE_PLANES:
-        raise damaged("the record of pattern and calibration (DNGPrivateData) is missing")
+        raise damaged(f"{RECORD} is missing")
     return True
 
 
@@ -164,9 +164,7 @@ def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
         written = f"{columns} x {rows} were written"
         raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {written}")
     if dng.stored(TAG["NewRawImageDigest"]).hex() != record.samples:
-        raise damaged(
-            "the record of pattern and calibration (DNGPrivateData) is that of another shot"
-        )
+        raise damaged(f"{RECORD} is that of another shot")
     _check_identity(dng, record.id)
     return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
 

@@ -63,10 +63,8 @@ def encode_lossless(samples: CodeArray, bits: int) -> bytes:
         b"\xff\xc3": frame + b"".join(components),
         b"\xff\xda": bytes([planes]) + b"".join(scanned) + b"\x01\x00\x00",  # predictor 1
     }
-    head = b"".join(
-        marker + struct.pack(">H", len(data) + 2) + data for marker, data in segments.items()
-    )
-    return b"".join([b"\xff\xd8", head, *stream.finish(), b"\xff\xd9"])
+    head = [marker + struct.pack(">H", len(data) + 2) + data for marker, data in segments.items()]
+    return b"".join([b"\xff\xd8", *head, *stream.finish(), b"\xff\xd9"])
 
 
 @cache

@@ -19,6 +19,8 @@ from .reader import damaged
 from .tags import MAKER
 
 SCHEMA = 1
+RECORD = "the record of pattern and calibration (DNGPrivateData)"
+"""Its name in messages."""
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow
 # it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
@@ -91,9 +93,7 @@ def decode_record(data: bytes) -> Record:
     InputError
         When it has changed, or a newer Panchroma wrote it.
     """
-    changed = damaged(
-        "the record of pattern and calibration (DNGPrivateData) is not what was written"
-    )
+    changed = damaged(f"{RECORD} is not what was written")
     try:
         document = parsed_json(data[len(RECORD_ID) :].rstrip(b"\0"))
     except InputError as error:
